@@ -21,7 +21,8 @@ author = "The hgorun developers"
 copyright = "The hgorun developers, BSD-3-Clause"
 release = version = __version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "site_formulas", "site_links", "site_pages"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "site_formulas", "site_links"]
+extensions += ["site_messages", "site_pages"]
 exclude_patterns = ["_build", "_ext"]
 root_doc = "index"
 

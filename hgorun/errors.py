@@ -82,6 +82,20 @@ class PlantDiverged(SimulationError):
         self.at = at
 
 
+class NoStep(SimulationError):
+    """No step is small enough for the plant.
+
+    Attributes
+    ----------
+    at : float
+        When, counted from the start of the run.
+    """
+
+    def __init__(self, message: str, at: float = float("nan")) -> None:
+        super().__init__(message)
+        self.at = at
+
+
 class PluginError(HgorunError):
     """A class or function that was found by its name raised what it should not have, or returned something wrong.
 

@@ -117,6 +117,9 @@ class Points:
                 (-np.abs(spread(1e-3, 1e3)), self.rng.integers(-40, 40, 600).astype(float)),
                 (small, spread(1e-3, 0.5)),
                 (size, -np.abs(self.even(708, 745)) / np.log(size)),
+                (np.abs(spread(1e-20, 1e20)), self.even(-2, 2)),
+                (np.abs(spread(1e-300, 1e300)), np.full(600, 1 / 3)),
+                (small, np.full(600, 1 / 3)),
             ]
         return [
             (spread(0.1, 10), spread(0.1, 10)),

@@ -118,6 +118,27 @@ def arc_tangent_weight(z: Real) -> Real:
     return r**3 / mp.atan(r)
 
 
+def binary_logarithm(w: Real) -> Real:
+    """P in log2((1 + s)/(1 - s)) = s P(s²)."""
+    s = mp.sqrt(w)
+    return 2 * mp.atanh(s) / (s * LN2)
+
+
+def power_of_two(r: Real) -> Real:
+    """P in 2^r = 1 + r P(r)."""
+    return mp.expm1(r * LN2) / r
+
+
+def inverse_root(h: Real) -> Real:
+    """P in (1 - h)^(-1/3) = 1 + h P(h)."""
+    return ((1 - h) ** (-mpf(1) / 3) - 1) / h
+
+
+def inverse_root_square(h: Real) -> Real:
+    """P in (1 - h)^(-2/3) = 1 + h P(h)."""
+    return ((1 - h) ** (-mpf(2) / 3) - 1) / h
+
+
 LN2 = mp.log(2)
 MARGIN = 1 + mpf(1) / 200  # the reductions leave their ideal interval by a smaller fraction
 FITS = [
@@ -153,6 +174,12 @@ FITS = [
     Fit("RATIO_SQUARE", 7, mpf(0), (MARGIN * (6 - 2 * mp.sqrt(8))) ** 2, ratio_square, lambda w: w**2),
     # beyond tan(π/8) the reduction takes the distance to π/4
     Fit("ATAN", 11, mpf(0), (MARGIN * (mp.sqrt(2) - 1)) ** 2, arc_tangent, arc_tangent_weight),
+    # the error of a logarithm that is the exponent of a power counts as such, not beside the logarithm
+    Fit("LOG2", 7, mpf(0), (3 - mp.sqrt(8)) ** 2, binary_logarithm, lambda w: mp.sqrt(w)),
+    Fit("EXP2", 10, -MARGIN / 2, MARGIN / 2, power_of_two, lambda r: abs(r) / 2**r),
+    # what the bits of x leave of 1 - x y^3, and what the first step leaves of it
+    Fit("ROOT_FIRST", 2, -mpf("0.1021"), mpf("0.1021"), inverse_root, lambda h: abs(h) * (1 - h) ** (mpf(1) / 3)),
+    Fit("ROOT_SECOND", 1, -mpf("8.3e-6"), mpf("8.3e-6"), inverse_root_square, abs),
 ]
 
 

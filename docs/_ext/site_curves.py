@@ -70,7 +70,7 @@ def ticks(low: float, high: float) -> list[float]:
 
 
 def _number(value: float) -> str:
-    return f"{value:.6g}".replace("-", "\N{MINUS SIGN}")
+    return f"{value or 0.0:.6g}".replace("-", "\N{MINUS SIGN}")
 
 
 def _span(values: np.ndarray) -> tuple[float, float]:

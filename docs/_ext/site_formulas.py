@@ -22,6 +22,8 @@ def mathml(text: str, *, block: bool = False) -> str:
     """A formula of LaTeX; the index of a letter with a dot or a hat stands beside it, not below."""
     ElementTree.register_namespace("", _NAMESPACE)
     root = ElementTree.fromstring(_NAMED.sub(lambda found: unescape(found[0]), tex2mathml(text, as_block=block)))
+    for table in root.iter(f"{{{_NAMESPACE}}}mtable"):
+        table.set("displaystyle", "true")  # else fractions in lines of an alignment are small
     for element in root.iter(f"{{{_NAMESPACE}}}munderover"):
         base, index, accent = element
         if accent.get("stretchy") == "false" and not base.tag.endswith("}mo"):  # no sum with its limits

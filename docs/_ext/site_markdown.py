@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
-from site_symbols import aligned, symbols
+from site_symbols import symbols
+from site_tex import displayed
 
 from hgorun.commands.described import Key
 
@@ -37,7 +38,7 @@ def without_errata(docstring: str) -> tuple[str, list[str]]:
     shown, errata = [], []
     for block in paragraphs(docstring):
         if block.startswith("    "):
-            shown.append(f"```{{code-block}} text\n:class: formula\n\n{aligned(_unindented(block))}\n```")
+            shown.append(f"$$\n{displayed(block)}\n$$")
             continue
         sentences = re.split(r"(?<=[.:]) (?=[A-Z(])", block)
         wrong = [one for one in sentences if _PRINTED.search(one)]
@@ -45,12 +46,6 @@ def without_errata(docstring: str) -> tuple[str, list[str]]:
         errata += [readable(one) for one in wrong]
         shown += [readable(" ".join(right))] if right else []
     return "\n\n".join(shown), errata
-
-
-def _unindented(block: str) -> str:
-    lines = block.splitlines()
-    margin = min(len(line) - len(line.lstrip()) for line in lines if line.strip())
-    return "\n".join(line[margin:] for line in lines)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

@@ -1,106 +1,119 @@
-"""All messages that hgorun can give, read from its source, so that none is forgotten."""
+"""All messages that hgorun can give, read from its source, each below the explanation of its kind.
+
+The page errors.md explains kinds. A block ``{said}`` of it holds what messages of a kind have in common, a line each: a
+part of the message, or ``room| part`` where it means something else in other rooms of the program. Of the lines that
+fit, one with a room decides, then the longest, so that the order of the page does not matter. On the site the block
+becomes the messages themselves.
+"""
 
 from __future__ import annotations
 
-import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
-from site_markdown import plain
+from docutils import nodes
+from site_sources import GAP, Source, name_of
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
 
 import hgorun
 
 PACKAGE = Path(hgorun.__file__).parent
-GAP = "…"
-# The exceptions whose message a user reads; those of Python, which a validator of a block turns into one.
-TOLD = frozenset(
+# The exceptions whose message a user reads; those of Python, which a validator of a block turns into one; reasons of
+# the analysis; methods that raise one of them with a place.
+SAYING = frozenset(
     (
         *("ConfigError", "ExpressionError", "HgorunError", "NotObservableForm", "PlantDiverged", "PluginError"),
-        *("Problem", "SimulationError", "ValueError", "Changed", "Damaged"),
+        *("Problem", "SimulationError", "ValueError", "TypeError", "Changed", "Damaged", "PydanticCustomError"),
+        *("NoValue", "NotApplicable"),
+        *("error", "_error", "_fail", "_wrong", "wrong"),
     )
 )
-REASONS = frozenset(["NoValue", "NotApplicable"])
+LAW = "Broken"  # found and expected
+SENTENCES = ("_sentence", "_too_few")  # functions that word what pydantic has found, in the room config
+_BLOCK = re.compile(r"^```\{said\}\n(.*?)^```$", re.DOTALL | re.MULTILINE)
+_NAMED = re.compile(r"\{\w+\}")  # what pydantic puts in
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Message:
     """A message as it stands in the source.
 
     Attributes
     ----------
-    room : str
-        The package that gives it: ``config``.
-    kind : str
-        The exception.
     text : str
         With a sign in place of what is known only when it is given.
+    room : str
+        The package that gives it: ``config``.
     """
 
-    room: str
-    kind: str
     text: str
+    room: str
 
 
-def messages(package: Path = PACKAGE) -> Iterator[Message]:
-    """All messages of a package, in the order of its files and lines."""
-    for file in sorted(package.rglob("*.py")):
-        parts = file.relative_to(package).parts
-        for node in ast.walk(ast.parse(file.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
-                text, kind = _text(node.exc), _name(node.exc.func)
-                if text and kind in TOLD | REASONS:
-                    yield Message(parts[0].removesuffix(".py"), kind, text)
+@cache
+def messages(package: Path = PACKAGE) -> tuple[Message, ...]:
+    """All messages of a package, in the order of the alphabet."""
+    source = Source(package)
+    found: set[Message] = set()
+    for room, call, inside, tree in source.calls():
+        name = name_of(call.func)
+        if name == LAW and len(call.args) == 2:
+            parts = [(source.texts(argument, inside, tree) or [GAP])[0] for argument in call.args]
+            found.add(Message("found {}; expected {}".format(*parts), room))
+        elif name in SAYING:
+            texts = (text for argument in call.args for text in source.texts(argument, inside, tree))
+            found |= {Message(_NAMED.sub(GAP, text) if name.startswith("Pydantic") else text, room) for text in texts}
+    found |= {Message(text, "config") for name in SENTENCES for text in source.returned(name)}
+    return tuple(sorted(found))
 
 
-def _name(function: ast.expr) -> str:
-    return function.id if isinstance(function, ast.Name) else getattr(function, "attr", "")
+def marks(page: str) -> list[list[str]]:
+    """The lines of every block of a page, in their order."""
+    return [block.split("\n")[:-1] for block in _BLOCK.findall(page)]
 
 
-def _text(call: ast.Call) -> str:
-    """The first argument that is a text with words in it."""
-    found = (template(argument) for argument in call.args)
-    return next((text for text in found if re.search(r"\w", text.replace(GAP, ""))), "")
+def fits(mark: str, message: Message) -> bool:
+    """Whether a line of a block is part of a message."""
+    room, part = _parted(mark)
+    return part in message.text and room in ("", message.room)
 
 
-def template(node: ast.expr) -> str:
-    """A text of the source, with gaps; empty where it is none."""
-    if isinstance(node, ast.Constant):
-        return node.value if isinstance(node.value, str) else ""
-    if isinstance(node, ast.JoinedStr):
-        parts = (part.value if isinstance(part, ast.Constant) else GAP for part in node.values)
-        return "".join(str(part) for part in parts)
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
-        left, right = template(node.left), template(node.right)
-        return (left or GAP) + (right or GAP) if left or right else ""
-    return ""
+def _parted(mark: str) -> tuple[str, str]:
+    room, bar, part = mark.partition("|")
+    return (room, part.strip()) if bar and room.isidentifier() else ("", mark)
 
 
-def messages_page() -> str:
-    """Every message, by the part of the program that gives it."""
-    found = list(messages())
-    parts = [_HEAD]
-    for kinds, title, text in ((TOLD, "Messages", ""), (REASONS, "Why the analysis gives no number", _WHY)):
-        parts += [f"## {title}", text]
-        for room in dict.fromkeys(m.room for m in found if m.kind in kinds):
-            parts.append(f"### {room}")
-            parts.append(plain(_subject(room)))
-            own = dict.fromkeys(m.text for m in found if m.room == room and m.kind in kinds)
-            parts.append("\n".join(f"- {plain(text)}" for text in own))
-    return "\n\n".join(part for part in parts if part) + "\n"
+def by_mark(page: str, said: Iterable[Message]) -> Mapping[str, list[Message]]:
+    """Messages by the line that decides about them; those without one by an empty text."""
+    lines = sorted((line for block in marks(page) for line in block), key=_weight, reverse=True)
+    found: dict[str, list[Message]] = {line: [] for line in (*lines, "")}
+    for message in said:
+        found[next((line for line in lines if fits(line, message)), "")].append(message)
+    return found
 
 
-def _subject(room: str) -> str:
-    """What the package says that it is about."""
-    file = PACKAGE / room / "__init__.py"
-    doc = ast.get_docstring(ast.parse((file if file.is_file() else PACKAGE / f"{room}.py").read_text(encoding="utf-8")))
-    return (doc or "").split("\n\n")[0].replace("\n", " ")
+def _weight(mark: str) -> tuple[bool, int]:
+    room, part = _parted(mark)
+    return bool(room), len(part)
 
 
-_HEAD = f"""# All messages
+class Said(SphinxDirective):
+    """The messages of a kind, as a list."""
 
-The messages that stand in the source, `{GAP}` in place of names and numbers: for searching. A message says what is
-wrong, what was found and what would be right; before it stand the file, the line and the key. [What to
-do](../errors.md) explains common ones."""
-_WHY = "These are `reasons` in the JSON of `hgorun analyze`, and lines below its table."
+    has_content = True
+
+    def run(self) -> list[nodes.Node]:
+        page = Path(self.env.doc2path(self.env.docname)).read_text(encoding="utf-8")
+        found = by_mark(page, messages())
+        texts = dict.fromkeys(message.text for line in self.content for message in found[line])
+        entries = [nodes.list_item("", nodes.paragraph("", "", nodes.Text(text))) for text in sorted(texts)]
+        return [nodes.bullet_list("", *entries, classes=["said"])]
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    app.add_directive("said", Said)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

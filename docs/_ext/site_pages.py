@@ -13,7 +13,6 @@ import site_notebooks
 from site_blocks import reference_page
 from site_example import Example, of_observer, of_plant
 from site_markdown import keys_table, plain, readable, table, without_errata
-from site_messages import messages_page
 from site_symbols import symbols
 from sphinx.application import Sphinx
 
@@ -80,7 +79,6 @@ def pages(choice: Mapping[str, tuple[str, str]]) -> Iterator[tuple[str, str]]:
     yield "noise.md", noise_page()
     yield "blocks.md", reference_page()
     yield "quantities.md", quantities_page()
-    yield "messages.md", messages_page()
 
 
 _COMMON = (

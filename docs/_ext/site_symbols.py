@@ -16,6 +16,7 @@ _OTHER_NAMES = {"lambda": "lamda", "lam": "lamda", "Lambda": "Lamda", "Lam": "La
 _GREEK |= {short: _GREEK[name] for short, name in _OTHER_NAMES.items()}
 _HAT = "\N{COMBINING CIRCUMFLEX ACCENT}"
 _HATS = {f"{letter}hat": letter + _HAT for letter in "uxyz"}  # what and that are words
+_HATS["lt"] = _GREEK["lamda"] + "\N{COMBINING TILDE}"  # a lambda that is made of others
 _HATS |= {f"{name}hat": letter + _HAT for name, letter in _GREEK.items()}
 _RAISED = str.maketrans("-0123456789T", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹ᵀ")
 _RELATIONS = {">=": "≥", "<=": "≤", "!=": "≠", "+-": "±", "->": "→", "<-": "←"}
@@ -26,7 +27,6 @@ _LETTER = re.compile(r"([A-Za-z]+)(\d*)")
 _BARE_HAT = re.compile(r"(?<=[Α-ωϒ])\^(?=[\s',.;)]|$)")
 _POWER = re.compile(r"\^(-?(?:\d+|T))(?!\w|\.\d)")
 _RELATION = re.compile("|".join(map(re.escape, _RELATIONS)))
-_EQUALS = re.compile(r"\s+=\s+")
 
 
 def symbols(text: str) -> str:
@@ -35,20 +35,6 @@ def symbols(text: str) -> str:
     Such a word is a key of a configuration.
     """
     return "".join(part if i % 2 else _written(part) for i, part in enumerate(_KEPT.split(text)))
-
-
-def aligned(block: str) -> str:
-    """Equations with symbols; signs = that stood below each other still do."""
-    lines = block.splitlines()
-    written = [_written(line) for line in lines]
-    found = [_EQUALS.search(line) for line in lines]
-    for place in {one.end() for one in found if one}:
-        column = [i for i, one in enumerate(found) if one and one.end() == place]
-        sides = {i: _EQUALS.split(written[i], maxsplit=1) for i in column}
-        width = max(_width(left) for left, _ in sides.values())
-        for i, (left, right) in sides.items():
-            written[i] = f"{left}{' ' * (width - _width(left))} = {right}"
-    return "\n".join(written)
 
 
 def _written(text: str) -> str:
@@ -68,7 +54,3 @@ def _name(word: str) -> str:
 def _letter(word: str) -> str:
     found = _LETTER.fullmatch(word)
     return (_GREEK | _HATS).get(found[1], found[1]) + found[2] if found else word
-
-
-def _width(text: str) -> int:
-    return len(text.replace(_HAT, ""))

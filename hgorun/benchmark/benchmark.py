@@ -13,7 +13,7 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from hgorun.benchmark.contestants import absent, check_types, contestant_in, contestants
-from hgorun.benchmark.scan import Floats
+from hgorun.benchmark.parabolas import Floats
 from hgorun.benchmark.trial import Score, Trial, swing
 from hgorun.code import ENSEMBLE, RUN, code, code_of
 from hgorun.config.benchmark import BenchmarkFile, Contestant
@@ -28,7 +28,7 @@ from hgorun.study.loading import load
 from hgorun.version import __version__
 
 _KEPT = TypeAdapter(Score | str)
-_OWN = ("benchmark/contestants.py", "benchmark/scan.py", "benchmark/trial.py")
+_OWN = tuple(f"benchmark/{name}.py" for name in ("contestants", "parabolas", "scan", "trial"))
 
 
 @dataclass(frozen=True)
@@ -119,8 +119,15 @@ class _Cell:
         """The swing of each state, without noise in the way."""
         return swing(self.base)
 
+    @cached_property
+    def steps(self) -> float:
+        """In how many steps of the plant's file a run is; of output, where those of integration are automatic."""
+        time, step = self.base.blocks.time, self.base.blocks.solver.step
+        return (time.end - time.start) / (time.output_step if step == "auto" else step)
+
     def entry(self, label: str, one: Contestant, folder: Path, threads: int) -> Entry:
         """An entry, from its file where there is one that says how it has come about."""
+        one = one.on(self.plant)
         entry = Entry(self.plant, self.scenario, label, one.group)
         if one.scenarios and self.scenario not in one.scenarios:
             return replace(entry, refused=f"made for {', '.join(one.scenarios)} only")
@@ -141,7 +148,7 @@ class _Cell:
     def _scored(self, label: str, one: Contestant, experiment: Experiment, threads: int) -> Score | str:
         """The score, or why there is none."""
         try:
-            trial = Trial(experiment, label, one, self.scale, self.rate)
+            trial = Trial(experiment, label, one, self.scale, self.rate, self.steps)
             return trial.score(self.blocks.seeds, self.blocks.tries, threads)
         except HgorunError as error:
             return f"failed: {error}"

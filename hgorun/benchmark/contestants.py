@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.benchmark.scan import Floats, Scan
+from hgorun.benchmark.parabolas import Floats
+from hgorun.benchmark.scan import Scan
 from hgorun.config.benchmark import BenchmarkFile, Contestant, Knob, Others
 from hgorun.errors import Problem
 from hgorun.observers.base import OBSERVERS, AnyObserver
@@ -97,9 +98,20 @@ def contestant_in(base: Experiment, label: str, one: Contestant, rate: float) ->
         **_needed(one.block["type"], tuple(base.plant.model.states)),
         **one.block,
         "initial": dict(base.observers[reference].initial),
-        **{key: value[0].item() for key, value in middle.items()},
     }
+    for key, value in middle.items():
+        block = _put(block, key.split("."), value[0].item())
     changes: dict[str, Any] = {"observers": {label: block}}
     if one.steps == "auto":
         changes["solver"] = {"method": "auto", "max_evaluations": _EVALUATIONS}
     return base.varied(changes)
+
+
+def _put(block: Any, keys: Sequence[str], value: object) -> Any:
+    """A block with a value at a path of keys and of indices of lists."""
+    if not keys:
+        return value
+    first, *rest = keys
+    if isinstance(block, list):
+        return [_put(item, rest, value) if str(i) == first else item for i, item in enumerate(block)]
+    return {**block, first: _put(block.get(first, {}), rest, value)}

@@ -2,23 +2,25 @@
 
 The search is a compass search. It stands on a value, with a distance that is at first half of that between two values
 of the range. A distance to either side is tried; it goes on to the better of the two where that beats the value it
-stands on, and halves the distance where neither does. It ends after a given number of values. All are compared on the
-same seeds, so that which one is better does not depend on luck between them.
+stands on, and halves the distance where neither does. The last two values are those where a parabola through the best
+and its two neighbours is least, so that what is found does not depend on where the others happened to lie. All are
+compared on the same seeds, so that which one is better does not depend on luck between them.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-from numpy.typing import NDArray
 
+from hgorun.benchmark.parabolas import Floats, vertices
 from hgorun.config.benchmark import Knob
 
-Floats = NDArray[np.float64]
-
 _FINEST = 1 / 64  # of the distance between two values all over the range: nothing closer is tried
+_PARABOLAS = 2  # values that are found by them
+_SAME = 1e-3  # relative: closer values are not told apart
+_SIDES = 3  # a value and its two neighbours
 
 
 @dataclass(frozen=True)
@@ -81,9 +83,9 @@ class Search:
 
         A value tried has no better neighbour at the last distance, unless the search ends before it is found.
         """
-        distance = spacing / 2
+        distance, by_compass = spacing / 2, max(count - _PARABOLAS, _SIDES)
         self._try(np.array([place, place - distance, place + distance]), count)
-        while len(self.tried) < count and distance >= _FINEST * spacing:
+        while len(self.tried) < by_compass and distance >= _FINEST * spacing:
             here = self._error(place)
             sides = np.clip([place - distance, place + distance], 0.0, 1.0)
             errors = [self._error(side) for side in sides]
@@ -91,7 +93,12 @@ class Search:
                 place = float(sides[int(np.argmin(errors))])
             else:
                 distance /= 2
-            self._try(np.array([place - distance, place + distance]), count)
+            self._try(np.array([place - distance, place + distance]), by_compass)
+        for _ in range(_PARABOLAS):
+            vertex = self._vertex()
+            if np.isclose(vertex, list(self.tried), rtol=_SAME, atol=0).any():
+                break
+            self._try_values([vertex], count)
         return min(self.tried, key=lambda value: float(self.tried[value].mean()))
 
     def _error(self, place: float) -> float:
@@ -99,9 +106,18 @@ class Search:
         errors = self.tried.get(float(self.scan.at(np.array([place]))[0]))
         return np.inf if errors is None else float(errors.mean())
 
+    def _vertex(self) -> float:
+        """Where the parabola through the best value and its neighbours is least."""
+        values = np.array(sorted(self.tried))
+        means = np.array([self.tried[value].mean() for value in values.tolist()])
+        ((best,), _) = vertices(values, means[:, None])
+        return float(np.round(best) if self.scan.knob.whole else best)
+
     def _try(self, places: Floats, count: int) -> None:
         """Those of some places that are new, as many as may still be tried."""
-        values = self.scan.at(np.clip(places, 0.0, 1.0)).tolist()
-        new = [value for value in dict.fromkeys(values) if value not in self.tried][: count - len(self.tried)]
+        self._try_values(self.scan.at(np.clip(places, 0.0, 1.0)).tolist(), count)
+
+    def _try_values(self, values: Sequence[float], count: int) -> None:
+        new = [value for value in dict.fromkeys(values) if value not in self.tried][: max(count - len(self.tried), 0)]
         if new:
             self.tried.update(zip(new, self.errors_of(np.array(new)), strict=True))

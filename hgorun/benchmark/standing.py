@@ -4,10 +4,7 @@ In a cell, one plant in one scenario, a contestant's ratio is its mean error ove
 such mean. Over the plants that it takes, ratios are averaged geometrically: 1 is the best everywhere, 2 has twice the
 error of the best on average.
 
-The interval says where 95 % of the tables lie that are made anew with other seeds. Seeds are drawn anew with
-repetition, the same ones for all contestants, since they have met the same noise: those of scoring, and those of
-tuning, among which another value of the knob may be the best. Two such tables, one in the place of this one and one in
-that of the other, differ as this one and another do.
+The interval is that of :mod:`hgorun.benchmark.intervals`: where tables lie that are made with other seeds.
 """
 
 from __future__ import annotations
@@ -16,14 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from hgorun.benchmark.benchmark import Entry, of_cells
-from hgorun.benchmark.trial import Score
+from hgorun.benchmark.intervals import remade, resampled
+from hgorun.benchmark.parabolas import Floats
 
-Floats = NDArray[np.float64]
-_RESAMPLED, _SEED = 2000, 20_240_229
-_QUANTILES = (0.025, 0.975)
 _MOST_LOST = 0.5  # of the seeds: with more, a contestant has no mean
 
 
@@ -36,7 +30,7 @@ class Standing:
     ratio : float
         Its error in units of that of the best, averaged over plants; NaN where it takes none.
     low, high : float
-        Where it lies in 95 % of the tables that are made with other seeds.
+        Where it lies in 99 % of the tables that are made with other seeds.
     plants : int
         How many it takes without losing the estimate with more than half of the seeds.
     lost : int
@@ -58,43 +52,16 @@ def standings(entries: Sequence[Entry]) -> dict[tuple[str, str], Standing]:
         scored = {entry.label: entry.score for entry in cell if entry.score is not None}
         for label, score in scored.items():
             lost[scenario, label] = lost.get((scenario, label), 0) + score.lost
-        totals = {label: np.array(score.total) for label, score in scored.items()}
-        kept = {label: total for label, total in totals.items() if np.mean(np.isinf(total)) <= _MOST_LOST}
+        kept = {label: score for label, score in scored.items() if score.lost <= _MOST_LOST * len(score.total)}
         if not kept:
             continue
-        means = np.stack([_resampled(total) * _chosen_anew(scored[label]) for label, total in kept.items()])
+        means = np.stack([resampled(score) for score in kept.values()])
         best = means.min(axis=0)
         for label, mean in zip(kept, means, strict=True):
             logs.setdefault((scenario, label), []).append(np.log(mean / best))
     found = {}
     for key in dict.fromkeys((entry.scenario, entry.label) for entry in entries):
-        ratios = np.exp(np.mean(logs[key], axis=0)) if key in logs else np.full(1 + _RESAMPLED, np.nan)
-        low, high = ratios[0] * np.quantile(ratios[1:] / ratios[:0:-1], _QUANTILES)
+        ratios = np.exp(np.mean(logs[key], axis=0)) if key in logs else np.full(3, np.nan)
+        low, high = remade(ratios)
         found[key] = Standing(float(ratios[0]), float(low), float(high), len(logs.get(key, [])), lost.get(key, 0))
     return found
-
-
-def _chosen_anew(score: Score) -> Floats:
-    """By what factor the error grows where the knob is chosen with other seeds, over resamplings; first 1, for these.
-
-    Shape (1 + resamplings,). Of values that were tried around the best, as they are with all seeds of tuning.
-    """
-    errors = np.array([found for _, found in score.tried])
-    errors = errors[np.isfinite(errors).all(axis=1)]
-    if not len(errors):
-        return np.ones(1 + _RESAMPLED)
-    seeds, random = errors.shape[1], np.random.default_rng(_SEED + 1)
-    chosen = np.vstack([np.arange(seeds), random.integers(0, seeds, (_RESAMPLED, seeds))])
-    means = errors.mean(axis=1)
-    best = np.argmin(errors[:, chosen].mean(axis=2), axis=0)
-    return np.asarray(means[best] / means.min())
-
-
-def _resampled(total: Floats) -> Floats:
-    """The mean over the seeds, then those over resamplings of them; of the seeds that kept the estimate."""
-    random = np.random.default_rng(_SEED)
-    chosen = np.vstack([np.arange(total.size), random.integers(0, total.size, (_RESAMPLED, total.size))])
-    values = np.where(np.isfinite(total), total, np.nan)[chosen]
-    whole = float(np.nanmean(values[0]))
-    counts = np.sum(np.isfinite(values), axis=1)
-    return np.where(counts > 0, np.nansum(values, axis=1) / np.maximum(counts, 1), whole)

@@ -10,6 +10,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from hgorun.benchmark.benchmark import Entry
+from hgorun.benchmark.intervals import remade, resampled
 from hgorun.benchmark.standing import Standing
 from hgorun.tables.layout import packed
 from hgorun.version import __version__
@@ -22,13 +23,15 @@ COLUMNS = (
     "knob",
     "at_end",
     "error",
-    "error_ci95",
+    "error_low",
+    "error_high",
     "steady",
     "peak",
     "converged",
     "lost",
     "operations",
     "at_samples",
+    "ns_per_step",
     "refused",
 )
 
@@ -68,11 +71,13 @@ def table(entries: Sequence[Entry]) -> str:
             "refused": entry.refused,
         }
         if (score := entry.score) is not None:
-            mean, half = _mean(score.total)
-            row |= {"knob": _short(score.value), "at_end": int(score.at_end), "error": _short(mean)}
-            row |= {"error_ci95": _short(half), "steady": _short(_mean(score.steady)[0]), "peak": _short(score.peak)}
+            low, high = remade(resampled(score)) if score.lost < len(score.total) else (math.inf, math.inf)
+            row |= {"knob": _short(score.value), "at_end": int(score.at_end), "error": _short(_mean(score.total))}
+            row |= {"error_low": _short(low), "error_high": _short(high)}
+            row |= {"steady": _short(_mean(score.steady)), "peak": _short(score.peak)}
             row |= {"converged": _short(score.converged), "lost": score.lost}
             row |= {"operations": score.operations, "at_samples": score.at_samples}
+            row |= {"ns_per_step": f"{score.nanoseconds:.3g}"}
         writer.writerow(row)
     return file.getvalue()
 
@@ -93,12 +98,10 @@ def _with_interval(one: Standing) -> str:
     return f"{one.ratio:.2f} [{one.low:.2f}, {one.high:.2f}] ({one.plants}{lost})"
 
 
-def _mean(values: Sequence[float]) -> tuple[float, float]:
-    """The mean over the seeds that kept the estimate, and half of its 95 % interval."""
+def _mean(values: Sequence[float]) -> float:
+    """The mean over the seeds that kept the estimate."""
     kept = np.array(values)[np.isfinite(values)]
-    if not kept.size:
-        return math.inf, math.inf
-    return float(kept.mean()), float(1.96 * kept.std(ddof=1) / math.sqrt(kept.size)) if kept.size > 1 else math.inf
+    return float(kept.mean()) if kept.size else math.inf
 
 
 def _short(value: float) -> str:

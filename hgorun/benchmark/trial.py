@@ -10,19 +10,23 @@ so that speed and noise both count: a low gain forgets its first error late, a h
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from time import thread_time
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.benchmark.contestants import with_knob
-from hgorun.benchmark.scan import Floats, Scan, Search
+from hgorun.benchmark.parabolas import Floats
+from hgorun.benchmark.scan import Scan, Search
 from hgorun.config.benchmark import Contestant, Seeds, Tries
 from hgorun.ensemble.block import Block, compute
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError
+from hgorun.simulation.control import controlled
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.passes import as_given, integrate
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.simulate import simulate
 
@@ -30,6 +34,7 @@ TRANSIENT = 3  # one part in so many of a run; the rest is steady
 _FEW, _LEAST = 4, 3  # one seed in so many, or so many, are enough to try values all over a range
 _STEADY = 20  # seeds whose steady error is looked at
 _FOLLOWED = 5  # seeds whose trajectories are looked at
+_TIMED = 7  # runs whose time is taken
 _LEVEL = 2.0  # times its steady size an error is, when it has converged
 
 
@@ -53,6 +58,9 @@ class Score:
         half of what it was.
     operations, at_samples : int
         Of the observer's equations: of its right-hand side, and of what it does at a sample.
+    nanoseconds : float
+        Processor time of plant and observer per step of the plant's file; the least of some runs, since a machine that
+        does something else besides only ever makes one longer. It is not compared: no two are the same.
     tried : tuple of (float, tuple of float)
         Values of the knob around the best, and the error of each with every seed of tuning.
     """
@@ -65,6 +73,7 @@ class Score:
     converged: float
     operations: int
     at_samples: int
+    nanoseconds: float = field(compare=False)
     tried: tuple[tuple[float, tuple[float, ...]], ...]
 
     @property
@@ -87,6 +96,8 @@ class Trial:
         The swing of each state.
     rate : float
         Of the plant, 1/time.
+    steps : float
+        In how many steps of the plant's file a run is.
     """
 
     experiment: Experiment
@@ -94,6 +105,7 @@ class Trial:
     contestant: Contestant
     scale: Floats
     rate: float
+    steps: float
 
     def score(self, seeds: Seeds, tries: Tries, threads: int = 1) -> Score:
         """Tune and score, with some threads side by side.
@@ -128,6 +140,7 @@ class Trial:
             peak=float(np.median(np.max(found["peak"][:, 0] / self.scale, axis=-1))),
             converged=self._converged(value, scoring[:_FOLLOWED].tolist()),
             **_cost(self.experiment, self.label),
+            nanoseconds=1e9 * seconds_of(self._tuned(value)) / self.steps,
             tried=tuple((tried, _listed(errors)) for tried, errors in search.tried.items()),
         )
 
@@ -151,10 +164,12 @@ class Trial:
         """Errors of all states together, relative to their swings."""
         return np.asarray(np.sqrt(np.mean((rmse / self.scale) ** 2, axis=-1)))
 
-    def _converged(self, value: float, seeds: Sequence[int]) -> float:
+    def _tuned(self, value: float) -> Experiment:
         given = with_knob(self.contestant.knob, np.array([value]))
-        tuned = self.experiment.varied({f"observers.{self.label}.{key}": one[0].item() for key, one in given.items()})
-        squares = []
+        return self.experiment.varied({f"observers.{self.label}.{key}": one[0].item() for key, one in given.items()})
+
+    def _converged(self, value: float, seeds: Sequence[int]) -> float:
+        tuned, squares = self._tuned(value), []
         for seed in seeds:
             run = simulate(tuned.varied({}, seed=seed))
             squares.append(np.mean(((run.observers[self.label].xhat - run.x) / self.scale) ** 2, axis=1))
@@ -172,6 +187,20 @@ def _cost(experiment: Experiment, label: str) -> dict[str, int]:
         "operations": flow - plant,
         "at_samples": sum(function.n_instructions() for *_, function in system.jumps),
     }
+
+
+def seconds_of(experiment: Experiment) -> float:
+    """Processor time of integrating it, without what is computed from the trajectories: the least of some runs."""
+    run = prepare(experiment)
+    times = []
+    for _ in range(_TIMED):
+        began = thread_time()
+        if run.solver.controlled:
+            controlled(run, None)
+        else:
+            integrate(run, as_given(run), None)
+        times.append(thread_time() - began)
+    return min(times)
 
 
 def first_below(time: Floats, size: Floats, level: float) -> float:

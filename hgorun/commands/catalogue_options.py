@@ -38,6 +38,23 @@ class Figures(Reproduction):
     """
 
     report: Annotated[bool, typer.Option("--report", help="Check the claims too, and write REPORT.md.")] = False
+    width: Annotated[
+        str | None,
+        typer.Option(
+            "--width",
+            metavar="COLUMNS",
+            help="One or two columns of a journal (default: what the file says).",
+            autocompletion=completion.one_of("one", "two"),
+        ),
+    ] = None
+    style: Annotated[
+        str | None,
+        typer.Option(
+            "--style",
+            help="Page that figures are for: light or dark (default: what the file says).",
+            autocompletion=completion.one_of("light", "dark"),
+        ),
+    ] = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -144,5 +161,8 @@ class Init:
         Path | None,
         typer.Option("-o", "--output", metavar="FILE", help="With --plant or --ask: its file (default: PLANT.yaml)."),
     ] = None
+    schema: Annotated[
+        bool, typer.Option("--schema", help="Write the schema for editors beside it, to go with it to other machines.")
+    ] = False
     ask: Annotated[bool, typer.Option("--ask", help="Ask what the configuration should have.")] = False
     force: Annotated[bool, typer.Option("--force", help="Overwrite existing files.")] = False

@@ -35,10 +35,16 @@ class Entry:
     fields: tuple[tuple[str, str], ...]
 
     @property
+    def verified(self) -> bool:
+        """Whether it has an identifier by which it was looked up; books, theses and web pages have none."""
+        return self.kind not in ("article", "inproceedings") or any(name == "doi" for name, _ in self.fields)
+
+    @property
     def bibtex(self) -> str:
-        """The entry as BibTeX."""
+        """The entry as BibTeX, with a remark before it where it is not verified."""
+        remark = [] if self.verified else [f"% {self.key}: not verified, compare it with the publication"]
         lines = [f"  {name} = {{{value}}}," for name, value in self.fields]
-        return "\n".join([f"@{self.kind}{{{self.key},", *lines, "}"])
+        return "\n".join([*remark, f"@{self.kind}{{{self.key},", *lines, "}"])
 
     @property
     def text(self) -> str:

@@ -97,9 +97,9 @@ def _text(file: Path, found: list[Use], entries: list[Entry]) -> str:
         keys = ", ".join(entry.key for entry in use.entries)
         of = f": {use.reference}" if use.reference else ""
         lines += wrapped(f"{use.what}{of} [{keys}]", "  ", then="      ")
-    lines += ["", *wrapped("to be cited (--bibtex: as BibTeX; compare what has no DOI with the publication):")]
+    lines += ["", *wrapped("to be cited (--bibtex: as BibTeX; * is not verified, compare it with the publication):")]
     for entry in entries:
-        lines += wrapped(f"[{entry.key}] {entry.text}", "  ", then="      ")
+        lines += wrapped(f"[{entry.key}]{'' if entry.verified else '*'} {entry.text}", "  ", then="      ")
     return "\n".join(lines)
 
 

@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 from hgorun.commands.exported_samples import export_samples
 from hgorun.commands.inputs import configuration
@@ -14,63 +12,18 @@ from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, there, written
 from hgorun.commands.remarks import warn
-from hgorun.config.data import Data, Measured
-from hgorun.config.models import Time
 from hgorun.config.reading import read_source
-from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.data.reading import read
-from hgorun.data.recording import Origin, Recording, Signal
+from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
+from hgorun.estimate.log import Log, log_of
 from hgorun.estimate.long_log import estimate_into
 from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
 from hgorun.result.result import Result
 from hgorun.study.split import split
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Log:
-    """The block ``data``, and how it is read."""
-
-    block: Data
-    folder: Path
-    unit: str
-    units: Mapping[str, str]
-    files: tuple[Path, ...]
-
-    def read(self) -> Recording:
-        return read(self.block, self.folder, time_unit=self.unit, units=self.units, files=self.files)
-
-    @property
-    def all_files(self) -> tuple[Path, ...]:
-        """Every file that something is read from."""
-        columns = [*self.block.outputs.values(), *self.block.inputs.values(), *self.block.reference.values()]
-        own = (self.folder / column.file for column in columns if column.file is not None)
-        return (*(self.files or (self.folder / name for name in self.block.file)), *own)
-
-    def _columns(self, output: str, file: Path) -> dict[str, Any]:
-        """How an output is called in a file: as the block reads it from that file, or else as it does anyway."""
-        blocks = [block[output] for block in (self.block.outputs, self.block.reference) if output in block]
-        if not blocks:
-            told = "neither data.outputs nor data.reference says"
-            raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands")
-        of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
-        return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})
-
-    def from_file(self, output: str, file: Path, origin: Origin) -> Signal:
-        """An output as it stands in another file, at times that count from the origin of the log."""
-        other = Measured(**{**self._columns(output, file), "file": str(file.absolute())})
-        return read(
-            self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
-            self.folder,
-            time_unit=self.unit,
-            units=self.units,
-            beside=origin,
-        ).outputs[output]
 
 
 def estimate(options: Estimate) -> int:
@@ -140,25 +93,6 @@ def one_run(source: Source, config: Path, run: str | None) -> tuple[Source, str]
         known = ", ".join(runs)
         raise ConfigError(f"name one of the runs {known} with --run", file=file, line=line, key="runs")
     return runs[run][0], run
-
-
-def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
-    """The block ``data`` of a configuration; ``files`` stand in for those that it names."""
-    data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
-    if "data" not in data:
-        message = "the key data is missing: it says which columns of which files are the measurements"
-        raise ConfigError(message, file=str(config))
-    block = validate(Data, data["data"], source, ("data",))
-    time = data.get("time")
-    unit = time.get("unit") if isinstance(time, dict) else None
-    default = str(Time.model_fields["unit"].default)
-    return Log(
-        block,
-        config.parent,
-        unit if isinstance(unit, str) else default,
-        plant_units(with_inputs(source, block.inputs)),
-        files,
-    )
 
 
 def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:

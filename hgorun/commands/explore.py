@@ -5,17 +5,21 @@ from __future__ import annotations
 import sys
 import tempfile
 import webbrowser
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from html import escape
 from pathlib import Path
 
+from hgorun.commands.estimate import one_run
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Explore
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.config.reading import read_source
 from hgorun.errors import HgorunError
-from hgorun.explore.bench import Bench, recorded
+from hgorun.explore.bench import Bench
 from hgorun.explore.keeping import Keeper
+from hgorun.explore.recordings import RecordedBench
+from hgorun.explore.simulated import SimulatedBench
 from hgorun.process import until_interrupted
 from hgorun.study.loading import load
 
@@ -26,12 +30,7 @@ def explore(options: Explore) -> int:
     """Serve a page of a configuration until Ctrl-C."""
     refuse_other_kinds(options.output, _YAML)
     config = configuration(options.config)
-    experiment = load(config, options.overrides, seed=options.seed, run=options.run)
-    with experiment.located():
-        refused = recorded(experiment)
-    if refused is not None:
-        raise refused
-    bench = Bench(config, experiment, options.run)
+    bench = bench_of(config, options.overrides, seed=options.seed, run=options.run)
     try:
         from hgorun.explore.server import LivePage
     except ImportError as error:
@@ -51,6 +50,19 @@ def explore(options: Explore) -> int:
     if not options.quiet:
         print("hgorun: the page is closed", file=sys.stderr)
     return 0
+
+
+def bench_of(config: Path, overrides: Sequence[str] = (), *, seed: int | None = None, run: str | None = None) -> Bench:
+    """A configuration on the bench: of a simulated plant, or of recorded data.
+
+    Raises
+    ------
+    ConfigError
+    """
+    text, source = read_source(config, overrides, seed=seed)
+    if not isinstance(source.data, dict) or "data" not in source.data:
+        return SimulatedBench(config, load(config, overrides, seed=seed, run=run), run)
+    return RecordedBench.of(config, one_run(source, config, run)[0], text, run)
 
 
 def _keeper(bench: Bench, output: Path | None) -> Keeper:

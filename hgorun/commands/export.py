@@ -68,8 +68,9 @@ def _observers(options: Export, wanted: Wanted) -> tuple[str, list[Exported]]:
     if not isinstance(source.data, dict) or "data" not in source.data:
         experiment = load(options.config, options.overrides, seed=options.seed, run=options.run)
         return experiment.name, exported(prepare(experiment), wanted)
-    from hgorun.commands.estimate import log_of, one_run
+    from hgorun.commands.estimate import one_run
     from hgorun.estimate.completed import completed
+    from hgorun.estimate.log import log_of
     from hgorun.estimate.prepared import prepare_estimate
 
     source, name = one_run(source, options.config, options.run)

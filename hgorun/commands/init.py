@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -15,6 +16,7 @@ from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
 from hgorun.plants.base import PLANTS
 from hgorun.reproduce.shipped import examples, experiments
+from hgorun.reproduce.shipped import folder as experiments_folder
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 
@@ -59,8 +61,8 @@ def _first(options: Init) -> int:
     target = options.output or Path(f"{chosen.name}.yaml")
     if target.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"--output: expected a file .yaml, found {target}")
-    _write([(target, with_schema(chosen.text(str(target)), SCHEMA_FILE))], force=options.force)
-    _schema_beside(target.parent)
+    address = _schema_for(target.parent, beside=options.schema)
+    _write([(target, with_schema(chosen.text(str(target)), address))], force=options.force)
     _try(target, chosen)
     return 0
 
@@ -75,7 +77,7 @@ def _try(target: Path, chosen: First) -> None:
 
 
 def _experiment(name: str, options: Init) -> int:
-    """Copy an experiment and the files that it extends, with the schema by which editors help with them."""
+    """Copy an experiment and the files that it extends."""
     shipped, folder = experiments(), options.folder or Path()
     matches = [file for path, file in shipped.items() if name in (path, Path(path).name)]
     if not matches:
@@ -84,9 +86,9 @@ def _experiment(name: str, options: Init) -> int:
         raise ConfigError(
             f"no experiment is called {name!r}.{nearest(name, known)}{plant or ' See hgorun list experiments'}"
         )
-    copies = [(folder / file.name, with_schema(text, SCHEMA_FILE)) for file, text in _with_bases(matches[0])]
+    address = _schema_for(folder, beside=options.schema)
+    copies = [(folder / file.name, with_schema(text, address)) for file, text in _with_bases(matches[0])]
     _write(copies, force=options.force)
-    _schema_beside(folder)
     print(f"try: hgorun simulate {folder / matches[0].name}")
     return 0
 
@@ -95,9 +97,9 @@ def _example(name: str, options: Init) -> int:
     """Copy a configuration with its recorded data."""
     folder, files = options.folder or Path(name), examples()[name]
     copies = [(folder / file.name, file.read_text(encoding="utf-8")) for file in files]
-    made = [(path, with_schema(text, SCHEMA_FILE) if path.suffix == ".yaml" else text) for path, text in copies]
+    address = _schema_for(folder, beside=options.schema)
+    made = [(path, with_schema(text, address) if path.suffix == ".yaml" else text) for path, text in copies]
     _write(made, force=options.force)
-    _schema_beside(folder)
     print(f"try: hgorun estimate {folder / files[0].name}")
     return 0
 
@@ -112,9 +114,20 @@ def _write(copies: Sequence[tuple[Path, str]], *, force: bool) -> None:
         print(f"written: {target}")
 
 
-def _schema_beside(folder: Path) -> None:
-    write_text(folder / SCHEMA_FILE, schema_text(build_schema()))
-    print(f"written: {folder / SCHEMA_FILE} (for editors)")
+def _schema_for(folder: Path, *, beside: bool) -> str:
+    """Where editors find the schema: that of the installed package, unless one is asked for, or stands in the folder.
+
+    Plug-ins have plants and observers that the package's schema does not know: then it is written, too.
+    """
+    file, installed, made = folder / SCHEMA_FILE, experiments_folder() / SCHEMA_FILE, build_schema()
+    if not beside and not file.exists() and installed.is_file():
+        known = json.loads(installed.read_text(encoding="utf-8"))
+        if made["$defs"].keys() <= known["$defs"].keys():
+            return installed.resolve().as_uri()
+    if not file.exists() or file.read_text(encoding="utf-8") != schema_text(made):
+        write_text(file, schema_text(made))
+        print(f"written: {file} (for editors)")
+    return SCHEMA_FILE
 
 
 def _with_bases(file: Path) -> Iterator[tuple[Path, str]]:

@@ -16,7 +16,15 @@ from hgorun.commands.mqtt_session import Message, Session
 from hgorun.commands.options import Estimate
 from hgorun.commands.stream_lines import Block, JsonForm, Sample
 from hgorun.commands.stream_progress import Redelivered
-from hgorun.commands.stream_samples import REMEMBERED, Grid, OneByOne, Stream, Writer, refuse_results
+from hgorun.commands.stream_samples import (
+    REMEMBERED,
+    Grid,
+    OneByOne,
+    Stream,
+    Writer,
+    refuse_results,
+    tell_outliers,
+)
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, HgorunError, printable
 from hgorun.process import say
@@ -55,6 +63,7 @@ def follow_topic(source: Source, name: str, options: Estimate) -> int:
         while True:
             follower.take_some(session)
     finally:
+        tell_outliers(follower.one_by_one.estimator)
         with suppress(OSError):
             session.close()
 

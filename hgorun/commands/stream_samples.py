@@ -141,6 +141,14 @@ class OneByOne:
             self.estimator.update(sample.t, {sample.signal: sample.y}, sample.available)
 
 
+def tell_outliers(estimator: Estimator) -> None:
+    """On stderr, at the end: how many samples gates have left out."""
+    for label, of_outputs in estimator.gated.items():
+        for output, (count, offered) in of_outputs.items():
+            if count:
+                say(f"hgorun: {label}: the gate of {output} left out {count} of {offered} samples")
+
+
 class Grid:
     """Multiples of a step, from what has been reached on."""
 

@@ -8,7 +8,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hgorun.commands.ensemble_options import Tune as Options
-from hgorun.commands.estimate import Log, log_of
 from hgorun.commands.outputs import RESULTS, there, written
 from hgorun.config.tuning import Range, Tune, require_few
 from hgorun.config.validation import validate
@@ -20,6 +19,7 @@ from hgorun.estimate.cases import Case, score
 from hgorun.estimate.completed import completed
 from hgorun.estimate.goal import ALL, Goal, Samples, read_goal, split
 from hgorun.estimate.holdout import thinned
+from hgorun.estimate.log import Log, log_of
 from hgorun.estimate.samples import stated
 from hgorun.estimate.tuning import Trials, search
 from hgorun.files import json_value, write_text

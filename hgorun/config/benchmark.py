@@ -25,13 +25,22 @@ class Venue(Block):
 class Knob(Block):
     """The one number of a contestant that is tuned."""
 
-    key: str = Field(default="theta", description="of the observer's block")
+    key: str = Field(
+        default="theta", description="of the observer's block; with dots between, as in Q.x3, inside of it"
+    )
     range: Range = Field(default_factory=lambda: Range(log=(0.5, 200)), description="where it is sought")
     rate: bool = Field(default=True, description="whether the range is in multiples of the plant's rate")
     whole: bool = Field(default=False, description="whether it is a whole number")
     follow: dict[str, Positive] = Field(
         default_factory=dict, description="other keys of the block that are so many times the knob"
     )
+
+
+class Special(Block):
+    """What is different for a contestant on one plant."""
+
+    knob: Knob | None = Field(default=None, description="the number that is tuned there; that of the others by default")
+    block: dict[str, Any] = Field(default_factory=dict, description="further keys of the observer's block")
 
 
 class Contestant(Block):
@@ -43,17 +52,29 @@ class Contestant(Block):
         default="plant", description="of integration: those of the plant's file, or found by error control"
     )
     scenarios: tuple[str, ...] = Field(default=(), description="the only ones that it is made for; all by default")
+    plants: dict[str, Special] = Field(
+        default_factory=dict, description="plant: another `knob`, and further keys of the `block`, there"
+    )
     block: dict[str, Any] = Field(description="the observer's block without its knob and its initial estimate")
 
     @model_validator(mode="after")
     def _free(self) -> Contestant:
         if "type" not in self.block:
             raise ValueError("block: the key type is missing")
-        for key in (self.knob.key, *self.knob.follow, "initial"):
-            if key in self.block:
-                why = "it is that of the plant's file" if key == "initial" else "it is tuned"
-                raise ValueError(f"block: {key} is not given here: {why}")
+        for one in (self, *map(self.on, self.plants)):
+            for key in (one.knob.key, *one.knob.follow, "initial"):
+                if key in one.block:
+                    why = "it is that of the plant's file" if key == "initial" else "it is tuned"
+                    raise ValueError(f"block: {key} is not given here: {why}")
         return self
+
+    def on(self, plant: str) -> Contestant:
+        """The contestant as it is on a plant."""
+        own = self.plants.get(plant)
+        if own is None:
+            return self
+        changes = {"knob": own.knob or self.knob, "block": {**self.block, **own.block}, "plants": {}}
+        return self.model_copy(update=changes)
 
 
 class Others(Block):
@@ -77,7 +98,7 @@ class Tries(Block):
     """How many values of each knob are tried: all over its range, then around the best one."""
 
     coarse: Count = Field(default=9, description="all over its range, with a quarter of the seeds")
-    fine: Count = Field(default=7, description="around the best of these, with all seeds")
+    fine: Count = Field(default=10, description="around the best of these, with all seeds")
 
 
 class BenchmarkFile(Block):
@@ -96,6 +117,9 @@ class BenchmarkFile(Block):
             for name in one.scenarios:
                 if name not in self.scenarios:
                     raise Problem(("observers", label, "scenarios"), f"no scenario is called {name!r}")
+            for name in one.plants:
+                if name not in self.plants:
+                    raise Problem(("observers", label, "plants"), f"no plant is called {name!r}")
         return self
 
     seeds: Seeds = Field(default_factory=Seeds, description="whose runs are averaged")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable
 from itertools import islice
 
@@ -28,11 +29,26 @@ _CALLED_ELSEWHERE = {
 
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """Return " Did you mean `x`?" with the candidate most like ``name``, or called so elsewhere, or "" if none is."""
-    import difflib
-
     known = {candidate.lower(): candidate for candidate in islice(candidates, 1_000) if len(candidate) < 100}
     elsewhere = next((other for other in _CALLED_ELSEWHERE.get(name.lower(), ()) if other in known), None)
     if elsewhere is not None:
         return f" Did you mean `{known[elsewhere]}`?"
+    close = _closest(name, known)
+    return "" if close is None else f" Did you mean `{known[close]}`?"
+
+
+def nearest_file(name: str, names: Iterable[str]) -> str:
+    """The same of files: their suffixes make no two of them alike; of equal ones a YAML file is meant."""
+    stems: dict[str, str] = {}
+    for other in sorted(islice(names, 1_000), key=lambda one: not one.endswith((".yaml", ".yml"))):
+        stems.setdefault(os.path.splitext(other)[0].lower(), other)
+    close = _closest(os.path.splitext(name)[0], stems)
+    return "" if close is None else f" Did you mean `{stems[close]}`?"
+
+
+def _closest(name: str, known: Iterable[str]) -> str | None:
+    """The most similar of some names in small letters."""
+    import difflib
+
     close = difflib.get_close_matches(name[:100].lower(), known, n=1, cutoff=0.5 if len(name) < 4 else 0.6)
-    return f" Did you mean `{known[close[0]]}`?" if close else ""
+    return close[0] if close else None

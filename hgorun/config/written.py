@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import os
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
@@ -59,6 +60,16 @@ def with_values(path: Path, values: Mapping[str, Value], target: Path, *, run: s
     for node, new in sorted(edits, key=lambda edit: -edit[0].start_mark.index):
         text = text[: node.start_mark.index] + new + text[node.end_mark.index :]
     return text
+
+
+def beside(source: Source, folder: Path, target: Path) -> dict[str, Any]:
+    """What a configuration in a folder says, with the files of its data as seen from another folder."""
+    data: dict[str, Any] = copy.deepcopy(source.data)
+    way = Path(os.path.relpath(folder.resolve(), target.resolve()))
+    for place, name in _files(source):
+        holder: Any = at(data, place[:-1])
+        holder[place[-1]] = str(way / name)
+    return data
 
 
 def rounded(number: float) -> float:

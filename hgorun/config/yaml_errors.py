@@ -26,11 +26,14 @@ _START = "a value cannot start with `{}`: put it in quotes"
 _COLON = "a `:` too many on this line, or wrong indentation; text with `: ` in it needs quotes"
 _KEY = "this line has no `:` after its key (write `key: value`, with a space behind the colon; a comment begins with #)"
 _BRACKET = "the bracket opened on line {} is not closed, or a comma or a value is missing"
+_NO_VALUE = "`{0}:` has no value: write `{0}: value`"
+_SIGN = "`- ` with a space begins a list entry, which cannot stand inside brackets: write a sign without it, as in -1"
 _DIRECTIVE = "a line that starts with `%` is a directive, which has no use here; a comment begins with #"
 _ESCAPE = "an unknown escape `\\` in double quotes: use single quotes"
 _QUOTE = "the quote opened on line {} is not closed"
 _ENTRY = "a list entry `- ` cannot start here: put it on a line of its own"
 _MISFIT = "this does not fit the lines above: check indentation, brackets and quotes"
+_LIST_ENTRY = re.compile(r"-[^\S\n]")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -90,10 +93,14 @@ def explain(error: yaml.YAMLError, text: str, bracket: int | None) -> tuple[str,
     if problem.after_tab:
         return _TAB, problem.line + 1
     if isinstance(error, yaml.scanner.ScannerError):
+        if problem.char == ":" and problem.text[problem.index + 1 : problem.index + 2] in (",", "]", "}"):
+            return _NO_VALUE.format(problem.text[began.index : problem.index].strip()[-40:]), problem.line + 1
         if began.index == problem.index:
             wanting = _without_colon(problem)
             return (_misplaced(problem), problem.line + 1) if wanting is None else (_KEY, wanting)
         return _unfinished(began, problem)
+    if bracket is not None and _LIST_ENTRY.match(problem.text, problem.index):
+        return _SIGN, problem.line + 1
     if bracket is not None:  # at the end of the text its own line tells more
         return _BRACKET.format(bracket), problem.line + 1 if problem.char else bracket
     return _unfitting(problem), problem.line + 1

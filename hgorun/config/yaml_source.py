@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 import yaml
 
-from hgorun.config.expressions import nearest
+from hgorun.config.nearest import nearest_file
 from hgorun.config.paths import at, copy, dotted, walk
 from hgorun.config.yaml_errors import LINE_BREAK, explain
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -111,7 +111,7 @@ def read(path: Path) -> tuple[str, Source]:
             raise ConfigError("larger than 1 MiB: recordings belong in data files", file=file)
         text = content.decode("utf-8")
     except FileNotFoundError:
-        near = nearest(path.name, _names_in(path.parent))
+        near = nearest_file(path.name, _names_in(path.parent))
         raise ConfigError(f"there is no such file{near and '.' + near}", file=file) from None
     except IsADirectoryError:
         raise ConfigError("this is a folder; a YAML file was expected", file=file) from None

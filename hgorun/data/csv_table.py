@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hgorun.ahead import ahead
 from hgorun.config.data import Csv
 from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells
@@ -18,6 +19,8 @@ from hgorun.data.text import Block, blocks
 from hgorun.errors import ConfigError
 
 _SEARCHED = 1_000_000  # rows in which the first value of a column is looked for
+_SMALL = 1 << 24  # bytes of a file of which nothing is read ahead
+_AHEAD = 4  # blocks that are
 _MANY = 10_000  # lines that are read one by one before plain ones are tried again
 
 
@@ -70,7 +73,12 @@ class CsvFile:
         if block is None:
             raise ConfigError("no rows", file=str(self._path))
         columns = Columns(wanted, _expected_rows(block, size), budget, self._path)
-        _Reading(Rows(self._path, dialect, wanted), Bulk(dialect, wanted), columns).read(chain([block], rest))
+        reading = _Reading(Rows(self._path, dialect, wanted), Bulk(dialect, wanted), columns)
+        if size <= _SMALL:
+            reading.read(chain([block], rest))
+        else:
+            with ahead(rest, _AHEAD) as following:
+                reading.read(chain([block], following))
         return columns.table()
 
 

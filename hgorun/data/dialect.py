@@ -82,7 +82,7 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
     comments: list[_Line] = []
     lines = list(_lines(block, told, comments))
     if not lines:
-        raise ConfigError("no lines but comments: nothing was measured", file=str(path))
+        raise ConfigError("no lines but comments: nothing was measured", file=str(path), line=1)
     separator = told.separator or _separator(lines)
     rows = [(line, cells(line.text, separator)) for line in lines]
     header, names = rows[0]

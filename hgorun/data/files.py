@@ -47,7 +47,7 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
         raise ConfigError(f"cannot be read: {error.strerror}", file=str(path)) from None
     for mark, what in _NOT_READ.items():
         if begin.startswith(mark):
-            raise ConfigError(f"this is {what}", file=str(path))
+            raise ConfigError(f"this is {what}", file=str(path), line=1)
     if begin == _HDF5:
         return ArrayFile(path, Hdf5())
     return ArrayFile(path, Parquet()) if begin.startswith(_PARQUET) else CsvFile(path, told)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +17,8 @@ from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Sources, Wanted
 from hgorun.data.units import alike, converted
 from hgorun.errors import ConfigError, Problem
+
+_LONG = 1 << 18  # samples from which threads pay
 
 
 def read(
@@ -81,9 +84,10 @@ class _Reader:
         epoch, zoned = self._epoch(signals)
         self._to_times(signals, epoch)
         self._origin = origin(self._unit, epoch, zoned)
-        outputs = {signal.name: self._signal(signal) for signal in self._wanted["outputs"]}
-        inputs = {signal.name: self._input(signal) for signal in self._wanted["inputs"]}
-        reference = {signal.name: self._signal(signal) for signal in self._wanted["reference"]}
+        sorted_out = self._all_sorted(signals)
+        outputs = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["outputs"]}
+        inputs = {one.name: self._input(one, sorted_out[one]) for one in self._wanted["inputs"]}
+        reference = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
         return Recording(
             outputs=outputs,
             inputs=inputs,
@@ -214,12 +218,23 @@ class _Reader:
             return values
         return converted(values, said, wanted, (*signal.path, "unit"))
 
-    def _sorted(self, signal: Wanted, plausible: tuple[float, float] | None, *, measured: bool) -> Samples:
-        told = signal.block.faults.over(self._block.faults)
-        sorting = Sorting(told, measured, self._origin)
-        samples = sorting.sorted_out(self._samples(signal), plausible)
-        self._notes += sorting.notes
-        return samples
+    def _all_sorted(self, signals: Sequence[Wanted]) -> Mapping[Wanted, Samples]:
+        """The samples of all signals, those of long logs looked through side by side."""
+        with ThreadPoolExecutor(2) as pool:
+            found = {one: self._samples(one) for one in signals}
+            long = any(samples.values.size > _LONG for samples in found.values())
+            done = (pool.map if long else map)(self._sorted, signals, found.values())
+            for signal, (samples, notes) in zip(signals, done, strict=True):
+                found[signal] = samples
+                self._notes += notes
+        return found
+
+    def _sorted(self, signal: Wanted, samples: Samples) -> tuple[Samples, list[Note]]:
+        """The samples that are used, and what was found in them."""
+        block = signal.block
+        sorting = Sorting(block.faults.over(self._block.faults), isinstance(block, Measured), self._origin)
+        plausible = block.plausible if isinstance(block, Measured) else None
+        return sorting.sorted_out(samples, plausible), sorting.notes
 
     def _unit_of(self, signal: Wanted) -> str:
         return (
@@ -228,10 +243,9 @@ class _Reader:
             or signal.parts[0].file.table.unit(signal.block.column)
         )
 
-    def _signal(self, signal: Wanted) -> Signal:
+    def _signal(self, signal: Wanted, samples: Samples) -> Signal:
         block = signal.block
         assert isinstance(block, Measured)
-        samples = self._sorted(signal, block.plausible, measured=True)
         return Signal(
             name=signal.name,
             unit=self._unit_of(signal),
@@ -247,9 +261,8 @@ class _Reader:
             lag=block.lag if isinstance(block, Beside) else None,
         )
 
-    def _input(self, signal: Wanted) -> InputSignal:
+    def _input(self, signal: Wanted, samples: Samples) -> InputSignal:
         assert isinstance(signal.block, Recorded)
-        samples = self._sorted(signal, None, measured=False)
         return InputSignal(
             name=signal.name,
             unit=self._unit_of(signal),

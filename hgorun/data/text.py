@@ -58,14 +58,15 @@ def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterat
     for piece in _decoded(path, encoding, size):
         whole, rest = _cut(rest + piece)
         if whole:
-            yield (block := _checked(Block(_unix(whole), line), path))
-            line += block.lines
+            block = _checked(Block(_unix(whole), line), path)
+            line += block.lines  # counted here: who reads ahead does so meanwhile
+            yield block
         if len(rest) > LONGEST:
             raise ConfigError("a line of more than 1 MiB: this is no table of numbers", file=str(path), line=line)
     if rest:
         yield _checked(Block(_unix(rest) if rest.endswith((b"\n", b"\r")) else _unix(rest) + b"\n", line), path)
     elif line == 1:
-        raise ConfigError("this file is empty", file=str(path))
+        raise ConfigError("this file is empty", file=str(path), line=1)
 
 
 def _cut(text: bytes) -> tuple[bytes, bytes]:

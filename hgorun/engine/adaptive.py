@@ -20,41 +20,9 @@ from hgorun.engine.layout import (
     WORD,
 )
 from hgorun.engine.module import move
+from hgorun.engine.step_control import APART, GROW, block_errors, factor, fit, smallest_step
 from hgorun.engine.stepper import Stepper, guard
-from hgorun.native import functions
-from hgorun.native.ir import Function, hexadecimal
-
-_SAFETY, _SHRINK, _GROW = 0.9, 0.2, 5.0
-_SMALLEST, _SMALLEST_PART = 1e-13, 1e-30  # of |t|: below it a step changes t no more; of a segment, where t is zero
-_APART = 1e4  # such steps from one jump that is stepped over to the next
-
-
-def _maximum(f: Function, values: list[str]) -> str:
-    """The largest of all values and lanes, as a scalar; NaN counts as infinite."""
-    worst = hexadecimal(0.0)
-    for value in values:
-        for lane in range(f.lanes):
-            one = value if f.lanes == 1 else f.let(f"extractelement {f.real} {value}, i64 {lane}")
-            missing = f.let(f"fcmp uno double {one}, {one}")
-            one = f.let(f"select i1 {missing}, double {hexadecimal(float('inf'))}, double {one}")
-            worst = f.let(f"select i1 {f.test('ogt', one, worst)}, double {one}, double {worst}")
-    return worst
-
-
-def _block_errors(s: Stepper, errors: list[str], allowed: list[str]) -> list[str]:
-    """The largest error over its tolerance of the plant and of each observer that has not diverged."""
-    f = s.f
-    ratios = []
-    for error, tolerance in zip(errors, allowed, strict=True):
-        size, zero = f.intrinsic("fabs", error), f.constant(0.0)
-        ratios.append(f.select(f.compare("oeq", size, zero), zero, f.div(size, tolerance)))
-    system = s.m.system
-    worst = [_maximum(f, ratios[: system.plant_states])]
-    diverged = f.word("%ctx", WORD["diverged"], "ptr")
-    for j, (start, _, end) in enumerate(system.blocks):
-        alive = f.compare("oeq", f.load(f.at(diverged, j * f.lanes), f.real), f.constant(float("inf")))
-        worst.append(_maximum(f, [f.select(alive, r, f.constant(0.0)) for r in ratios[start:end]]))
-    return worst
+from hgorun.native.ir import hexadecimal
 
 
 def _over_tolerance(s: Stepper, h: str, errors: list[str]) -> list[str]:
@@ -69,8 +37,8 @@ def _over_tolerance(s: Stepper, h: str, errors: list[str]) -> list[str]:
     f.jump(again)
     f.place(again)
     allowed = [f.add(one, f.load(f.at(extra, i * f.lanes), f.real)) for i, one in enumerate(tolerances(s))]
-    found = _block_errors(s, errors, allowed)
-    rejected = f.test("ogt", _maximum_scalar(f, found), hexadecimal(1.0))
+    found = block_errors(s, errors, allowed)
+    rejected = f.test("ogt", s.largest(*found), hexadecimal(1.0))
     f.branch(f.let(f"and i1 {rejected}, {f.test('eq', f.load(looked, 'i64'), '0')}"), look, settled)
     f.place(look)
     for i, more in enumerate(rounding(s, h, errors)):
@@ -100,7 +68,7 @@ def add_adaptive(s: Stepper) -> None:
         f.store(budget, f.at("%ctx", WORD["budget"]), "i64")
         f.leave_if(f.test("slt", budget, "0"), pause)
         wanted = f.load(real["step"])
-        h, landing = _fit(f, wanted, f.load(real["max_step"]), f.scalar("fsub", s.end, t))
+        h, landing = fit(s, wanted, f.load(real["max_step"]), f.scalar("fsub", s.end, t))
         t_new = f.let(f"select i1 {landing}, double {s.end}, double {f.scalar('fadd', t, h)}")
         t_clock = f.let(f"select i1 {landing}, double {s.end_eval}, double {t_new}")
         move(f, s.z, s.before, s.size)
@@ -112,7 +80,7 @@ def add_adaptive(s: Stepper) -> None:
             f.leave_if(f.test("sge", f.load(s.flags, "i64"), "2"), short)
         errors = s.errors(h)
         blocks = _over_tolerance(s, h, errors)
-        worst = _maximum_scalar(f, blocks)
+        worst = s.largest(*blocks)
         accept, reject, leap, retry, next_step = (f.label() for _ in range(5))
         hopeless = f.test("olt", wanted, f.word("%ctx", WORD["hopeless"], "double"))
         met = f.test("ole", worst, hexadecimal(1.0))
@@ -125,10 +93,10 @@ def add_adaptive(s: Stepper) -> None:
         s.note_error(errors)
         note_sizes(s)
         f.store(t_new, real["now"])
-        grown = f.scalar("fmul", h, _factor(s, worst, hexadecimal(_GROW)))
+        grown = f.scalar("fmul", h, factor(s, worst, GROW))
         truncated = f.test("olt", h, wanted)
         f.store(
-            _pick(f, f.let(f"and i1 {truncated}, {f.test('olt', grown, wanted)}"), wanted, grown),
+            s.chosen(s.both(truncated, f.test("olt", grown, wanted)), wanted, grown),
             real["step"],
         )
         guard(f, m, t_new, s.z, lost)
@@ -137,26 +105,26 @@ def add_adaptive(s: Stepper) -> None:
         f.jump(next_step)
 
         f.place(reject)
-        smallest = _smallest(s, t)
+        smallest = smallest_step(s, t)
         finite = f.test("olt", worst, hexadecimal(float("inf")))
         alone = f.let(f"and i1 {finite}, {f.test('oge', t, f.load(f.at('%ctx', WORD['leapt'])))}")
         shortest = f.let(f"and i1 {f.test('ole', h, smallest)}, {f.let(f'xor i1 {hopeless}, true')}")
         f.branch(f.let(f"and i1 {shortest}, {alone}"), leap, retry)
         f.place(leap)
-        f.store(f.scalar("fadd", t, f.scalar("fmul", smallest, hexadecimal(_APART))), f.at("%ctx", WORD["leapt"]))
+        f.store(f.scalar("fadd", t, f.scalar("fmul", smallest, hexadecimal(APART))), f.at("%ctx", WORD["leapt"]))
         f.jump(accept)
 
         f.place(retry)
         move(f, s.before, s.z, s.size)
         move(f, s.slope_before, s.slope, s.size)
         move(f, s.trace_before, s.trace, 2 * s.width // m.lanes)
-        f.store(f.scalar("fmul", h, _factor(s, worst, hexadecimal(1.0))), real["step"])
+        f.store(f.scalar("fmul", h, factor(s, worst, 1.0)), real["step"])
         with f.when(f.let(f"or i1 {hopeless}, {f.test('ole', h, smallest)}")):
             # what fails: everything beyond its tolerance, or, of steps that are met but hopeless, the worst
-            hardest = _maximum_scalar(f, blocks[1:]) if blocks[1:] else hexadecimal(0.0)
+            hardest = s.largest(*blocks[1:]) if blocks[1:] else hexadecimal(0.0)
             limit = f.scalar("fmul", hardest, hexadecimal(1 - 1e-9))
-            limit = _pick(f, f.test("olt", limit, hexadecimal(1.0)), limit, hexadecimal(1.0))
-            f.leave_if(f.test("ugt", blocks[0], _pick(f, hopeless, hardest, hexadecimal(1.0))), small)
+            limit = s.chosen(f.test("olt", limit, hexadecimal(1.0)), limit, 1.0)
+            f.leave_if(f.test("ugt", blocks[0], s.chosen(hopeless, hardest, 1.0)), small)
             _mask_failing(s, blocks[1:], t_new, limit)
             f.store(wanted, real["step"])
             f.store(hexadecimal(0.0), f.at("%ctx", WORD["hopeless"]))
@@ -172,46 +140,6 @@ def add_adaptive(s: Stepper) -> None:
     move(f, s.z, s.home, s.size)
     f.do(f"ret i64 {PAUSED}")
     m.finish(f)
-
-
-def _smallest(s: Stepper, t: str) -> str:
-    """The step from t that is too short."""
-    f = s.f
-    limits = [
-        f.scalar("fmul", s.absolute(t), hexadecimal(_SMALLEST)),
-        f.scalar("fmul", f.scalar("fsub", s.end, s.start), hexadecimal(_SMALLEST_PART)),
-    ]
-    return _maximum_scalar(f, limits)
-
-
-def _fit(f: Function, wanted: str, longest: str, left: str) -> tuple[str, str]:
-    """The step to make, and whether it lands on the end: the last two steps share what is left."""
-    h = _pick(f, f.test("olt", longest, wanted), longest, wanted)
-    landing = f.test("oge", h, f.scalar("fmul", left, hexadecimal(1 - 1e-12)))
-    half = f.scalar("fmul", left, hexadecimal(0.5))
-    h = _pick(f, f.test("ogt", h, half), half, h)
-    return _pick(f, landing, left, h), landing
-
-
-def _pick(f: Function, condition: str, yes: str, no: str) -> str:
-    return f.let(f"select i1 {condition}, double {yes}, double {no}")
-
-
-def _maximum_scalar(f: Function, values: list[str]) -> str:
-    worst = values[0]
-    for value in values[1:]:
-        worst = _pick(f, f.test("ogt", value, worst), value, worst)
-    return worst
-
-
-def _factor(s: Stepper, error: str, largest: str) -> str:
-    """How the step changes: 0.9 error^(-1/5) between 0.2 and ``largest``."""
-    f = s.f
-    with f.on_lanes(1) as scalar:
-        power = functions.call("pow", scalar, error, hexadecimal(-1 / s.order))
-    factor = f.scalar("fmul", hexadecimal(_SAFETY), power)
-    factor = _pick(f, f.test("olt", factor, largest), factor, largest)
-    return _pick(f, f.test("ogt", factor, hexadecimal(_SHRINK)), factor, hexadecimal(_SHRINK))
 
 
 def _mask_failing(s: Stepper, blocks: list[str], t: str, limit: str) -> None:

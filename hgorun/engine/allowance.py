@@ -15,7 +15,6 @@ from __future__ import annotations
 
 from hgorun.engine.layout import WORD, Held
 from hgorun.engine.stepper import Stepper
-from hgorun.native.ir import hexadecimal
 
 _TINY = 2.0**-1000  # below it digits are lost
 SMALL = 1e-6  # of the largest |z| so far: what a state has to be known to when it is smaller
@@ -41,21 +40,24 @@ def tolerances(s: Stepper) -> list[str]:
     return found
 
 
-def note_sizes(s: Stepper) -> None:
-    """Keep the largest |z| of every state."""
+def note_sizes(s: Stepper, where: str = "") -> None:
+    """Keep the largest |z| of every state; ``where``: in some lanes."""
     f = s.f
     sizes = f.word("%ctx", WORD["size"], "ptr")
     for i in range(s.size):
         place = f.at(sizes, i * f.lanes)
         old, new = f.load(place, f.real), f.intrinsic("fabs", f.load(f.at(s.z, i * f.lanes), f.real))
-        f.store(f.select(f.compare("ogt", new, old), new, old), place, f.real)
+        larger = f.compare("ogt", new, old)
+        if where:
+            larger = f.let(f"and {f.mask} {larger}, {where}")
+        f.store(f.select(larger, new, old), place, f.real)
 
 
 def rounding(s: Stepper, h: str, errors: list[str]) -> list[str]:
     """What is allowed besides where no absolute tolerance is given."""
     f, zero = s.f, s.f.constant(0.0)
     change = _change(s)
-    waived = f.splat(_waived(s, h))
+    waived = s.spread(_waived(s, h))
     sizes = f.word("%ctx", WORD["size"], "ptr")
     found = []
     for i, (error, one) in enumerate(zip(errors, s.step_of(change, h), strict=True)):
@@ -70,11 +72,9 @@ def rounding(s: Stepper, h: str, errors: list[str]) -> list[str]:
 
 def _waived(s: Stepper, h: str) -> str:
     """Errors below it are allowed to states that have been zero: infinity for a very short step, 0 for others."""
-    f = s.f
-    limits = [f.scalar("fmul", f.scalar("fsub", s.end, s.start), hexadecimal(_SHORT))]
-    limits.append(f.scalar("fmul", s.absolute(s.start), hexadecimal(_SHORTEST)))
-    short = f.let(f"or i1 {f.test('ole', h, limits[0])}, {f.test('ole', h, limits[1])}")
-    return f.let(f"select i1 {short}, double {hexadecimal(float('inf'))}, double {hexadecimal(0.0)}")
+    limits = s.timed("fmul", s.timed("fsub", s.end, s.start), _SHORT), s.timed("fmul", s.absolute(s.start), _SHORTEST)
+    short = s.either(*(s.compared("ole", h, limit) for limit in limits))
+    return s.chosen(short, float("inf"), 0.0)
 
 
 def _change(s: Stepper) -> str:

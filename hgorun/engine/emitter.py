@@ -235,8 +235,38 @@ class Emitter:
     def calls(self, calls: Sequence[Instruction]) -> None:
         """Calls in one part that do not wait for each other: those of one function side by side."""
         part = max(self.level[a] for a in calls[0].arguments)
-        for call, value in together(self.parts[part], calls, lambda a: self.use(a, part)):
+        powers = [call for call in calls if CALLS[call.op] == "pow"]
+        others = [call for call in calls if CALLS[call.op] != "pow"]
+        for call, value in together(self.parts[part], others, lambda a: self.use(a, part)):
             self.define(call.value, part, value)
+        for base in dict.fromkeys(call.arguments[0] for call in powers):
+            self._powers(base, [call for call in powers if call.arguments[0] == base], part)
+
+    def _powers(self, base: int, calls: Sequence[Instruction], part: int) -> None:
+        """Powers of one base, which share what they have in common."""
+        from hgorun.native.functions.power import Exponent, powers
+        from hgorun.native.functions.roots import THIRD, cube_root
+
+        f, x = self.parts[part], self.use(base, part)
+        thirds = [call for call in calls if self.numbers.get(call.arguments[1]) == THIRD]
+        others = [call for call in calls if call not in thirds]
+        found = [cube_root(f, x)] * len(thirds) if thirds else []
+        if others:
+            given = [call.arguments[1] for call in others]
+            found += powers(f, x, [Exponent(self.use(y, part), self.use(self._limit(y), part)) for y in given])
+        for call, value in zip([*thirds, *others], found, strict=True):
+            self.define(call.value, part, value)
+
+    def _limit(self, y: int) -> int:
+        """What the base of a power of this exponent may be, see :class:`~hgorun.native.functions.power.Exponent`."""
+        from hgorun.native.functions.power import limit_of
+
+        key = ca.OP_POW, y
+        if key not in self.made:
+            self.made[key] = -1 - len(self.made)
+            part = self.level[y]
+            self.define(self.made[key], part, limit_of(self.parts[part], self.use(y, part)))
+        return self.made[key]
 
     def output(self, value: int, index: int) -> None:
         main = self.parts[MAIN]

@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.loose import fits
-from hgorun.engine.many import ManyProgram, Worker, beside, lanes_of, widest
+from hgorun.engine.many import Control, ManyProgram, Worker, beside, lanes_of, widest
 from hgorun.engine.member_numbers import MemberNumbers, Outcome, Reduction
 from hgorun.engine.members import INPUTS
 from hgorun.engine.methods import METHODS
@@ -28,8 +28,18 @@ _ROWS = 1 << 26  # numbers of the rows of a block: of long ones fewer are made s
 _KEPT = 1 << 24  # numbers of rows that are kept at once for a reduction in Python
 
 
+@dataclass(frozen=True, eq=False)
+class _How:
+    """How members are carried out; as the arguments of :meth:`Ensemble.run`."""
+
+    rows: bool
+    threads: int
+    progress: Callable[[int], None] | None
+    control: Control | None
+
+
 class Ensemble:
-    """Runs of one system with fixed steps.
+    """Runs of one system.
 
     Parameters
     ----------
@@ -44,7 +54,7 @@ class Ensemble:
         self.system, self.method = system, method
         self.lanes = lanes_of(system) if lanes is None else lanes
         self._others = {self.lanes: self}  # by their numbers of lanes
-        self._programs: dict[tuple[tuple[int, ...] | None, bool], ManyProgram] = {}
+        self._programs: dict[tuple[tuple[int, ...] | None, bool, bool, bool], ManyProgram] = {}
 
     def run(
         self,
@@ -55,6 +65,7 @@ class Ensemble:
         rows: bool = False,
         threads: int = 1,
         progress: Callable[[int], None] | None = None,
+        control: Control | None = None,
     ) -> Outcome:
         """Runs that have a plan in common; its gain, bias and holds are not read.
 
@@ -71,13 +82,17 @@ class Ensemble:
             So many at once, on as many threads.
         progress : callable, optional
             Called now and then with the number of members that are done; also the chance for Ctrl-C.
+        control : Control, optional
+            Of steps that an error estimate controls; they are fixed without. No history may be needed then, see
+            :func:`~hgorun.engine.loose_adaptive.controllable`.
 
         Raises
         ------
         SimulationError
             Where a delay reaches further back than ``plan.reach``.
         """
-        return self._run([plan.whole()], members, reduction, rows=rows, threads=threads, progress=progress)
+        how = _How(rows, threads, progress, control)
+        return self._run([plan.whole()], members, reduction, how)
 
     def run_each(
         self,
@@ -88,6 +103,7 @@ class Ensemble:
         rows: bool = False,
         threads: int = 1,
         progress: Callable[[int], None] | None = None,
+        control: Control | None = None,
     ) -> Outcome:
         """Runs each of which has a plan of its own, with its gain, bias and holds; all have one grid.
 
@@ -98,59 +114,57 @@ class Ensemble:
         plans = [plan.whole() for plan in plans]
         gain, bias, holds = (beside([getattr(plan, name) for plan in plans]) for name in ("gain", "bias", "holds"))
         numbers = replace(members, gain=gain, bias=bias, holds=holds)
-        if fits(self.system, METHODS[self.method]) and self.lanes > 1:
-            return self._run(plans, numbers, reduction, rows=rows, threads=threads, progress=progress)
-        return self._one_by_one(plans, numbers, reduction, rows, threads, progress)
+        how = _How(rows, threads, progress, control)
+        if control or (fits(self.system, METHODS[self.method]) and self.lanes > 1):
+            return self._run(plans, numbers, reduction, how)
+        return self._one_by_one(plans, numbers, reduction, how)
 
     def _one_by_one(
         self,
         plans: Sequence[Plan],
         members: MemberNumbers,
         reduction: Reduction | None,
-        rows: bool,
-        threads: int,
-        progress: Callable[[int], None] | None,
+        how: _How,
     ) -> Outcome:
         """Members that share nothing, each on one lane."""
-        single = self._on(1)
+        single, quiet = self._on(1), replace(how, threads=1, progress=None)
 
         def one(i: int) -> Outcome:
             own = members.some(slice(i, i + 1))
-            return single._run(plans[i : i + 1], own, reduction, rows=rows, threads=1, progress=None)
+            return single._run(plans[i : i + 1], own, reduction, quiet)
 
         parts = [one(0)]  # compiled before there are threads
-        with ThreadPoolExecutor(max(threads, 1)) as pool:
+        with ThreadPoolExecutor(max(how.threads, 1)) as pool:
             for part in pool.map(one, range(1, len(plans))):
                 parts.append(part)
-                if progress:
-                    progress(len(parts))
-        return _joined(parts, rows)
+                if how.progress:
+                    how.progress(len(parts))
+        return _joined(parts, how.rows)
 
     def _run(
         self,
         plans: Sequence[Plan],
         members: MemberNumbers,
         reduction: Reduction | None,
-        *,
-        rows: bool,
-        threads: int,
-        progress: Callable[[int], None] | None,
+        how: _How,
     ) -> Outcome:
         """Runs that have one plan, or each its own."""
-        loose, lanes = len(plans) > 1, self.lanes
+        loose, rows, lanes = len(plans) > 1 or how.control is not None, how.rows, self.lanes
         while lanes > 1 + loose and lanes * self.system.states * plans[0].grid.size > _ROWS:
             lanes //= 2
         if lanes < self.lanes:
             fewer = self._on(lanes)
-            return fewer._run(plans, members, reduction, rows=rows, threads=threads, progress=progress)
+            return fewer._run(plans, members, reduction, how)
         plan = widest(plans) if loose else plans[0]
         whole = self.system.states if rows else None
-        reducers = [reduction.reducer(self.lanes, whole=whole) if reduction else None for _ in range(max(threads, 1))]
+        threads = range(max(how.threads, 1))
+        reducers = [reduction.reducer(self.lanes, whole=whole) if reduction else None for _ in threads]
         compiled = reducers[0] is not None
         if reduction is not None and not compiled and not rows:
-            return self._in_parts(plans, members, reduction, threads, progress)
+            return self._in_parts(plans, members, reduction, how)
         shown = reduction.states if reduction is not None and compiled and not rows else None
-        program, count, s = self._program(shown, loose=loose), members.count, self.system
+        program = self._program(shown, loose=loose, adaptive=how.control is not None, rows=rows)
+        count, s = members.count, self.system
         inputs = {name: _doubles(members.named(name)) for name in INPUTS}
         outputs = {
             "final": np.empty((s.states, count)),
@@ -158,15 +172,16 @@ class Ensemble:
             "diverged": np.empty((s.observers, count)),
             "lost": np.empty((1, count)),
             "error": np.empty((s.states, count)),
+            "tries": np.zeros((1, count)),
             "found": np.empty((reducers[0].size if reducers[0] else 0, count)),
             "kept": np.empty((plan.grid.size if rows else 0, s.states, count)),
         }
         workers = [
-            Worker(program, plan, inputs, outputs, count, members.bound, reducer, plans if loose else ())
+            Worker(program, plan, inputs, outputs, count, members.bound, reducer, plans if loose else (), how.control)
             for reducer in reducers
         ]
-        Queue(-(-count // self.lanes)).carry_out(workers, _told(progress, self.lanes, count))
-        if np.any(outputs["lost"] == -np.inf):
+        Queue(-(-count // self.lanes)).carry_out(workers, _told(how.progress, self.lanes, count))
+        if how.control is None and np.any(outputs["lost"] == -np.inf):
             raise SimulationError("a delay reaches further back than the history that is kept for it")
         reduced = np.empty((0, count))
         if reduction is not None:
@@ -179,6 +194,7 @@ class Ensemble:
             last=outputs["final"],
             error=outputs["error"],
             rows=outputs["kept"] if rows else None,
+            tries=outputs["tries"][0].astype(np.int64),
         )
 
     def _on(self, lanes: int) -> Ensemble:
@@ -187,10 +203,12 @@ class Ensemble:
             self._others[lanes] = Ensemble(self.system, self.method, lanes)
         return self._others[lanes]
 
-    def _program(self, shown: Sequence[int] | None, *, loose: bool) -> ManyProgram:
-        key = None if shown is None else tuple(shown), loose
+    def _program(self, shown: Sequence[int] | None, *, loose: bool, adaptive: bool, rows: bool) -> ManyProgram:
+        key = None if shown is None else tuple(shown), loose, adaptive, rows
         if key not in self._programs:
-            self._programs[key] = ManyProgram(self.system, self.method, self.lanes, key[0], loose=loose)
+            self._programs[key] = ManyProgram(
+                self.system, self.method, self.lanes, key[0], loose=loose, adaptive=adaptive, estimates=rows
+            )
         return self._programs[key]
 
     def _in_parts(
@@ -198,8 +216,7 @@ class Ensemble:
         plans: Sequence[Plan],
         members: MemberNumbers,
         reduction: Reduction,
-        threads: int,
-        progress: Callable[[int], None] | None,
+        how: _How,
     ) -> Outcome:
         """With a reduction in Python, which needs the rows of a part of the members at a time."""
         size = max(_KEPT // (plans[0].grid.size * self.system.states), 1)
@@ -207,10 +224,10 @@ class Ensemble:
         for first in range(0, members.count, size):
             some = members.some(slice(first, first + size))
             own = plans[first : first + size] if len(plans) > 1 else plans
-            found = self._run(own, some, reduction, rows=True, threads=threads, progress=None)
+            found = self._run(own, some, reduction, replace(how, rows=True, progress=None))
             parts.append(replace(found, rows=None))
-            if progress:
-                progress(first + some.count)
+            if how.progress:
+                how.progress(first + some.count)
         return _joined(parts, False)
 
 
@@ -226,5 +243,5 @@ def _doubles(array: np.ndarray) -> Floats:
 
 
 def _joined(parts: Sequence[Outcome], rows: bool) -> Outcome:
-    names = ["reduced", "diverged", "plant_diverged", "first", "last", "error", *(["rows"] if rows else [])]
+    names = ["reduced", "diverged", "plant_diverged", "first", "last", "error", "tries", *(["rows"] if rows else [])]
     return Outcome(**{name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in names})

@@ -68,6 +68,7 @@ def add_fixed(s: Stepper) -> None:
     move(f, s.z, s.home, s.size)
     f.do(f"ret i64 {DONE}")
     f.place(lost)
+    move(f, s.z, s.home, s.size)
     f.store(exact(f.load(at, "i64")), f.at("%ctx", WORD["now"]))
     f.do(f"ret i64 {PLANT_DIVERGED}")
     if s.delayed:

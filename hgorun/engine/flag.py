@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from hgorun.engine.layout import WORD
 from hgorun.engine.module import Module
+from hgorun.native.ir import Function
 
 
 def add_flag(m: Module, *, alone: bool) -> None:
-    """``flag(ctx, t, z, bound)``: mask the observers that have left the bound; 1 when the plant has.
+    """``flag(ctx, t, z, bound)``: mask the observers that have left the bound; 1 when the run ends.
 
-    A plant that is not ``alone`` does not end the run of the others: all its lane becomes NaN, and when that was is
-    kept in ``lost``.
+    It ends with the plant; one that is not ``alone`` does not end the run of the others: all its lane becomes NaN, and
+    when that was is kept in ``lost``. It also ends where some observers are ``awaited`` and all of them have been
+    masked in the steps before, in every lane: what is not a number is looked at in every step.
     """
     lanes = m.lanes
     arguments = f"ptr %ctx, {m.time} %t, ptr %z, ptr %bound"
     f = m.function("flag", arguments, returns="i64", attributes="nounwind noinline")
+    nothing_left = f.label()
     worst, t = f.slot(f.real), "%t" if m.loose else f.splat("%t")
 
     def watch(start: str, stop: str, bound: str) -> str:
@@ -35,6 +38,8 @@ def add_flag(m: Module, *, alone: bool) -> None:
             place = f.at("%z", f.scalar("mul", i, str(lanes)))
             f.store(f.select(mask, f.constant(float("nan")), f.load(place, f.real)), place, f.real)
 
+    with f.when(f.test("ne", f.word("%ctx", WORD["awaits"]), "0")):
+        f.leave_if(f.let(f"xor i1 {_awaited(m, f)}, true"), nothing_left)
     lost = watch("0", str(m.system.plant_states), f.constant(1e300))
     outcome = f.let(f"zext i1 {f.any(lost)} to i64")
     if not alone:
@@ -50,4 +55,20 @@ def add_flag(m: Module, *, alone: bool) -> None:
         with f.when(f.any(beyond)):
             end(beyond, f.at(diverged, f.scalar("mul", j, str(lanes))), start, after)
     f.do(f"ret i64 {outcome}")
+    f.place(nothing_left)
+    f.store("1", f.at("%ctx", WORD["stopped"]), "i64")
+    f.do("ret i64 1")
     m.finish(f)
+
+
+def _awaited(m: Module, f: Function) -> str:
+    """Whether an observer that is awaited has not been masked yet, an i1."""
+    awaited, diverged = f.word("%ctx", WORD["awaited"], "ptr"), f.word("%ctx", WORD["diverged"], "ptr")
+    left = f.slot(f.real)
+    f.store(f.constant(0.0), left, f.real)
+    with f.count(0, m.system.observers) as j:
+        place = f.scalar("mul", j, str(m.lanes))
+        wanted, when = (f.load(f.at(array, place), f.real) for array in (awaited, diverged))
+        here = f.select(f.compare("oeq", when, f.constant(float("inf"))), wanted, f.constant(0.0))
+        f.store(f.add(f.load(left, f.real), here), left, f.real)
+    return f.any(f.compare("ogt", f.load(left, f.real), f.constant(0.0)))

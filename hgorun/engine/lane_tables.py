@@ -13,7 +13,8 @@ from hgorun.native.ir import Function, hexadecimal
 # What each lane has of its own, one word a lane each: its tables, and where it is in them.
 TABLES = ("spans", "counts", "actions", "segments")
 _NUMBERS = ("step", "first", "last", "steps", "h", "silent", "active", "due", "regime")
-OWN = (*TABLES, "segment", "row", *SPAN, *_NUMBERS)
+_CONTROL = ("now", "wanted", "leapt", "tries", "fresh")  # of steps that are controlled
+OWN = (*TABLES, "segment", "row", *SPAN, *_NUMBERS, *_CONTROL)
 _PLACE = {name: index for index, name in enumerate(OWN)}
 
 
@@ -131,10 +132,10 @@ def add_act_of(m: Module) -> None:
     m.finish(f)
 
 
-def add_rows_of(m: Module) -> None:
-    """``rows_of(ctx, lane, t0, t1, snap, z0, k0, z1, k1)``: the output points of one lane in a step; see ``rows``."""
+def add_rows_of(m: Module, *, quintic: bool = False) -> None:
+    """``rows_of(ctx, lane, t0, t1, snap, z0, k0, z1, k1, q)``: output points of one lane in a step; see ``rows``."""
     lanes, states = m.lanes, range(m.system.states) if m.shown is None else m.shown
-    arguments = "double %t0, double %t1, double %snap, ptr %z0, ptr %k0, ptr %z1, ptr %k1"
+    arguments = "double %t0, double %t1, double %snap, ptr %z0, ptr %k0, ptr %z1, ptr %k1, ptr %q"
     f = m.function("rows_of", f"ptr %ctx, i64 %lane, {arguments}", attributes="nounwind noinline")
     grid, rows = f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["rows"], "ptr")
     place, due = own(f, "row", "%lane"), own(f, "due", "%lane")
@@ -154,6 +155,10 @@ def add_rows_of(m: Module) -> None:
                 values = [f.load(f.at(f.at(array, state * lanes), "%lane")) for array in ("%z0", "%k0", "%z1", "%k1")]
                 with f.wide(1):
                     value = hermite(f, theta, h, *values)
+                    if quintic:
+                        bump = f.mul(theta, f.sub(f.constant(1.0), theta))
+                        bump = f.mul(bump, bump)
+                        value = f.add(value, f.mul(bump, f.load(f.at(f.at("%q", state * lanes), "%lane"))))
                 f.store(value, f.at(target, k * lanes))
         following = f.scalar("add", row, "1")
         f.store(following, place, "i64")

@@ -12,7 +12,7 @@ CONTEXT = (
     "measured", "holds", "alpha", "blocks", "diverged", "lost", "largest", "ring", "initial", "hints", "error", "size",
     "own", "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small",
     "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "leapt", "snapshots", "innovations",
-    "room", "full",
+    "room", "full", "awaited", "awaits", "stopped",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}
 

@@ -101,7 +101,7 @@ class _Loop:
                     with f.when(f.test("ogt", shown, hexadecimal(0.0))):
                         arrays = ", ".join(f"ptr {of}" for of in (self.before, self.slope_before, self.z, self.slope))
                         times = f"double {begin}, double {end}, double {snap}"
-                        f.call("rows_of", f"ptr %ctx, i64 {lane}, {times}, {arrays}")
+                        f.call("rows_of", f"ptr %ctx, i64 {lane}, {times}, {arrays}, ptr null")
                     if enter:
                         f.call("enter", f"ptr %ctx, i64 {lane}")
 
@@ -151,10 +151,7 @@ class _Loop:
                 move(f, self.z, self.before, self.size)
                 move(f, self.slope, self.slope_before, self.size)
             self.step(following)
-            lost = f.label()
-            guard(f, m, t_end, self.z, lost)
-            f.jump(lost)  # a plant that diverges ends its own lane alone
-            f.place(lost)
+            guard(f, m, t_end, self.z, after)  # a plant that diverges ends its own lane alone, and not the loop
             f.store(f.select(self.holds("active"), following, self.read("step")), own(f, "step"), f.real)
         f.do("ret void")
         m.finish(f, "dso_local")

@@ -11,12 +11,14 @@ import numpy as np
 from hgorun.engine.lane_tables import OWN, TABLES
 from hgorun.engine.layout import ACTION_WORDS, HybridSystem
 from hgorun.engine.members import INPUTS, JOB, OUTPUTS, PLACE
-from hgorun.engine.memory import Memory, Start
+from hgorun.engine.memory import Memory, Start, Tolerance
 from hgorun.engine.plan import Floats, Plan
 from hgorun.engine.program import generate, generate_loose
 from hgorun.native.compiler import NativeModule, address_of, vector_doubles
+from hgorun.symbolic.instructions import calls_of_state
+from hgorun.symbolic.interpreter import CALLS
 
-_FEW_STATES = 6
+_FEW_STATES, _FEW_THAT_WAIT = 6, 11
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,16 +54,28 @@ class ManyProgram:
         The states of a row, all of them by default.
     loose : bool
         Every member has tables of its own.
+    estimates : bool
+        Whether embedded error estimates are kept.
+    adaptive : bool
+        Every member has steps of its own, too, which an error estimate controls.
     """
 
     def __init__(
-        self, system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None = None, *, loose: bool = False
+        self,
+        system: HybridSystem,
+        method: str,
+        lanes: int,
+        shown: Sequence[int] | None = None,
+        *,
+        loose: bool = False,
+        estimates: bool = True,
+        adaptive: bool = False,
     ) -> None:
-        self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose
-        if loose:
-            ir, self.constants = generate_loose(system, method, lanes, shown)
+        self.system, self.lanes, self.shown, self.loose = system, lanes, shown, loose or adaptive
+        if self.loose:
+            ir, self.constants = generate_loose(system, method, lanes, shown, adaptive=adaptive)
         else:
-            ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown)
+            ir, self.constants = generate(system, method, lanes=lanes, many=True, shown=shown, estimates=estimates)
         self._native = NativeModule(ir, ("members",))
         kinds = ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64, ctypes.c_int64
         self.members = ctypes.CFUNCTYPE(None, *kinds)(self._native.address["members"])
@@ -70,6 +84,21 @@ class ManyProgram:
     def width(self) -> int:
         """States of a row."""
         return self.system.states if self.shown is None else len(self.shown)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Control:
+    """Of the steps of members, each of which has its own.
+
+    Attributes
+    ----------
+    tolerance : Tolerance
+    limit : int
+        So many steps may be tried.
+    """
+
+    tolerance: Tolerance
+    limit: int
 
 
 class Worker:
@@ -89,7 +118,10 @@ class Worker:
         As of :class:`~hgorun.engine.memory.Start`.
     reducer : Reducer, optional
     tables : sequence of Plan
-        Of a loose program, the plans of all members; ``plan`` has as many slots and holds as the largest.
+        Of a loose program, the plans of all members, or the one of all; ``plan`` has as many slots and holds as the
+        largest.
+    control : Control, optional
+        Of steps that are controlled.
     """
 
     def __init__(
@@ -102,11 +134,16 @@ class Worker:
         bound: tuple[float, float],
         reducer: Reducer | None = None,
         tables: Sequence[Plan] = (),
+        control: Control | None = None,
     ) -> None:
         s, lanes = program.system, program.lanes
         start = Start(np.zeros((s.states, lanes)), np.zeros((s.parameters, lanes)), bound)
         self._program, self._kept = program, (inputs, outputs, reducer)
-        self._memory = Memory(s, lanes, program.constants, plan, start, None, program.width, len(OWN))
+        tolerance = control.tolerance if control else None
+        self._memory = Memory(s, lanes, program.constants, plan, start, tolerance, program.width, len(OWN))
+        if control:
+            self._memory["budget"] = control.limit
+        self._memory["awaits"] = int(len(inputs["awaited"]) > 0)
         job = np.zeros(len(JOB), dtype=np.int64)
         for name in INPUTS:
             room = self._memory.arrays[name].size // lanes
@@ -127,7 +164,7 @@ class Worker:
             job[PLACE["reduce"]], job[PLACE["numbers"]] = reducer.address, reducer.size
             job[PLACE["workspace"]], job[PLACE["reduced"]] = address_of(reducer.arrays[0]), address_of(self._reduced)
         if program.loose:
-            self._tables, self._plans = _table_of(tables)
+            self._tables, self._plans = _table_of(tables, count)
             job[PLACE["tables"]] = address_of(self._tables)
         self._job = job
 
@@ -142,7 +179,7 @@ def _needed(plan: Plan, name: str) -> int:
     return sizes.get(name, 0)
 
 
-def _table_of(plans: Sequence[Plan]) -> tuple[np.ndarray, list[list[np.ndarray]]]:
+def _table_of(plans: Sequence[Plan], count: int) -> tuple[np.ndarray, list[list[np.ndarray]]]:
     """Where the tables of every member are, shape (members, 4), and these."""
     found = np.empty((len(plans), len(TABLES)), dtype=np.int64)
     kept = []
@@ -151,7 +188,7 @@ def _table_of(plans: Sequence[Plan]) -> tuple[np.ndarray, list[list[np.ndarray]]
         arrays = [np.ascontiguousarray(array) for array in (plan.spans, plan.counts, actions)]
         row[:] = *(array.__array_interface__["data"][0] for array in arrays), len(plan.counts)
         kept.append(arrays)
-    return found, kept
+    return np.repeat(found, count // len(plans), axis=0), kept
 
 
 def widest(plans: Sequence[Plan]) -> Plan:
@@ -176,5 +213,10 @@ def lanes_of(system: HybridSystem) -> int:
     states, takes 0.69 of the time with 16 lanes, and 0.70 with 32, of what it takes with 8 (AVX-512); with AVX2 0.61
     with 8, and 0.59 with 16, of what it takes with 4. Of more states two vectors only go through memory more often:
     7 states take as long with 16 lanes as with 8, 12 states 1.15 times as long, 17 states 1.4, 23 states 1.0 to 1.1.
+    Where every evaluation waits for powers, exponentials and the like it is more states: differentiators of 7 states
+    take 0.7 of the time, 11 states with three of them one after the other, too.
     """
-    return (2 if system.states <= _FEW_STATES else 1) * vector_doubles()
+    few = system.states <= _FEW_STATES or (
+        system.states <= _FEW_THAT_WAIT and any(calls_of_state(one.flow, CALLS) for one in system.regimes)
+    )
+    return (2 if few else 1) * vector_doubles()

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Protocol
 
+import numpy as np
+
 from hgorun.engine.many import Reducer
-from hgorun.engine.plan import Floats
+from hgorun.engine.plan import Floats, Integers
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -23,6 +25,9 @@ class MemberNumbers:
         These three take the place of the plan's.
     bound : (offset, factor)
         As in :class:`~hgorun.engine.program.Start`.
+    awaited : ndarray, shape (observers, N), optional
+        One for each observer without which the run of a member need not go on, else zero: it may end when nothing is
+        left of them any more. Then the rows behind that tell nothing of all else.
     """
 
     z0: Floats
@@ -31,6 +36,7 @@ class MemberNumbers:
     bias: Floats
     holds: Floats
     bound: tuple[float, float] = (1e6, 1e6)
+    awaited: Floats = field(default_factory=lambda: np.zeros((0, 1)))
 
     @property
     def count(self) -> int:
@@ -38,13 +44,13 @@ class MemberNumbers:
         return int(self.z0.shape[1])
 
     def named(self, name: str) -> Floats:
-        """The numbers that the engine calls ``z``, ``p``, ``gain``, ``bias``, ``holds``."""
+        """The numbers that the engine calls ``z``, ``p``, ``gain``, ``bias``, ``holds``, ``awaited``."""
         numbers: Floats = getattr(self, {"z": "z0"}.get(name, name))
         return numbers
 
     def some(self, which: slice) -> MemberNumbers:
         """Some of them, as views."""
-        parts = {name: getattr(self, name) for name in ("z0", "p", "gain", "bias", "holds")}
+        parts = {name: getattr(self, name) for name in ("z0", "p", "gain", "bias", "holds", "awaited")}
         return replace(self, **{name: part[:, which] if part.ndim == 2 else part for name, part in parts.items()})
 
 
@@ -101,14 +107,17 @@ class Outcome:
     diverged : ndarray, shape (observers, N)
         Time of divergence of each observer, infinity where there was none.
     plant_diverged : ndarray, shape (N,)
-        When the plant did; other numbers of such a member mean nothing. Infinity where it did not.
+        When the plant did; other numbers of such a member mean nothing. Infinity where it did not. Minus infinity of
+        controlled steps where none was small enough, or more would have had to be tried than may be.
     first, last : ndarray, shape (states, N)
         The states at the first and at the last point of the grid; at the first one, of a compiled reduction those
         that are not in the rows have their initial values.
     error : ndarray, shape (states, N)
-        Largest local error estimate of an embedded method, zeros otherwise.
+        Largest local error estimate of an embedded method where rows were asked for, zeros otherwise.
     rows : ndarray, shape (grid points, states, N), or None
         Where they were asked for.
+    tries : ndarray of int64, shape (N,)
+        Steps that were tried, where they are controlled; zeros otherwise.
     """
 
     reduced: Floats
@@ -118,3 +127,4 @@ class Outcome:
     last: Floats
     error: Floats
     rows: Floats | None = None
+    tries: Integers

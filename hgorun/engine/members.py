@@ -10,10 +10,10 @@ from hgorun.native.ir import Function, hexadecimal
 
 # Numbers of members are read from arrays of any strides: for each an address, its rows, and the distances in words
 # from row to row and from member to member.
-INPUTS = ("z", "p", "gain", "bias", "holds")
+INPUTS = ("z", "p", "gain", "bias", "holds", "awaited")
 SOURCE = ("address", "rows", "row_stride", "member_stride")
 # What is written of each member, arrays of shape (rows, members).
-OUTPUTS = ("final", "first", "diverged", "lost", "error", "found", "kept")
+OUTPUTS = ("final", "first", "diverged", "lost", "error", "tries", "found", "kept")
 OTHERS = ("count", "segments", "points", "slots", "reduce", "workspace", "reduced", "numbers", "tables")
 JOB = (*(f"{name}_{part}" for name in INPUTS for part in SOURCE), *OUTPUTS, *OTHERS)
 PLACE = {name: index for index, name in enumerate(JOB)}
@@ -61,7 +61,13 @@ def add_members(m: Module) -> None:
             size = f.intrinsic("fabs", f.load(f.at(own["z"], state * lanes), f.real))
             largest = f.select(f.compare("ogt", size, largest), size, largest)
         f.store(largest, own["largest"], f.real)
-        for word in ("row", "ring_count", "segment", "paused"):
+        if m.loose:
+            with f.count(0, s.states) as i:
+                place, zero = f.scalar("mul", i, str(lanes)), f.constant(0.0)
+                size = f.intrinsic("fabs", f.load(f.at(own["z"], place), f.real))
+                finite = f.compare("olt", size, f.constant(float("inf")))
+                f.store(f.select(finite, size, zero), f.at(own["size"], place), f.real)
+        for word in ("row", "ring_count", "segment", "paused", "stopped"):
             f.store("0", f.at("%ctx", WORD[word]), "i64")
         collect("first", own["z"], str(s.states))
         f.call("begin", "ptr %ctx")
@@ -70,7 +76,8 @@ def add_members(m: Module) -> None:
             _run_each(f, m, own, job("tables", "ptr"), first, job("count"), job("points"))
         else:
             verdict = f.call("run", f"ptr %ctx, i64 {job('segments')}", "i64")
-            with f.when(f.test("ne", verdict, str(DONE))):
+            lost = f.test("ne", verdict, str(DONE))
+            with f.when(f.let(f"and i1 {lost}, {f.test('eq', f.word('%ctx', WORD['stopped']), '0')}")):
                 _fill(f, own["lost"], "1", float("-inf"))
             _add_last_rows(f, m, own, job("points"))
         with f.when(f.test("ne", job("first"), "0")):
@@ -92,11 +99,13 @@ def add_members(m: Module) -> None:
             ("kept", "rows", f.scalar("mul", job("points"), str(m.row_words // lanes))),
         ):
             collect(name, own[source], rows)
+        if m.loose:
+            collect("tries", lane_word(f, "tries"), "1")
     f.do("ret void")
     m.finish(f, "dso_local")
 
 
-_OWN = (*INPUTS, "w", "channels", "initial", "slots", "diverged", "lost", "error", "hints", "largest", "rows")
+_OWN = (*INPUTS, "w", "channels", "initial", "slots", "diverged", "lost", "error", "hints", "largest", "size", "rows")
 
 
 def _fill(f: Function, array: str, count: str, value: float) -> None:
@@ -126,6 +135,12 @@ def _run_each(f: Function, m: Module, arrays: dict[str, str], tables: str, first
             f.store("0", lane_word(f, name, lane), "i64")
         f.store(f.word(grid, 0, "double"), lane_word(f, "due", lane))
         f.store(hexadecimal(1.0), lane_word(f, "active", lane))
+        for name, value in (
+            ("wanted", f.word("%ctx", WORD["step"], "double")),
+            ("leapt", hexadecimal(0.0)),
+            ("tries", hexadecimal(0.0)),
+        ):
+            f.store(value, lane_word(f, name, lane))
     f.call("run_each", "ptr %ctx")
     shown = range(m.system.states) if m.shown is None else m.shown
     with f.count(0, m.lanes) as lane, f.count(f.load(lane_word(f, "row", lane), "i64"), points) as row:

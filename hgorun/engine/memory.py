@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -163,6 +164,7 @@ class Memory:
             "blocks": np.array(s.blocks or [(0, 0, 0)], dtype=np.int64),
             "diverged": np.full((max(s.observers, 1), lanes), np.inf),
             "lost": np.full(lanes, np.inf),
+            "awaited": np.zeros((max(s.observers, 1), lanes)),
             "largest": np.abs(start.z[: s.plant_states]).max(axis=0, initial=0.0),
             "ring": ring,
             "initial": np.zeros(max(channels, 1) * lanes),
@@ -211,6 +213,11 @@ class Memory:
 
     def set_real(self, word: str, value: float) -> None:
         self.context.view(float)[WORD[word]] = value
+
+    def stop_without(self, observers: Sequence[int]) -> None:
+        """End the run when nothing is left of some observers; see :meth:`Program.run`."""
+        self.arrays["awaited"][list(observers)] = 1.0
+        self["awaits"] = int(bool(observers))
 
     def take(self, segments: Segments) -> None:
         """The segments that are carried out next."""

@@ -32,7 +32,7 @@ class Module:
     @property
     def time(self) -> str:
         """The type of a time."""
-        return f"<{self.lanes} x double>" if self.loose else "double"
+        return f"<{self.lanes} x double>" if self.loose and self.lanes > 1 else "double"
 
     @property
     def row_words(self) -> int:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -29,14 +30,14 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.rows import add_rows
 from hgorun.engine.stepper import Stepper
 from hgorun.engine.window import Take, Window
-from hgorun.errors import PlantDiverged, SimulationError
+from hgorun.errors import NoStep, PlantDiverged, SimulationError
 from hgorun.native.compiler import NativeModule
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
 _FIRST = 1000  # steps in the first slice, until it is known how long one takes
 _LARGEST = 1 << 40  # steps in a slice: parts of a run may be shorter than any slice
 _BUDGET = 20_000  # adaptive steps between two such looks
-_PATIENCE, _PROGRESS = 1_000_000, 1e-3  # adaptive steps, and the part of the run that they must bring
+PATIENCE, _PROGRESS = 1_000_000, 1e-3  # adaptive steps, and the part of the run that they must bring
 
 
 class TooManySteps(Exception):
@@ -51,12 +52,16 @@ def generate(
     lanes: int = 1,
     many: bool = False,
     shown: Sequence[int] | None = None,
+    estimates: bool = True,
 ) -> tuple[str, int]:
     """The IR of a system, and how many constants a lane of a run has.
 
     With the loop over ``many`` members of :mod:`hgorun.engine.members`, and the states that are ``shown`` in rows.
+    Embedded error estimates are kept where ``estimates`` says so.
     """
     m, chosen = Module(system, lanes, shown), METHODS[method]
+    if not estimates and isinstance(chosen, Method):
+        chosen = replace(chosen, error=())
     implicit = isinstance(chosen, Rosenbrock)
     flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
@@ -83,18 +88,29 @@ def generate(
     return m.text(), m.constants
 
 
-def generate_loose(system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None) -> tuple[str, int]:
-    """As :func:`generate`, for many members that have tables of their own, see :mod:`hgorun.engine.loose`."""
+def generate_loose(
+    system: HybridSystem, method: str, lanes: int, shown: Sequence[int] | None, *, adaptive: bool = False
+) -> tuple[str, int]:
+    """As :func:`generate`, for many members that have tables of their own.
+
+    See :mod:`hgorun.engine.loose`, and :mod:`hgorun.engine.loose_adaptive` where their steps are controlled.
+    """
     from hgorun.engine.loose import add_loose
+    from hgorun.engine.loose_adaptive import add_loose_adaptive
     from hgorun.engine.members import add_members
 
     m, chosen = Module(system, lanes, shown, loose=True), METHODS[method]
-    assert isinstance(chosen, Method)
-    flows = [m.emit(regime.flow, f"flow{i}") for i, regime in enumerate(system.regimes)]
+    implicit = isinstance(chosen, Rosenbrock)
+    flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
     add_jumps(m)
     add_flag(m, alone=False)
-    add_loose(m, chosen, flows)
+    if adaptive:
+        steppers = [_stepper(m, chosen, None, i, flow, f"try{i}") for i, flow in enumerate(flows)]
+        add_loose_adaptive(m, steppers, quintic=bool(chosen.dense))
+    else:
+        assert isinstance(chosen, Method)
+        add_loose(m, chosen, flows)
     add_begin(m)
     m.setup()
     add_members(m)
@@ -196,6 +212,7 @@ class Program:
         limit: float = np.inf,
         take: Take | None = None,
         room: int | None = None,
+        until: Sequence[int] = (),
     ) -> Raw:
         """Run a plan.
 
@@ -213,6 +230,9 @@ class Program:
             Gets all rows, some of them at a time, in place of an array of all.
         room : int, optional
             So many of them at a time.
+        until : sequence of int
+            Observers without which the run need not go on: it may end when nothing is left of them any more, and then
+            the rows behind that tell nothing of all else. With fixed steps.
 
         Raises
         ------
@@ -222,6 +242,7 @@ class Program:
         """
         window = None if take is None else Window(plan.grid, self.system.states, take, room)
         memory = self.memory(plan, start, tolerance, window)
+        memory.stop_without(until)
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
         passed, tries = 0, 0
         for part, segments in enumerate(plan.parts()):
@@ -241,7 +262,7 @@ class Program:
                     if tries >= limit:
                         raise TooManySteps(tries, memory.real("now"))
                     pauses += 1
-                    if pauses * _BUDGET >= _PATIENCE:
+                    if pauses * _BUDGET >= PATIENCE:
                         if memory.real("now") - reached < _PROGRESS * plan.span:
                             memory.set_real("hopeless", 2 * memory.real("step"))
                         pauses, reached = 0, memory.real("now")
@@ -250,11 +271,15 @@ class Program:
                 tries += granted - memory["budget"]
                 if window:
                     window.check()
+                if memory["stopped"]:
+                    return memory.result(tries if tolerance else plan.steps)
                 if verdict != DONE:
                     stiff = isinstance(self.method, Rosenbrock)
                     message = _explain(verdict, plan.origin + memory.real("now"), stiff=stiff)
                     if verdict == PLANT_DIVERGED:
                         raise PlantDiverged(message, memory.real("now"))
+                    if verdict == STEP_TOO_SMALL:
+                        raise NoStep(message, memory.real("now"))
                     raise SimulationError(message)
                 spent = max(time.perf_counter() - before, 1e-6)
                 chunk = min(max(1, int(chunk * min(_SLICE / spent, 8.0))), _LARGEST)

@@ -59,9 +59,10 @@ class LinearlyImplicit(Stepper):
         self.u = [self.array() for _ in method.c]
         self.rate, self.drift, self.first, self.last, self.quartic = (self.array() for _ in range(5))
         self.known = f.slot("double", self.linear.entries * m.lanes + self.words)
-        self.begun = f.slot("double")
+        self.begun = f.slot(m.time)
         self.right = f.at(self.known, self.linear.entries * m.lanes)
-        for array in (self.z, self.slope, self.slope_before, self.stage, self.before, self.right):
+        ends = () if m.loose else (self.z, self.slope)  # there, they are what all steps have in common
+        for array in (*ends, self.slope_before, self.stage, self.before, self.right):
             self._clear(array)
         for array in (*self.u, self.rate, self.drift, self.first, self.last, self.quartic):
             self._clear(array)
@@ -87,15 +88,15 @@ class LinearlyImplicit(Stepper):
 
     def stages(self, t: str, h: str, t_end: str) -> None:
         f, method = self.f, self.method
-        f.store(t, self.begun)
-        inverse = f.scalar("fdiv", hexadecimal(1.0), h)
+        f.store(t, self.begun, self.m.time)
+        inverse = self.timed("fdiv", 1.0, h)
         self._linearise(t, h, inverse)
         ticked = {0.0}
         for i, c in enumerate(method.c):
             if i == 0:
                 rate = self.slope_before
             else:
-                t_stage = t_end if c == 1.0 else f.scalar("fadd", t, f.scalar("fmul", h, hexadecimal(c)))
+                t_stage = t_end if c == 1.0 else self.timed("fadd", t, self.timed("fmul", h, c))
                 if c not in ticked:
                     self.tick(t_stage, self.clock[c])
                     ticked.add(c)
@@ -109,8 +110,8 @@ class LinearlyImplicit(Stepper):
         """Factors of the matrix, and df/dt, at the start of the step."""
         f, lanes = self.f, self.m.lanes
         t = self._inside(t)
-        shift = f.scalar("fmul", inverse, hexadecimal(1 / self.method.gamma))
-        f.store(f.splat(shift), f.at(self.before, self.size * lanes), f.real)
+        shift = self.timed("fmul", inverse, 1 / self.method.gamma)
+        f.store(self.spread(shift), f.at(self.before, self.size * lanes), f.real)
         if self.delayed:
             assert self.history is not None
             newest = f.word("%ctx", WORD["ring_count"])
@@ -144,15 +145,15 @@ class LinearlyImplicit(Stepper):
     def _solve(self, i: int, rate: str, h: str, inverse: str) -> None:
         """u_i, from f at its stage."""
         f, method = self.f, self.method
-        ahead = f.scalar("fmul", h, hexadecimal(method.drift[i]))
+        ahead = self.timed("fmul", h, method.drift[i])
 
         def right(place: str | int) -> None:
             value = f.load(f.at(rate, place), f.real)
             if i:
                 coupling = weighted(f, method.coupling[i - 1], self.u, place)
-                value = f.add(value, f.mul(f.splat(inverse), coupling))
+                value = f.add(value, f.mul(self.spread(inverse), coupling))
             if method.drift[i] and self.linear.drifting:
-                value = f.add(value, f.mul(f.splat(ahead), f.load(f.at(self.drift, place), f.real)))
+                value = f.add(value, f.mul(self.spread(ahead), f.load(f.at(self.drift, place), f.real)))
             f.store(value, f.at(self.right, place), f.real)
 
         self.each(right)
@@ -171,8 +172,8 @@ class LinearlyImplicit(Stepper):
         there, f - z', is a rate; W^-1 makes an error of it.
         """
         f = self.f
-        half = f.scalar("fmul", h, hexadecimal(0.5))
-        inverse = f.scalar("fdiv", hexadecimal(1.0), h)
+        half = self.timed("fmul", h, 0.5)
+        inverse = self.timed("fdiv", 1.0, h)
         d1, d2, d3 = self.method.dense
         bend = tuple(0.25 * (a + 0.5 * b + 0.25 * c) for a, b, c in zip(d1, d2, d3, strict=True))
         turn = tuple(0.25 * (b + c) for b, c in zip(d2, d3, strict=True))
@@ -181,7 +182,7 @@ class LinearlyImplicit(Stepper):
             old, new = (f.load(f.at(array, place), f.real) for array in (self.before, self.z))
             mean = f.mul(f.constant(0.5), f.add(old, new))
             f.store(f.add(mean, weighted(f, bend, self.u, place)), f.at(self.stage, place), f.real)
-            slope = f.mul(f.splat(inverse), f.add(f.sub(new, old), weighted(f, turn, self.u, place)))
+            slope = f.mul(self.spread(inverse), f.add(f.sub(new, old), weighted(f, turn, self.u, place)))
             f.store(slope, f.at(self.first, place), f.real)
 
         def defect(place: str | int) -> None:
@@ -194,7 +195,7 @@ class LinearlyImplicit(Stepper):
             f.store(f.select(f.compare("ugt", inside, embedded), inside, embedded), f.at(self.first, place), f.real)
 
         self.each(middle_of)
-        middle, clock = f.scalar("fadd", f.load(self.begun), half), self.clock[0.5]
+        middle, clock = self.timed("fadd", f.load(self.begun, self.m.time), half), self.clock[0.5]
         self.tick(middle, clock)
         self.flow_at(middle, clock, self.stage, self.rate)
         self.each(defect)
@@ -210,14 +211,14 @@ class LinearlyImplicit(Stepper):
 
     def interpolant(self, h: str) -> tuple[str, str, str]:
         f = self.f
-        inverse = f.scalar("fdiv", hexadecimal(1.0), h)
+        inverse = self.timed("fdiv", 1.0, h)
 
         def ends(place: str | int) -> None:
             d1, d2, d3 = (weighted(f, row, self.u, place) for row in self.method.dense)
             rise = f.sub(f.load(f.at(self.z, place), f.real), f.load(f.at(self.before, place), f.real))
             total = f.add(d1, f.add(d2, d3))
-            f.store(f.mul(f.splat(inverse), f.add(rise, d1)), f.at(self.first, place), f.real)
-            f.store(f.mul(f.splat(inverse), f.sub(rise, total)), f.at(self.last, place), f.real)
+            f.store(f.mul(self.spread(inverse), f.add(rise, d1)), f.at(self.first, place), f.real)
+            f.store(f.mul(self.spread(inverse), f.sub(rise, total)), f.at(self.last, place), f.real)
             f.store(f.neg(d3), f.at(self.quartic, place), f.real)
 
         self.each(ends)
@@ -237,7 +238,6 @@ class LinearlyImplicit(Stepper):
 
     def _inside(self, t: str) -> str:
         """Where functions of time are evaluated: on this segment's side of its events."""
-        f = self.f
         for event, inside in ((self.start, self.start_eval), (self.end, self.end_eval)):
-            t = f.let(f"select i1 {f.test('oeq', t, event)}, double {inside}, double {t}")
+            t = self.chosen(self.compared("oeq", t, event), inside, t)
         return t

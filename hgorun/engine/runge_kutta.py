@@ -7,15 +7,6 @@ from hgorun.engine.history import History
 from hgorun.engine.methods import Method, Row
 from hgorun.engine.module import Module
 from hgorun.engine.stepper import Stepper, advanced, weighted
-from hgorun.native.ir import Function, hexadecimal
-
-
-def combine(f: Function, row: Row, h: str, z: str, slopes: list[str], target: str, size: int) -> None:
-    """target = z + h scale sum_j weights[j] slopes[j], unrolled over the state."""
-    factor = f.splat(h if row.scale == 1.0 else f.scalar("fmul", h, hexadecimal(row.scale)))
-    for i in range(size):
-        place = i * f.lanes
-        f.store(advanced(f, factor, row.weights, slopes, z, place), f.at(target, place), f.real)
 
 
 class RungeKutta(Stepper):
@@ -34,14 +25,14 @@ class RungeKutta(Stepper):
     ) -> None:
         super().__init__(m, method.c, history, regime, flow, name)
         self.method, self.order = method, method.order
-        # where nothing else asks for the start of a step, it costs a tenth of the time to copy it
-        self.in_place = not (method.error or method.dense or m.system.remembers)
+        # where nothing but output points asks for the start of a step, it costs a tenth of the time to copy it
+        self.in_place = not (method.error or m.system.remembers)
         self.base, first = (self.z, self.slope) if self.in_place else (self.before, self.slope_before)
         self.k = [first, *(self.f.slot("double", self.size * m.lanes) for _ in method.stages)]
 
     def stages(self, t: str, h: str, t_end: str) -> None:
         f, method = self.f, self.method
-        times = {c: t_end if c == 1.0 else f.scalar("fadd", t, f.scalar("fmul", h, hexadecimal(c))) for c in method.c}
+        times = {c: t_end if c == 1.0 else self.timed("fadd", t, self.timed("fmul", h, c)) for c in method.c}
         history, past = self.history if self.delayed else None, dict[float, str]()
         if history:  # before all stages: what is looked up for one of them need not wait for another
             for c in dict.fromkeys(method.c[1:]):
@@ -52,14 +43,22 @@ class RungeKutta(Stepper):
             if c not in ticked:
                 self.tick(times[c], self.clock[c])
                 ticked.add(c)
-            combine(f, row, h, self.base, self.k, self.stage, self.size)
+            self._combine(row, h, self.stage)
             if history and c != before:
                 history.hand_over(f, self.regime, past[c])
             self.flow_at(times[c], self.clock[c], self.stage, target, known=True)
             before = c
-        combine(f, method.result, h, self.base, self.k, self.z, self.size)
+        self._combine(method.result, h, self.z)
         if 1.0 not in ticked:
             self.tick(t_end, self.clock[1.0])
+
+    def _combine(self, row: Row, h: str, target: str) -> None:
+        """target = z + h scale sum_j weights[j] k[j], unrolled over the state."""
+        f = self.f
+        factor = self.spread(h if row.scale == 1.0 else self.timed("fmul", h, row.scale))
+        for i in range(self.size):
+            place = i * f.lanes
+            f.store(advanced(f, factor, row.weights, self.k, self.base, place), f.at(target, place), f.real)
 
     @property
     def ends_at_end(self) -> bool:
@@ -67,8 +66,8 @@ class RungeKutta(Stepper):
 
     def _embedded(self, weights: tuple[float, ...], h: str, i: int) -> str:
         """h sum_j weights[j] k_j of state i, the last k being the slope at the end of the step."""
-        f = self.f
-        return f.mul(f.splat(h), weighted(f, weights, [*self.k, self.slope], i * f.lanes))
+        slopes = [self.slope_before, *self.k[1:], self.slope]
+        return self.f.mul(self.spread(h), weighted(self.f, weights, slopes, i * self.f.lanes))
 
     def errors(self, h: str) -> list[str]:
         if not self.method.error:
@@ -77,7 +76,7 @@ class RungeKutta(Stepper):
 
     def step_of(self, rate: str, h: str) -> list[str]:
         f = self.f
-        return [f.mul(f.splat(h), f.load(f.at(rate, i * f.lanes), f.real)) for i in range(self.size)]
+        return [f.mul(self.spread(h), f.load(f.at(rate, i * f.lanes), f.real)) for i in range(self.size)]
 
     def interpolant(self, h: str) -> tuple[str, str, str]:
         f, quintic = self.f, "null"

@@ -8,7 +8,7 @@ import numpy as np
 
 from hgorun.engine.layout import DONE
 from hgorun.engine.memory import Raw, Start
-from hgorun.engine.plan import Floats, Plan
+from hgorun.engine.plan import Floats, Integers, Plan
 from hgorun.engine.program import Program
 from hgorun.errors import SimulationError
 
@@ -65,15 +65,15 @@ class Session:
         return self._memory.result(self._plan.steps)
 
 
-def with_stops(plan: Plan, times: Floats) -> tuple[Plan, np.ndarray]:
+def with_stops(plan: Plan, at: Integers) -> tuple[Plan, np.ndarray]:
     """A plan in which what happens at some events is a segment of its own, without steps.
 
     Parameters
     ----------
     plan : Plan
         With the segments of the whole run.
-    times : ndarray, shape (N,)
-        Of events, ascending.
+    at : ndarray of int, shape (N,)
+        The segments that begin with these events, ascending.
 
     Returns
     -------
@@ -81,7 +81,6 @@ def with_stops(plan: Plan, times: Floats) -> tuple[Plan, np.ndarray]:
     ndarray of int, shape (N,)
         The segments without steps, each of which happens at one of the events.
     """
-    at = np.searchsorted(plan.spans[:, 0], times, side="left")
     here, counts = plan.spans[at], plan.counts.copy()
     events = np.column_stack([here[:, 0], here[:, 0], here[:, 2], here[:, 2]])
     alone = counts[at]

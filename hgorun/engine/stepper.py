@@ -7,9 +7,11 @@ from functools import cached_property
 
 from hgorun.engine.emit import Emitted
 from hgorun.engine.history import REFINEMENTS, History
-from hgorun.engine.layout import WORD
+from hgorun.engine.lane_tables import own
+from hgorun.engine.layout import SPAN, WORD
 from hgorun.engine.module import Module, each, lent, move, span
-from hgorun.native.ir import Function, hexadecimal
+from hgorun.engine.moments import Moments
+from hgorun.native.ir import Function
 
 
 def weighted(f: Function, weights: tuple[float, ...], slopes: list[str], place: str | int) -> str:
@@ -58,7 +60,7 @@ def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
         f.leave_if(f.test("eq", verdict, "1"), lost)
 
 
-class Stepper(ABC):
+class Stepper(Moments, ABC):
     """The state of a loop over steps: its arrays, and the code that advances them; a kind of method completes it.
 
     Attributes
@@ -84,17 +86,30 @@ class Stepper(ABC):
         self.m, self.history, self.regime, self.flow = m, history, regime, flow
         self.delayed = bool(m.system.regimes[regime].delayed)
         self.size, lanes = m.system.states, m.lanes
-        self.f = f = m.function(name, "ptr %ctx, i64 %segment", returns="i64", attributes="nounwind noinline")
-        self.start, self.end, self.start_eval, self.end_eval = span(f, "%segment")
+        self.f = f = self._function(name)
+        self.start, self.end, self.start_eval, self.end_eval = self._span()
         self.p, self.w, self.home = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "w", "z"))
         self.c = m.constants_of(f, flow)
-        self.z, self.slope, self.slope_before, self.stage = (self.array() for _ in range(4))
+        self.z, self.slope = (self.home, "%slope") if m.loose else (self.array(), self.array())
+        self.slope_before, self.stage = self.array(), self.array()
         self.before = f.slot("double", self.words + self.room * lanes)
         self.clock = {at: f.slot("double", flow.clocked * lanes) for at in sorted({0.0, 1.0, *c})}
         self.width = history.width if history else 0
         self.trace, self.trace_before = (f.slot("double", 2 * self.width) for _ in range(2))
         self.flags, self.passes = f.slot("i64"), f.slot("i64")
         f.store("0", self.flags, "i64")
+
+    def _function(self, name: str) -> Function:
+        """All steps of a segment, or one step of lanes that have times of their own."""
+        if self.m.loose:
+            return self.m.function(name, "ptr %ctx, ptr %slope", attributes="nounwind noinline")
+        return self.m.function(name, "ptr %ctx, i64 %segment", returns="i64", attributes="nounwind noinline")
+
+    def _span(self) -> tuple[str, ...]:
+        """The times of the segment, or of that of every lane."""
+        if self.m.loose:
+            return tuple(self.f.load(own(self.f, name), self.m.time) for name in SPAN)
+        return span(self.f, "%segment")
 
     @property
     def decides(self) -> bool:
@@ -161,11 +176,6 @@ class Stepper(ABC):
     @abstractmethod
     def step_of(self, rate: str, h: str) -> list[str]:
         """What a disturbance of z' makes of every state in a step."""
-
-    def absolute(self, scalar: str) -> str:
-        """|x| of a scalar."""
-        self.m.declarations.add("declare double @llvm.fabs.f64(double)")
-        return self.f.let(f"call double @llvm.fabs.f64(double {scalar})")
 
     def tick(self, t: str, tau: str) -> None:
         """What depends on time alone, at t."""
@@ -278,9 +288,7 @@ class Stepper(ABC):
     def _due(self, t1: str, h: str) -> tuple[str, str]:
         """Whether there are output points in the step that ends at t1, and how far from them a time is theirs."""
         f = self.f
-        start, now = self.absolute(self.start), self.absolute(t1)  # what times in between are rounded like
-        largest = f.let(f"select i1 {f.test('ogt', start, now)}, double {start}, double {now}")
-        snap = f.scalar("fadd", f.scalar("fmul", h, hexadecimal(1e-9)), f.scalar("fmul", largest, hexadecimal(1e-15)))
+        snap = self.snap(t1, h)
         due = f.word(f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["row"]), "double")
         return f.test("olt", due, f.scalar("fsub", t1, snap)), snap
 

@@ -18,7 +18,7 @@ from hgorun.ensemble.ladder import found_steps
 from hgorun.ensemble.lanes import given_steps
 from hgorun.ensemble.lot import Lot, settings_of, times_of
 from hgorun.ensemble.members import Members
-from hgorun.ensemble.reseeded import reseeded_members
+from hgorun.ensemble.reseeded import reseeded_members, retimed_lots
 from hgorun.ensemble.suspects import Suspects, together
 from hgorun.errors import ConfigError, HgorunError, Problem, SimulationError
 from hgorun.memo import Memo, same
@@ -154,6 +154,10 @@ class _Work:
         """Members that are prepared one by one, and carried out side by side as far as they have one plan."""
         for start in range(0, which.size, _PREPARED):
             some = which[start : start + _PREPARED]
+            for lot in retimed_lots(self.base, self.members, some):
+                if able(lot.run):
+                    self._alone(self._lot(lot))
+                    some = some[~np.isin(some, lot.which)]
             groups, rest = self._groups(self._runs_by_seed(some))
             self._alone(np.array([i for i, _ in rest], dtype=np.int64))
             for lot in lots_of(list(groups.values())):
@@ -206,28 +210,34 @@ class _Work:
                 yield i, run
 
     def _looked_at(self, group: Group) -> None:
-        """Members of given steps, with one plan or each with its own."""
+        """Members whose steps or tolerances are given, with one plan or each with its own."""
         suspects = Suspects([run for _, run in group], self.threads)
-        for k, (i, run) in enumerate(group):
-            try:
-                with located(run):
-                    self.block.record(i, finished(run, suspects.raw(k), suspects.again(k)))
-            except SimulationError:  # the plant diverges
-                self._one(i, run)
-            except Exception as error:  # whatever it is, the others go on
-                self.block.fail(i, error)
-            self._finished(1)
+        self._each(lambda k: self._look_at(suspects, k, *group[k]), range(len(group)))
+
+    def _look_at(self, suspects: Suspects, k: int, i: int, run: PreparedRun) -> None:
+        """Member i, which is number k of the suspects."""
+        try:
+            with located(run):
+                self.block.record(i, finished(run, suspects.raw(k), suspects.again(k)))
+        except SimulationError:  # the plant diverges
+            self._one(i, run)
+        except Exception as error:  # whatever it is, the others go on
+            self.block.fail(i, error)
 
     def _singles(self, group: Group) -> None:
-        """Members that are carried out alone, on threads where there are some."""
-        if self.threads == 1 or len(group) < 2:
-            for i, run in group:
-                self._one(i, run)
+        """Members that are carried out alone."""
+        self._each(lambda k: self._one(*group[k]), range(len(group)))
+
+    def _each(self, body: Callable[[int], None], places: Sequence[int]) -> None:
+        """Do something with some members, on threads where there are some."""
+        if self.threads == 1 or len(places) < 2:
+            for place in places:
+                body(place)
                 self._finished(1)
             return
         pool = ThreadPoolExecutor(self.threads)
         try:
-            for _ in pool.map(self._one, *zip(*group, strict=True)):
+            for _ in pool.map(body, places):
                 self._finished(1)
         finally:
             pool.shutdown(cancel_futures=True)  # where the user has had enough

@@ -119,7 +119,8 @@ class Block:
         metrics: Mapping[str, Floats],
         *,
         method: str,
-        step: float,
+        step: float | None,
+        rtol: float | None,
         evaluations: Integers,
         errors: Floats | None = None,
     ) -> None:
@@ -129,15 +130,16 @@ class Block:
         ----------
         which : ndarray of int64, shape (K,)
         metrics : mapping of str to ndarray, shape (m, n, K)
-        method, step, evaluations
-            How they were integrated.
+        method, step, rtol, evaluations
+            How they were integrated; with a step or with a tolerance.
         errors : ndarray, shape (1 + m, K), optional
             Of the plant and of the observers.
         """
         for name, values in self.metrics.items():
             values[which] = np.moveaxis(metrics[name], -1, 0)
         self.status[which] = self.plant_status[which] = STATUSES.index("ok")
-        self.method[which], self.step[which], self.evaluations[which] = method, step, evaluations
+        self.method[which], self.evaluations[which] = method, evaluations
+        self.step[which], self.rtol[which] = (np.nan if one is None else one for one in (step, rtol))
         if errors is not None:
             self.integration_error[which] = errors.T
 

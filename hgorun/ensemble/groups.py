@@ -8,7 +8,7 @@ import numpy as np
 
 from hgorun.ensemble.axes import Axes, distinct_rows
 from hgorun.ensemble.found import Integers
-from hgorun.ensemble.ladder import steps_in_lanes
+from hgorun.ensemble.ladder import searched_in_lanes
 from hgorun.ensemble.lanes import fits
 from hgorun.ensemble.lot import Lot, Numbers, settings_of
 from hgorun.ensemble.members import Members
@@ -68,8 +68,7 @@ def families(base: Experiment, members: Members) -> Iterator[Integers]:
 
 def able(run: PreparedRun) -> bool:
     """Whether runs like this one can be carried out side by side."""
-    method = steps_in_lanes(run) if run.solver.controlled else run.solver.given_method
-    return method is not None and fits(run, method)
+    return fits(run) and (not run.solver.controlled or searched_in_lanes(run))
 
 
 def size_of_lots(run: PreparedRun) -> int:

@@ -7,28 +7,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.config.models import Method
+from hgorun.engine.loose_adaptive import controllable
 from hgorun.engine.member_numbers import Outcome
 from hgorun.ensemble.found import Block, Floats, Integers
 from hgorun.ensemble.lot import Lot
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.measure import from_origin
 from hgorun.result.metrics.base import Metric, all_metrics
-from hgorun.simulation.lanes import reduction_of
+from hgorun.simulation.lanes import control_of, reduction_of
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import may_have_left
 from hgorun.symbolic.evaluate import evaluate
 
-_IN_LANES: tuple[Method, ...] = ("euler", "rk4", "dopri5")  # methods whose fixed steps run side by side
 
-
-def fits(run: PreparedRun, method: Method) -> bool:
+def fits(run: PreparedRun) -> bool:
     """Whether runs like this one can be carried out side by side."""
     readout = run.structure.outputs.places is not None  # else outputs are looked at along the whole run
     estimates = all(of.places is not None for of in run.structure.estimates) or run.experiment.grid[2] == 1
     alike = all(treatment == "innovation" for treatment in run.treatments)
-    return not run.adaptive and alike and method in _IN_LANES and readout and estimates
+    return (not run.adaptive or controllable(run.structure.system)) and alike and readout and estimates
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -41,13 +39,27 @@ class Passed:
     sound : ndarray of bool, shape (N,)
         False where something has to be looked at: a plant or an observer that seems lost.
     steps : ndarray of int64, shape (N,)
+        Those that were made; where they are controlled, that were tried.
+    unfinished : ndarray of bool, shape (N,)
+        Where controlled steps could not be made to the end, or not as many as may be.
     rows : ndarray, shape (grid points, states, N), optional
     """
 
     metrics: dict[str, Floats]
     sound: np.ndarray
     steps: Integers
+    unfinished: np.ndarray
     rows: Floats | None
+
+    def some(self, among: np.ndarray) -> Passed:
+        """Of some of the members."""
+        return Passed(
+            metrics={name: values[..., among] for name, values in self.metrics.items()},
+            sound=self.sound[among],
+            steps=self.steps[among],
+            unfinished=self.unfinished[among],
+            rows=None if self.rows is None else self.rows[:, :, among],
+        )
 
 
 def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = False, threads: int = 1) -> Passed:
@@ -60,24 +72,32 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
     """
     run = lot.run
     reduction = reduction_of(run, metrics) if run.observers else None
-    ensemble = run.structure.ensemble(how.method)
-    if lot.own is None:
+    ensemble, control = run.structure.ensemble(how.method), control_of(how)
+    if lot.own is None and lot.plans is None:
         plan, start = plan_of(run, how)
         numbers, steps = lot.numbers.beside(plan, start.bound), np.full(lot.which.size, plan.steps)
-        found = ensemble.run(plan, numbers, reduction, rows=rows, threads=threads)
+        found = ensemble.run(plan, numbers, reduction, rows=rows, threads=threads, control=control)
     else:
-        plans = [plan_of(own, how)[0] for own in lot.own]
+        plans = lot.plans or [plan_of(own, how)[0] for own in lot.own or ()]
         numbers, steps = lot.numbers.beside(plans[0], plan_of(run, how)[1].bound), np.array([p.steps for p in plans])
-        found = ensemble.run_each(plans, numbers, reduction, rows=rows, threads=threads)
+        found = ensemble.run_each(plans, numbers, reduction, rows=rows, threads=threads, control=control)
     nothing = np.empty((0, run.plant.model.n, lot.which.size))
+    if control:
+        steps = found.tries
     named = dict(reduction.named(found.reduced)) if reduction else {metric.name: nothing for metric in metrics}
-    return Passed(metrics=named, sound=_sound(lot, found, named), steps=steps, rows=found.rows)
+    return Passed(
+        metrics=named,
+        sound=_sound(lot, found, named),
+        steps=steps,
+        unfinished=np.isneginf(found.plant_diverged),
+        rows=found.rows,
+    )
 
 
 def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
     """Of which members there is nothing to be said."""
     run = lot.run
-    sound = ~np.isfinite(found.plant_diverged) & ~np.any(np.isfinite(found.diverged), axis=0)
+    sound = np.isposinf(found.plant_diverged) & ~np.any(np.isfinite(found.diverged), axis=0)
     if run.observers:
         lost = np.all([np.all(np.isinf(values), axis=1) for values in metrics.values()], axis=0)  # as where it ends
         sound &= ~np.any(lost, axis=0)
@@ -105,7 +125,7 @@ def _ends(lot: Lot, found: Outcome, j: int) -> Floats:
 
 
 def given_steps(lot: Lot, block: Block, *, threads: int = 1) -> Integers:
-    """Carry out members whose step is given, and write down what they give.
+    """Carry out members whose step or tolerances are given, and write down what they give.
 
     Returns
     -------
@@ -145,7 +165,8 @@ def write_down(
         lot.which[which],
         chosen,
         method=how.method,
-        step=how.step,
+        step=None if how.tolerance else how.step,
+        rtol=how.tolerance.rtol if how.tolerance else None,
         evaluations=evaluations[which],
         errors=None if errors is None else errors[:, which],
     )

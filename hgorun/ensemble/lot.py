@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from hashlib import blake2b
+from itertools import compress
 
 import numpy as np
 
@@ -83,12 +84,15 @@ class Lot:
     numbers : Numbers
     own : tuple of PreparedRun, optional
         Their runs, where events are at other times in each; else they are those of ``run``.
+    plans : tuple of Plan, optional
+        Their plans instead, for steps as they are given.
     """
 
     run: PreparedRun
     which: Integers
     numbers: Numbers
     own: tuple[PreparedRun, ...] | None = None
+    plans: tuple[Plan, ...] | None = None
 
     @classmethod
     def of(cls, which: Sequence[int], runs: Sequence[PreparedRun]) -> Lot:
@@ -97,10 +101,19 @@ class Lot:
         nothing = np.zeros(0)  # the plans have it
         return cls(runs[0], np.array(which), Numbers(*start, nothing, nothing, nothing), tuple(runs))
 
+    @classmethod
+    def with_plans(cls, run: PreparedRun, plans: Mapping[int, Plan]) -> Lot:
+        """Of members that have the start and the parameters of a run, and plans of their own."""
+        z0, p = (np.repeat(of[:, None], len(plans), axis=1) for of in (run.numbers.z0, run.numbers.p))
+        nothing = np.zeros(0)  # the plans have it
+        numbers = Numbers(z0, p, nothing, nothing, nothing)
+        return cls(run, np.array(list(plans), dtype=np.int64), numbers, plans=tuple(plans.values()))
+
     def some(self, among: np.ndarray) -> Lot:
         """Some of them."""
-        own = None if self.own is None else tuple(run for run, taken in zip(self.own, among, strict=True) if taken)
-        return Lot(self.run, self.which[among], self.numbers.some(among), own)
+        own = None if self.own is None else tuple(compress(self.own, among))
+        plans = None if self.plans is None else tuple(compress(self.plans, among))
+        return Lot(self.run, self.which[among], self.numbers.some(among), own, plans)
 
     def starts(self) -> np.ndarray:
         """Which of them have right-hand sides that are numbers at the start, shape (N,)."""

@@ -6,14 +6,15 @@ the last differs in a single bit, all of them are.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
 from hgorun.ensemble.found import Integers
-from hgorun.ensemble.lot import Numbers
+from hgorun.ensemble.lot import Lot, Numbers
 from hgorun.ensemble.members import Members
+from hgorun.ensemble.retimed import Retimed, is_plain
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.chance import OfSeeds
 from hgorun.measurement.noise import is_relative
@@ -23,6 +24,64 @@ from hgorun.simulation.prepared import PreparedRun
 
 _FEW = 8  # members that are prepared one by one
 _KINDS = 4  # combinations of what outputs are in a run, as where the first sample is lost or not
+
+
+def retimed_lots(base: Experiment, members: Members, which: Integers) -> Iterator[Lot]:
+    """Some members in lots of those that differ in their seeds alone, where these decide when samples come."""
+    for changes in _groups(members, which):
+        first, *_ = changes.values()
+        seeds = _seeds(changes)
+        try:
+            run = prepare(base.varied(first))
+            if np.any(seeds < 0) or not is_plain(run):
+                continue
+            kinds = list(Retimed(run, seeds, *_prepared(base, changes, run)).plans())
+        except (Problem, HgorunError):
+            continue
+        places = list(changes)
+        for own, plans in kinds:
+            yield Lot.with_plans(own, {places[place]: plan for place, plan in plans.items()})
+
+
+def _prepared(
+    base: Experiment, changes: Mapping[int, Mapping[str, Any]], run: PreparedRun
+) -> tuple[OfSeeds, Callable[[int], PreparedRun | None]]:
+    """The random numbers of members that differ in their seeds alone, and what prepares one of them by its place.
+
+    That takes all but times and noise from those that have been prepared in full, a few of them.
+
+    Parameters
+    ----------
+    run : PreparedRun
+        The first of them.
+    """
+    seeds, each = _seeds(changes), list(changes.values())
+    runs, chance = [run], OfSeeds(seeds)
+
+    def full(place: int) -> PreparedRun | None:
+        new = reseeded(runs, int(seeds[place]), chance.of(place))
+        if new is None and len(runs) < _KINDS:
+            new = prepare(base.varied(each[place]))
+            runs.append(new)
+        return new
+
+    return chance, full
+
+
+def _seeds(changes: Mapping[int, Mapping[str, Any]]) -> Integers:
+    return np.array([change["seed"] for change in changes.values()], dtype=np.int64)
+
+
+def _groups(members: Members, which: Integers) -> Iterator[dict[int, Mapping[str, Any]]]:
+    """What those change that differ in their seeds alone."""
+    if "seed" not in members.columns or members.columns["seed"].dtype.kind != "i":
+        return
+    groups: dict[str, dict[int, Mapping[str, Any]]] = {}
+    for i in which.tolist():
+        changes = members.changes(i)
+        rest = {path: value for path, value in changes.items() if path != "seed"}
+        groups.setdefault(repr(rest), {})[i] = changes
+    yield from (group for group in groups.values() if len(group) >= _FEW)
 
 
 def reseeded_members(base: Experiment, members: Members, which: Integers) -> dict[int, PreparedRun]:
@@ -40,38 +99,28 @@ def reseeded_members(base: Experiment, members: Members, which: Integers) -> dic
     dict of int to PreparedRun
         With everything that is carried out as each member has it; their experiment may be that of another seed.
     """
-    if "seed" not in members.columns or members.columns["seed"].dtype.kind != "i":
-        return {}
-    groups: dict[str, list[int]] = {}
-    for i in which.tolist():
-        rest = {path: value for path, value in members.changes(i).items() if path != "seed"}
-        groups.setdefault(repr(rest), []).append(i)
     found: dict[int, PreparedRun] = {}
-    for group in groups.values():
-        if len(group) >= _FEW:
-            found |= _of_group(base, {i: members.changes(i) for i in group})
+    for changes in _groups(members, which):
+        found |= _of_group(base, changes)
     return found
 
 
 def _of_group(base: Experiment, changes: Mapping[int, Mapping[str, Any]]) -> dict[int, PreparedRun]:
     """The runs of members that differ in their seed alone; none where one cannot be prepared or is not as expected."""
-    seeds = np.array([change["seed"] for change in changes.values()], dtype=np.int64)
-    if np.any(seeds < 0):
+    if np.any(_seeds(changes) < 0):
         return {}
-    (first, *_, last), known = changes, OfSeeds(seeds)
+    first, *_, last = changes
     try:
         run, other = (prepare(base.varied(changes[i])) for i in (first, last))
     except HgorunError:
         return {}
     if any(is_relative(s) for one in run.experiment.stretches for s in one):
         return {}
-    runs, found = [run], {}
+    _, full = _prepared(base, changes, run)
+    found = {}
     for place, i in enumerate(changes):
         try:
-            new = reseeded(runs, int(seeds[place]), known.of(place))
-            if new is None and len(runs) < _KINDS:
-                new = prepare(base.varied(changes[i]))
-                runs.append(new)
+            new = full(place)
         except (Problem, HgorunError):
             continue
         if new is not None:

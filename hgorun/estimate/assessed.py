@@ -57,9 +57,15 @@ class Widths:
         width = np.full((grid.size, len(self.bands)), np.nan)
         for k, bands in enumerate(self.bands):
             if bands:
-                known = [band.at(np.zeros(grid.size) if one is None else since(one, grid)) for band, one in bands]
-                width[:, k] = np.min(known, axis=0)
+                width[:, k] = np.min([_at(band, one, grid) for band, one in bands], axis=0)
         return width
+
+
+def _at(band: Band, one: Sampled | None, grid: Floats) -> Floats:
+    """Half the width of a band at some times; of one that does not grow nothing is asked about samples."""
+    if band.level is not None:
+        return np.full(grid.size, band.level)
+    return band.at(np.zeros(grid.size) if one is None else since(one, grid))
 
 
 def widths_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> Widths:

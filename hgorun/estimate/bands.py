@@ -34,6 +34,11 @@ class Band:
     until: Floats
     widths: Floats
 
+    @property
+    def level(self) -> float | None:
+        """The half width where it is always the same; None where it grows."""
+        return float(self.widths[0]) if not self.until.size else None
+
     def at(self, since: Floats) -> Floats:
         """The half width at some times since the last sample."""
         return np.asarray(self.widths[np.searchsorted(self.until, since, side="left")])

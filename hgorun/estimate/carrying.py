@@ -4,20 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
-from hgorun.engine.layout import HybridSystem
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
-from hgorun.engine.session import Session, with_stops
-from hgorun.estimate.covariance import Covariance
-from hgorun.estimate.gate import RunningDeviation
+from hgorun.estimate.gated import gated_run
 from hgorun.estimate.prepared import PreparedEstimate
-from hgorun.estimate.samples import stated
-from hgorun.measurement.schedule import nearest_event
-from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.steps import part_of_difference, steps_between
 from hgorun.symbolic.evaluate import Floats
 
@@ -87,112 +80,7 @@ def one_pass(
     used = prepared.used()
     if not prepared.gated:
         return prepared.program().run(plan, start, progress=progress), used
-    gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], prepared.covariances())
-    watched = list(_watched(prepared))
-    events = prepared.run.schedule.events
-    slots_at: dict[int, list[tuple[int, int]]] = {}
-    for output, slot, event in watched:
-        slots_at.setdefault(event, []).append((output, slot))
-    ordered = sorted(slots_at)
-    plan, stops = with_stops(plan, events[ordered])
-    session = Session(prepared.program(), plan, start)
-    for event, stop in zip(ordered, stops.tolist(), strict=True):
-        session.advance(stop)
-        z, w = session.z.copy(), session.w.copy()
-        session.advance(stop + 1)
-        for output, slot in slots_at[event]:
-            for j in gate.outliers(output, session.innovations[slot], float(events[event]), z, w):
-                used[slot, j] = False
-                leave_out(prepared.run.structure.system, session, output, j, z, w)
-    return session.finish(), used
-
-
-def _watched(prepared: PreparedEstimate) -> Iterator[tuple[int, int, int]]:
-    """(output, slot, event) of every sample that may be an outlier."""
-    for i, (one, slots) in enumerate(zip(prepared.samples, prepared.slots, strict=True)):
-        if one.gate is not None:
-            events = nearest_event(prepared.run.schedule.events, one.available)
-            numbers = np.arange(slots.start, slots.stop)
-            yield from ((i, slot, event) for slot, event in zip(numbers[one.used], events[one.used], strict=True))
-
-
-class Gate:
-    """Which samples are outliers to which observers, one sample after the other.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    limits : sequence of float or None
-        Of every output the standard deviations beyond which a sample is an outlier.
-    covariances : sequence of Covariance or None
-        Of every observer.
-    """
-
-    def __init__(
-        self, experiment: Experiment, limits: Sequence[float | None], covariances: Sequence[Covariance | None]
-    ) -> None:
-        self._model, self._limits, self._covariances = experiment.plant.model, limits, covariances
-        known = stated(experiment)
-        self.deviations = [
-            [RunningDeviation(known.get(output, 0.0)) for _ in experiment.observers] for output in self._model.outputs
-        ]
-
-    def outliers(self, output: int, innovations: Floats, t: float, z: Floats, w: Floats) -> list[int]:
-        """The observers to which a sample of an output is an outlier, from the innovation of each, shape (m,).
-
-        Parameters
-        ----------
-        t : float
-        z, w : ndarray
-            The states, and what was held, before the sample arrived.
-        """
-        limit, found = self._limits[output], []
-        for j, one in enumerate(self._model.wrapped(output, innovations).tolist()):
-            deviation, covariance = self.deviations[output][j], self._covariances[j]
-            size = deviation.value
-            if covariance is not None:
-                known = float(covariance.variance(np.array([t]), z[None], w)[0, output])
-                size = known**0.5 if known >= 0 else size
-            if limit is not None and abs(one) > limit * size:
-                found.append(j)
-            deviation.add(one)
-        return found
-
-
-class Running(Protocol):
-    """A run that can be looked at between events."""
-
-    @property
-    def z(self) -> Floats:
-        """All states."""
-        ...
-
-    @property
-    def w(self) -> Floats:
-        """What is held."""
-        ...
-
-
-def leave_out(system: HybridSystem, live: Running, output: int, j: int, z: Floats, w: Floats) -> None:
-    """Let an observer go on as if a sample that has just arrived had not.
-
-    Its innovation stays what it was; what it has jumped to is taken back.
-
-    Parameters
-    ----------
-    j : int
-        The observer's number.
-    z, w : ndarray
-        The states, and what was held, before the sample arrived.
-    """
-    layout = system.held
-    place, y = layout.s(output, j), layout.output(output)
-    if system.has_alpha:
-        alpha = system.alpha[output][j]
-        before = w[place] + z[alpha] - w[y]
-        live.w[place] = before + live.w[y] - live.z[alpha]
-    start, stop, _ = system.blocks[j]
-    live.z[start:stop] = z[start:stop]
+    return gated_run(prepared, plan, uneven=uneven is not None, used=used), used
 
 
 def _other_estimates(

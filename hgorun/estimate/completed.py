@@ -179,8 +179,8 @@ def _period(taken: np.ndarray) -> float:
 
 def _offset(taken: np.ndarray, start: float) -> dict[str, float]:
     """How long after the start the first sample is taken, where it is not the start."""
-    heard = taken[taken >= start]
-    return {"offset": float(heard[0] - start)} if heard.size and heard[0] > start else {}
+    k = int(np.searchsorted(taken, start))
+    return {"offset": float(taken[k] - start)} if k < taken.size and taken[k] > start else {}
 
 
 def plant_units(source: Source) -> dict[str, str]:
@@ -234,7 +234,7 @@ def _first_samples(experiment: Experiment, recording: Recording) -> dict[str, tu
     start = experiment.blocks.time.start
     for output, state in experiment.plant.model.measures.items():
         signal = recording.outputs[output]
-        inside = np.flatnonzero(signal.taken >= start)
-        if inside.size and state not in found:
-            found[state] = signal, int(inside[0])
+        k = int(np.searchsorted(signal.taken, start))
+        if k < signal.taken.size and state not in found:
+            found[state] = signal, k
     return found

@@ -95,6 +95,20 @@ class Estimator:
         """Which observers have no numbers any more."""
         return {label: bool(at < np.inf) for label, at in zip(self.labels, self._live.diverged.tolist(), strict=True)}
 
+    @property
+    def gated(self) -> dict[str, dict[str, tuple[int, int]]]:
+        """By observer and output with a gate: how many samples were outliers and not used, and of how many.
+
+        As they are judged now: where a late sample is gone back to, those behind it are judged anew.
+        """
+        run = self._run
+        return {
+            label: {
+                name: (run.outliers[i][j], run.offered[i]) for name, i in self._system.outputs.items() if run.limited[i]
+            }
+            for j, label in enumerate(self.labels)
+        }
+
     def estimate(self) -> dict[str, Floats]:
         """xhat of every observer at the last event, by label, shape (n,) each."""
         return dict(self._system.estimates(self._live))

@@ -10,8 +10,8 @@ import numpy as np
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, TAKE
 from hgorun.engine.plan import Floats, Integers
-from hgorun.estimate.carrying import Gate, leave_out
 from hgorun.estimate.event import Event
+from hgorun.estimate.gated import Gate, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 
 State: TypeAlias = tuple[dict[str, Floats], bytes]  # the numbers of a run, and what is known beside them
@@ -37,15 +37,21 @@ class Following:
         Which outputs have had a sample.
     newest : list of float
         When the newest sample of each output that was used had been taken.
+    limited : list of bool
+        Which outputs have a gate.
+    offered, outliers : list of int, list of list of int
+        How many samples each output with a gate has had, and how many of them each observer has left out.
     """
 
     def __init__(self, system: LiveSystem, gates: Mapping[str, float]) -> None:
         self.system, self.live = system, system.live()
         limits = [gates.get(name) for name in system.outputs]
         self.gate = Gate(system.experiment, limits, system.covariances) if gates else None
-        self._gated = [limit is not None for limit in limits]
+        self.limited = [limit is not None for limit in limits]
         self.heard = [False] * len(limits)
         self.newest = [-np.inf] * len(limits)
+        self.offered = [0] * len(limits)
+        self.outliers = [[0] * len(system.labels) for _ in limits]
         self._pending = [0] * len(limits)
         self._last_sample = np.nan
         self._rows: dict[object, Integers] = {}
@@ -62,12 +68,6 @@ class Following:
             said = ", ".join(f"{label}: {treatment}" for treatment, label in found.items())
             raise ValueError(
                 f"the sample taken at {t:g} is late, and in a stream all observers treat late samples alike ({said})"
-            )
-        if "replay" in found and self.gate is not None:
-            raise ValueError(
-                f"the sample taken at {t:g} is late: with a gate late samples enter the innovation alone, and "
-                f"{found['replay']} goes back to them; leave the gate out, or take an observer that can have "
-                "late: innovation, such as kalman_bucy"
             )
         return "innovation" in found
 
@@ -88,7 +88,7 @@ class Following:
         for _, slot, value, _ in event.samples:
             live.samples[slot] = value
         jumps = self._jumps(event)
-        gated = self.gate is not None and any(self._gated[i] and used for i, _, _, used in event.samples)
+        gated = self.gate is not None and any(self.limited[i] and used for i, _, _, used in event.samples)
         z, w = (live.z.copy(), live.w.copy()) if gated else (live.z, live.w)
         fresh = [layout.fresh(i) for i, _, _, used in event.samples if used and layout.flags]
         live.w[fresh] = 1.0
@@ -98,8 +98,10 @@ class Following:
             if used:
                 self.heard[i] = True
                 self.newest[i] = event.taken
-                if self.gate is not None and self._gated[i]:
+                if self.gate is not None and self.limited[i]:
+                    self.offered[i] += 1
                     for j in self.gate.outliers(i, live.innovations[slot], event.t, z, w):
+                        self.outliers[i][j] += 1
                         leave_out(self.system.structure.system, live, i, j, z, w)
 
     def _jumps(self, event: Event) -> tuple[int, ...]:
@@ -111,6 +113,8 @@ class Following:
             if not np.isnan(self._last_sample):
                 self.live.w[system.structure.system.held.interval] = event.t - self._last_sample
                 found = system.steps + found
+            else:
+                system.begun(event.t, self.live.z)
             self._last_sample = event.t
         return found
 
@@ -132,13 +136,15 @@ class Following:
     def state(self) -> State:
         """All that the run goes on from, copied."""
         gate = None if self.gate is None else [[one.state() for one in row] for row in self.gate.deviations]
-        notes = json.dumps([self.heard, self.newest, self._pending, self._last_sample, gate]).encode()
-        return self.live.state(), notes
+        told = [self.heard, self.newest, self._pending, self._last_sample, gate, self.offered, self.outliers]
+        return self.live.state(), json.dumps(told).encode()
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
         numbers, notes = state
-        self.heard, self.newest, self._pending, self._last_sample, gate = json.loads(notes)
+        self.heard, self.newest, self._pending, self._last_sample, gate, *counts = json.loads(notes)
+        if counts:  # checkpoints of before have none
+            self.offered, self.outliers = counts
         if self.gate is not None and gate is not None:
             for row, kept in zip(self.gate.deviations, gate, strict=True):
                 for one, innovations in zip(row, kept, strict=True):

@@ -17,9 +17,11 @@ from hgorun.estimate.given import require_observers
 from hgorun.measurement.late import Treatment
 from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import SampledObserver
+from hgorun.observers.capabilities import BeginsWithASample
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
+from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.preparation import check_limit, numbers_of
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.truth import Recording
@@ -29,6 +31,7 @@ LATE = 8  # samples of one output that may be on their way at once
 TOGETHER = 4096  # samples in one native call
 _MOST_OUTPUTS = 6  # whose every combination of heard and not heard is compiled
 _LARGEST = 1e300
+_ON_TIME = 1e-6  # of a step
 
 
 def slot_of(output: int, late: int = 0) -> int:
@@ -59,6 +62,8 @@ class LiveSystem:
         By the outputs that have been heard, what the system is between the samples.
     step : float
         The longest.
+    begin : tuple of ObserverBlock
+        Observers with states that belong to the first sample.
     """
 
     experiment: Experiment
@@ -74,6 +79,7 @@ class LiveSystem:
     treatments: Mapping[str, Treatment]
     regimes: Mapping[tuple[bool, ...], int]
     step: float
+    begin: tuple[ObserverBlock, ...]
 
     @classmethod
     def of(cls, experiment: Experiment, inputs: tuple[str, ...]) -> LiveSystem:
@@ -117,6 +123,7 @@ class LiveSystem:
             treatments={label: treatment_of(observer) for label, observer in experiment.observers.items()},
             regimes={row: number for number, row in enumerate(product((False, True), repeat=len(outputs)))},
             step=nominal_step(experiment),
+            begin=tuple(b for b in numbers.observers if isinstance(b.observer, BeginsWithASample)),
         )
 
     def live(self) -> Live:
@@ -124,6 +131,24 @@ class LiveSystem:
         program = self.structure.program(self.experiment.blocks.solver.given_method)
         start = Start(self.start[:, None], self.p[:, None], (_LARGEST, 0.0))
         return Live(program, start, 0.0, slot_of(len(self.outputs)), self.step, TOGETHER)
+
+    def begun(self, t: float, z: Floats) -> None:
+        """Let observers begin with a first sample at t, where it comes at another time than they expect.
+
+        Parameters
+        ----------
+        t : float
+        z : ndarray
+            All states then: changed.
+        """
+        for block in self.begin:
+            observer = block.observer
+            assert isinstance(observer, BeginsWithASample)
+            if abs(t - observer.begins) > _ON_TIME * self.step:
+                xhat = block.states["xhat"].shaped(z[None])[0]
+                for name, values in observer.begun(block.form, xhat).items():
+                    place = block.states[name]
+                    z[place.start : place.start + place.size] = place.numbers(values)
 
     @property
     def follows_states(self) -> bool:

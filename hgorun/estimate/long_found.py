@@ -94,9 +94,10 @@ class Found:
 
     def samples(self, output: str) -> RecordedOutput:
         """Those of an output that are shown."""
-        names = ("taken", "available", "y", "used", "innovation", "nis")
-        taken, available, y, used, innovation, nis = (self.all_shown(f"measurement/{output}/{name}") for name in names)
-        return RecordedOutput(taken, available, y, used != 0, innovation, nis)
+        names = ("taken", "available", "y", "innovation")
+        taken, available, y, innovation = (self.all_shown(f"measurement/{output}/{name}") for name in names)
+        used, nis = np.ones(innovation.shape, dtype=bool), np.full(innovation.shape, np.nan)
+        return RecordedOutput(taken, available, y, used, innovation, nis)
 
     def compare(self, own: Sequence[Floats], other: Sequence[Floats]) -> None:
         """Note how far the estimates of every observer, (n_t, n) each, are from those with other steps."""

@@ -13,12 +13,14 @@ from pathlib import Path
 
 import numpy as np
 
+from hgorun.ahead import ahead
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.engine.memory import Raw, Start
 from hgorun.engine.methods import METHODS
+from hgorun.engine.plan import Plan
 from hgorun.estimate.assessed import Widths, widths_of
-from hgorun.estimate.carrying import HALVINGS, UNEVEN, Carried, estimates
+from hgorun.estimate.carrying import HALVINGS, Carried, estimates
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import result_of, unseen, without_sensitivity
 from hgorun.estimate.evaluated import (
@@ -29,18 +31,17 @@ from hgorun.estimate.evaluated import (
     inside,
     with_lag,
 )
-from hgorun.estimate.long_found import Found, Key, Sweep, together
+from hgorun.estimate.long_found import Found, Sweep, together
+from hgorun.estimate.planned import Planned, planned
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of
-from hgorun.estimate.stretches import LONG, Stretch, Stretches, count_of, is_plain, points_before
+from hgorun.estimate.stretches import LONG, Stretches, count_of, is_plain
 from hgorun.result.parts import ResultInParts
 from hgorun.result.recorded import Assessed, Recorded
 from hgorun.result.result import Result
 from hgorun.simulation.outcome import internal
-from hgorun.simulation.steps import steps_between
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 _ROWS = 1 << 16  # that are written at a time
 _FIRST, _EVERY = 2, 8  # stretches that are carried out with other steps as well: the first ones, then every so many
@@ -113,16 +114,24 @@ class LongLog:
             own, other, found = self._begin(), self._begin(), self._nothing_yet()
             try:
                 with ResultInParts(path, len(prepared.run.observers)) as file:
-                    for number, stretch in enumerate(self._stretches):
-                        beside = number < _FIRST or number % _EVERY == 0
-                        self._carry_out(stretch, step, own, other if beside else None, found, file)
-                        sofar = spent + (own.tries + other.tries) * evaluations
-                        if left and 2 * sofar <= solver.max_evaluations and not self._enough(found):
-                            raise _TooCoarse
+                    self._write_constants(file)
+                    with ahead(planned(self._stretches, self._grid, self._asked, step)) as stretches:
+                        for stretch in stretches:
+                            self._carry_out(stretch, step, own, other, found, file)
+                            sofar = spent + (own.tries + other.tries) * evaluations
+                            if left and 2 * sofar <= solver.max_evaluations and not self._enough(found):
+                                raise _TooCoarse
                     return self._finish(file, own, found, step, sofar)
             except _TooCoarse:
                 spent, step = sofar, step / 2
         raise AssertionError("the last one is taken as it is")
+
+    def _write_constants(self, file: ResultInParts) -> None:
+        """What is the same of all samples: each is used, and no observer knows the variance of its innovations."""
+        for one in self._prepared.samples:
+            shape = one.values.size, len(self._prepared.run.observers)
+            file.constant(f"measurement/{one.output}/used", shape, np.int8(1))
+            file.constant(f"measurement/{one.output}/nis", shape, np.float64(np.nan))
 
     def _begin(self) -> Sweep:
         run = self._prepared.run
@@ -133,55 +142,37 @@ class LongLog:
         return Found.begin(len(run.observers), len(run.plant.model.states), samples, self._asked)
 
     def _carry_out(
-        self, stretch: Stretch, step: float, own: Sweep, other: Sweep | None, found: Found, file: ResultInParts
+        self, stretch: Planned, step: float, own: Sweep, other: Sweep, found: Found, file: ResultInParts
     ) -> None:
-        """Carry a stretch out, with ``other`` steps as well, and tell and write what it gives."""
-        prepared = stretch.prepared
-        here = {key: self._some(key, times, stretch, step, found) for key, times in self._wanted()}
-        grid = self._grid[here[None]]
-        aside = {key: (taken[here[key]], values[here[key]]) for key, (taken, values) in self._asked.items()}
-        times = distinct(np.concatenate([grid, *(taken for taken, _ in aside.values())])) if aside else grid
-        if other is not None:
+        """Carry a stretch out, with ``other`` steps as well where that is planned, and tell and write what it gives."""
+        prepared, times, grid = stretch.stretch.prepared, stretch.times, stretch.grid
+        if stretch.beside is not None:
             other.z, other.w = own.z, own.w
-        raw = self._pass(stretch, times, step, None, own)
+        raw = self._pass(prepared, stretch.plan, own)
         everywhere = estimates(prepared, times, raw)
-        if other is not None:
-            beside = self._pass(stretch, times, step, UNEVEN, other)
+        if stretch.beside is not None:
+            beside = self._pass(prepared, stretch.beside, other)
             found.compare(everywhere, estimates(prepared, times, beside))
-        found.steps |= set(distinct(steps_between(prepared.run.schedule, step)).tolist())
-        for key, (taken, values) in aside.items():
+        found.steps |= stretch.steps
+        for key, (taken, values) in stretch.aside.items():
             at = np.searchsorted(times, taken)
             found.compared[key].append(compared_with(prepared, key[1], taken, values, [x[at] for x in everywhere]))
         on_grid = slice(None) if times is grid else np.searchsorted(times, grid)
         shown = [x[on_grid] for x in everywhere]
         for j, x in enumerate(shown):
             found.undefined[j] = min(found.undefined[j], first_undefined(grid, x))
-        for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
-            self._write(file, found, path, rows, self._grid.size)
+        for paths, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
+            self._write(file, found, paths, rows, self._grid.size)
         for i, one in enumerate(prepared.samples):
             predicted = innovations_of(prepared, i, times, everywhere, Carried(raw, prepared.used(), step, own.z, 0))
             first = found.done.setdefault((i, ""), 0)
             found.predicted[i][:, first : first + one.values.size] = predicted
             found.done[i, ""] += one.values.size
-            for path, rows in self._of_output(one, first, predicted):
-                self._write(file, found, path, rows, self._prepared.samples[i].values.size)
+            for paths, rows in self._of_output(one, first, predicted):
+                self._write(file, found, paths, rows, self._prepared.samples[i].values.size)
 
-    def _wanted(self) -> Iterator[tuple[Key | None, Floats]]:
-        """All times at which estimates are wanted."""
-        yield None, self._grid
-        for key, (taken, _) in self._asked.items():
-            yield key, taken
-
-    def _some(self, key: Key | None, times: Floats, stretch: Stretch, step: float, found: Found) -> slice:
-        """Which of them lie in a stretch."""
-        first = found.done.get(key, 0)
-        found.done[key] = points_before(times, stretch, step)
-        return slice(first, found.done[key])
-
-    def _pass(self, stretch: Stretch, times: Floats, step: float, uneven: float | None, sweep: Sweep) -> Raw:
+    def _pass(self, prepared: PreparedEstimate, plan: Plan, sweep: Sweep) -> Raw:
         """The engine's arrays of a stretch, from where the last one has ended."""
-        prepared = stretch.prepared
-        plan = prepared.plan(np.append(times, stretch.end), step, uneven)
         start = Start(sweep.z[:, None], prepared.run.numbers.p[:, None], (self._bound, 0.0), sweep.w)
         raw = prepared.program().run(plan, start)
         sweep.z, sweep.w = raw.rows[-1, :, 0].copy(), raw.held.copy()
@@ -196,27 +187,24 @@ class LongLog:
 
     def _along_time(
         self, prepared: PreparedEstimate, grid: Floats, xhat: Sequence[Floats], rows: Floats
-    ) -> Iterator[tuple[str, np.ndarray]]:
+    ) -> Iterator[tuple[list[str], np.ndarray]]:
         """What is written of a stretch on the output grid, with the paths of its data sets."""
-        yield "time", prepared.run.origin + grid
+        yield ["time"], prepared.run.origin + grid
         if prepared.run.plant.model.inputs:
-            yield "plant/u", prepared.u(grid)
+            yield ["plant/u"], prepared.u(grid)
         of = {b.label: j for j, b in enumerate(prepared.run.observers)}
         for label in prepared.experiment.observers:
-            yield f"observers/{label}/xhat", xhat[of[label]]
+            yield [f"observers/{label}/xhat"], xhat[of[label]]
             for name, values in internal(prepared.run.observers[of[label]], rows).items():
-                yield f"observers/{label}/state/{name}", values
+                yield [f"observers/{label}/state/{name}"], values
 
-    def _of_output(self, one: Sampled, first: int, predicted: Floats) -> Iterator[tuple[str, np.ndarray]]:
+    def _of_output(self, one: Sampled, first: int, predicted: Floats) -> Iterator[tuple[list[str], np.ndarray]]:
         """What is written of the samples of an output, the first of which has a number."""
         base, taken = f"measurement/{one.output}", self._prepared.run.origin + one.taken
-        yield f"{base}/number", np.arange(first, first + taken.size)
-        for name in ("time", "taken", "available"):
-            yield f"{base}/{name}", taken
-        yield f"{base}/y", one.values
-        yield f"{base}/used", np.ones(predicted.T.shape, dtype=np.int8)
-        yield f"{base}/innovation", predicted.T
-        yield f"{base}/nis", np.full(predicted.T.shape, np.nan)
+        yield [f"{base}/number"], np.arange(first, first + taken.size)
+        yield [f"{base}/{name}" for name in ("time", "taken", "available")], taken
+        yield [f"{base}/y"], one.values
+        yield [f"{base}/innovation"], predicted.T
 
     def _finish(self, file: ResultInParts, own: Sweep, found: Found, step: float, spent: int) -> Result:
         """What is told at the end, and the bands."""
@@ -257,14 +245,15 @@ class LongLog:
         return Assessed(lower, upper, widths.reasons, scores_of(prepared, evaluated, j))
 
     @staticmethod
-    def _write(file: ResultInParts, found: Found, path: str, rows: np.ndarray, total: int) -> None:
-        """Write rows of a data set, and keep those that are shown."""
-        found.keep(path, rows, total)
-        file.append(path, rows, total)
+    def _write(file: ResultInParts, found: Found, paths: Sequence[str], rows: np.ndarray, total: int) -> None:
+        """Write rows of some data sets that are equal, and keep those that are shown."""
+        for path in paths:
+            found.keep(path, rows, total)
+        file.append(paths, rows, total, lasting=True)
 
     def _write_band(self, file: ResultInParts, found: Found, label: str, widths: Widths) -> None:
         for first in range(0, self._grid.size, _ROWS):
             some = slice(first, min(first + _ROWS, self._grid.size))
             xhat, width = file.read(f"observers/{label}/xhat", some), widths.at(self._grid[some])
             for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
-                self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)
+                self._write(file, found, [f"observers/{label}/{name}"], rows, self._grid.size)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -20,7 +19,6 @@ from hgorun.estimate.given import require_observers
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
-from hgorun.observers.base import CorrectedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.checks import check_corrections, check_jumps, check_start
@@ -31,6 +29,7 @@ from hgorun.simulation.preparation import check_limit, in_groups, numbers_of, tr
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.tables import build_plan
+from hgorun.simulation.tabulated import Stretchwise
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.plant import PlantModel
@@ -67,12 +66,19 @@ class PreparedEstimate:
         ends = np.cumsum([0, *(one.values.size for one in self.samples)]).tolist()
         return [slice(a, b) for a, b in pairwise(ends)]
 
+    def treatment(self, j: int) -> str:
+        """What observer j does with late samples."""
+        return treatment_of(self.run.observers[j].observer)
+
+    def group(self, j: int) -> int:
+        """Which of the groups that hear late samples otherwise observer j belongs to; 0: samples as they come."""
+        treatments = self.run.treatments
+        return 1 + treatments.index(treatment) if (treatment := self.treatment(j)) in treatments else 0
+
     def own_slots(self, output: int, j: int) -> np.ndarray:
         """Where observer j hears the samples of an output, shape (n_k,); -1 for those that are left out for it."""
-        observer = self.run.observers[j].observer
-        channels, treatment = self.run.heard, treatment_of(observer)
-        group = 1 + self.run.treatments.index(treatment) if treatment in self.run.treatments else 0
-        number = group * len(self.samples) + output
+        channels = self.run.heard
+        number = self.group(j) * len(self.samples) + output
         first = sum(c.samples.arrival.size for c in channels[:number])
         channel, found = channels[number], np.full(self.samples[output].values.size, -1)
         which = channel.which if isinstance(channel, HeardOtherwise) else np.arange(found.size)
@@ -108,7 +114,7 @@ class PreparedEstimate:
         """Of integration."""
         return self.run.solver.given_method
 
-    def plan(self, grid: Floats, step: float, uneven: float | None = None) -> Plan:
+    def plan(self, grid: Floats, step: float, uneven: float | None = None, shared: Stretchwise | None = None) -> Plan:
         """The tables of a run; arguments as of :func:`~hgorun.simulation.tables.build_plan`."""
         return build_plan(
             self.run.schedule,
@@ -123,6 +129,7 @@ class PreparedEstimate:
             inputs=self.inputs,
             samples=[one.values for one in self.samples],
             in_parts=not self.gated,
+            shared=shared,
         )
 
     def start(self) -> Start:
@@ -228,25 +235,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         check_corrections(run)
         check_start(run)
         prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs)
-        if prepared.gated and treatments:
-            _refuse_gate(experiment, treatments)
     return prepared
-
-
-def _refuse_gate(experiment: Experiment, treatments: Sequence[str]) -> None:
-    """A gate and late samples that do not enter the innovation."""
-    label, observer = next((k, o) for k, o in experiment.observers.items() if treatment_of(o) in treatments)
-    way_out = "give it late: innovation, or leave the gate out"
-    if isinstance(observer, CorrectedObserver):
-        way_out = (
-            f"{observer.type} cannot have both a gate and late samples: leave the gate out, or take an observer whose "
-            "innovation is continuous, such as kalman_bucy"
-        )
-    raise Problem(
-        ("observers", label, "late"),
-        f"outliers are found when samples arrive: with a gate late samples enter the innovation, and {label} "
-        f"has late: {treatment_of(observer)}; {way_out}",
-    )
 
 
 def _check_inputs(model: PlantModel, recorded: tuple[int, ...], structure: Structure) -> None:

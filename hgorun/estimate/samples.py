@@ -13,7 +13,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.noise import StretchNoise, deviations
 from hgorun.measurement.samples import Samples
-from hgorun.simulation.actions import RecordedInputs
+from hgorun.simulation.actions import RecordedInputs, last_of
 from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.levels import distinct
 
@@ -112,10 +112,10 @@ def recorded_inputs(
 
 def _lines(signal: InputSignal, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Value and slope of an input from some times on; before its first value and behind its last it is constant."""
+    if signal.hold == "zero":
+        return signal.values[last_of(signal.times, times)], np.zeros(times.size)
     place = np.searchsorted(signal.times, times, side="right") - 1
     before = np.clip(place, 0, None)
-    if signal.hold == "zero":
-        return signal.values[before], np.zeros(times.size)
     after = np.clip(place + 1, 0, signal.times.size - 1)
     rise, run = signal.values[after] - signal.values[before], signal.times[after] - signal.times[before]
     slopes = np.divide(rise, run, out=np.zeros(times.size), where=run > 0)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hgorun.config.models import Time
 from hgorun.data.recording import InputSignal, Recording
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.samples import Sampled, channel, recorded_inputs
-from hgorun.measurement.schedule import build_schedule
+from hgorun.measurement.channels import Channel
+from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tolerances, variants_of
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.kalman import KalmanFilter
 from hgorun.simulation.experiment import Experiment
@@ -100,10 +102,13 @@ class Stretches:
         experiment, first = self._experiment, self.first
         origin, last = experiment.origin, end == self._end
         samples, channels = [], []
+        known: dict[int, tuple[int, int, Floats]] = {}  # by the clocks that outputs share
         for i, one in enumerate(self.samples):
-            a = int(np.searchsorted(one.taken, start, side="left")) if start > 0 else 0
-            b = one.taken.size if last else int(np.searchsorted(one.taken, end, side="left"))
-            taken = one.taken[a:b]
+            if id(one.taken) not in known:
+                a = int(np.searchsorted(one.taken, start, side="left")) if start > 0 else 0
+                b = one.taken.size if last else int(np.searchsorted(one.taken, end, side="left"))
+                known[id(one.taken)] = a, b, one.taken[a:b]
+            a, b, taken = known[id(one.taken)]
             some = replace(one, taken=taken, available=taken, values=one.values[a:b], used=one.used[a:b])
             samples.append(some)
             channels.append(channel(some, experiment, i, heard=a > 0))
@@ -112,7 +117,9 @@ class Stretches:
         time = experiment.time.model_copy(update={"start": start, "end": end})
         kinks = self._kinks[(self._kinks >= start) & (self._kinks <= end)]
         changes = np.zeros(0) if inputs is None else inputs.times
-        schedule = build_schedule(channels, time, kinks, first.run.step, changes)
+        schedule = self._at_samples(channels, time, kinks, changes)
+        if schedule is None:
+            schedule = build_schedule(channels, time, kinks, first.run.step, changes)
         old = first.run.structure
         structure = structure_of(
             [group.truth for group in old.groups],
@@ -125,6 +132,27 @@ class Stretches:
         run = replace(first.run, structure=structure, channels=channels, schedule=schedule)
         prepared = PreparedEstimate(run=run, samples=tuple(samples), inputs=inputs)
         return Stretch(start=start, end=end, until=np.inf if last else end, prepared=prepared)
+
+    def _at_samples(self, channels: Sequence[Channel], time: Time, kinks: Floats, changes: Floats) -> Schedule | None:
+        """The schedule where all happens when all outputs are measured, as in a log of one clock; None elsewhere."""
+        taken = channels[0].samples.taken
+        end = np.array([time.end])
+        if kinks.size or taken.size < 2 or taken[0] != time.start or taken[-1] >= time.end:
+            return None
+        sampled = all(len(one.stretches) == 1 and not one.stretches[0].continuous for one in channels)
+        if not sampled or any(one.samples.taken is not taken for one in channels):
+            return None
+        if changes.size and not np.array_equal(changes, taken):
+            return None
+        events = np.concatenate([taken, end])
+        _, tolerance = tolerances(channels, self.first.run.step)
+        if not np.all(np.diff(events) > tolerance):
+            return None
+        variants, _ = variants_of(kinds_of(channels, events[:2]))
+        none = np.zeros(events.size)
+        return Schedule(
+            events=events, inward=none, variants=variants, variant=np.zeros(events.size - 1, dtype=np.int64)
+        )
 
 
 def is_plain(experiment: Experiment, recording: Recording) -> bool:

@@ -1,50 +1,51 @@
-"""A configuration on the bench: what it shows with other values, and what has been computed of that before."""
+"""A configuration on the bench: what of it can be varied, and what it comes to with other values."""
 
 from __future__ import annotations
 
-import hashlib
-import json
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-from hgorun.analysis.reasons import outcome
-from hgorun.analysis.subject import Context, Subject
-from hgorun.errors import ConfigError, HgorunError
-from hgorun.explore.knobs import Knob, by_name, knobs_of
-from hgorun.explore.promises import Promise, promise_of
+from hgorun.config.yaml_source import Source
+from hgorun.explore.knobs import Knob, by_name
+from hgorun.explore.promises import Promise
 from hgorun.explore.state import State, from_query
-from hgorun.memo import Memo
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.outcome import since_start
-from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import prepare, simulate_prepared
-
-_PROMISES = 256  # that are kept: of an observer that has not changed nothing is computed again
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """A state and what it comes to."""
+    """A state and what it comes to.
+
+    Attributes
+    ----------
+    state : State
+    said : Source
+        The configuration with its values.
+    experiment : Experiment
+        The same as a whole one.
+    result : Result
+    """
 
     state: State
-    run: PreparedRun
+    said: Source
+    experiment: Experiment
     result: Result
-
-    @cached_property
-    def context(self) -> Context:
-        """What the theory looks at."""
-        return Context(self.run, since_start(self.run, self.result))
-
-    @property
-    def experiment(self) -> Experiment:
-        return self.run.experiment
 
 
 @dataclass(frozen=True, eq=False)
-class Bench:
+class Ready:
+    """What can be carried out: whether that needs new code, and how it is done."""
+
+    compiled: bool
+    carry_out: Callable[[], Shown]
+
+
+@dataclass(frozen=True, eq=False)
+class Bench(ABC):
     """A configuration and everything on it that can be varied.
 
     Attributes
@@ -52,7 +53,7 @@ class Bench:
     path : Path
         The file, as it was named.
     base : Experiment
-        What it says, with ``--set`` and ``--seed``.
+        What it says, with ``--set`` and ``--seed``, as a whole one.
     run_name : str or None
         Which of its runs it is, where it has several.
     """
@@ -60,12 +61,11 @@ class Bench:
     path: Path
     base: Experiment
     run_name: str | None = None
-    _promises: Memo[Promise] = field(default_factory=lambda: Memo(_PROMISES), repr=False)
 
     @cached_property
     def knobs(self) -> Mapping[str, Knob]:
         """By name, in the order of the page."""
-        return by_name(knobs_of(self.base))
+        return by_name(tuple(self._knobs()))
 
     @property
     def labels(self) -> tuple[str, ...]:
@@ -86,78 +86,54 @@ class Bench:
         """
         return from_query(query, self.knobs, self.labels)
 
-    def experiment(self, state: State) -> Experiment:
-        """The configuration of a state.
+    def shown(self, state: State) -> Shown:
+        """What a state comes to; raises what :meth:`ready` and its carrying out raise."""
+        return self.ready(state).carry_out()
+
+    @abstractmethod
+    def _knobs(self) -> Sequence[Knob]:
+        """All of them."""
+
+    @abstractmethod
+    def ready(self, state: State) -> Ready:
+        """A state before its first step.
 
         Raises
         ------
         ConfigError
-            When a value does not fit.
+            When a value does not fit, or something does not fit together; carried out, also for a diverging plant
+            (SimulationError).
         """
-        changes = state.changes(self.knobs)
-        return self.base.varied(changes) if changes else self.base
 
-    def prepared(self, state: State) -> PreparedRun:
-        """The run of a state, before its first step.
+    @abstractmethod
+    def text(self, shown: Shown, target: Path) -> str:
+        """A state as the text of a whole configuration that is read from a folder; nothing above it is extended."""
+
+    @abstractmethod
+    def says(self, source: Source, file: Path) -> Mapping[str, object]:
+        """Everything that decides the numbers of a configuration that stands at some place, to compare it.
 
         Raises
         ------
         ConfigError
-            When something does not fit together.
         """
-        return prepare(self.experiment(state))
 
-    def simulated(self, state: State, run: PreparedRun | None = None) -> Shown:
-        """What a state comes to.
+    def finished(self, shown: Shown) -> Shown | None:
+        """The same with what takes long, once nothing else is asked for; None where there is no more."""
+        return None
 
-        Raises
-        ------
-        ConfigError
-            When something does not fit together.
-        SimulationError
-            When the plant diverges.
-        """
-        run = self.prepared(state) if run is None else run
-        return Shown(state, run, simulate_prepared(run))
+    # ---- theory, where there is some
+
+    theory = False
+
+    def known(self, shown: Shown, label: str) -> bool:
+        """Whether what the theory says of an observer is known already."""
+        return True
 
     def promise(self, shown: Shown, label: str) -> Promise:
         """What the theory says of an observer of a run; a reason where it says nothing."""
-        if shown.experiment.closed:
-            return Promise(reason="in a closed loop the inputs follow from the estimates; the theorems are about "
-                           "inputs that are functions of time")  # fmt: skip
-        subject = shown.context.subjects[label]
-        return self._promises.get(_key(subject), lambda: _promised(subject))
+        return Promise()
 
-
-def _promised(subject: Subject) -> Promise:
-    def found() -> Promise:
-        with subject.run.experiment.located():
-            return promise_of(subject)
-
-    try:
-        made = outcome(found)
-    except HgorunError as error:
-        return Promise(reason=str(error))
-    return made.found if made.found is not None else Promise(reason=made.reason or "")
-
-
-def _key(subject: Subject) -> str:
-    """What an observer's theory depends on: its own block, everything but the other observers, and its run."""
-    data = subject.run.experiment.source.data
-    own = {key: part for key, part in data.items() if key not in ("observers", "figures", "claims", "title")}
-    text = json.dumps([own, subject.label, data["observers"][subject.label], subject.run.step], sort_keys=True)
-    digest = hashlib.sha256(text.encode())
-    for values in (subject.result.x, subject.found.xhat):
-        digest.update(values.tobytes())
-    return digest.hexdigest()
-
-
-def recorded(experiment: Experiment) -> ConfigError | None:
-    """Why a configuration of recorded data is not shown; None for others."""
-    if experiment.blocks.data is None:
-        return None
-    return ConfigError(
-        "the block data is of recorded measurements, beside which there is no truth to show errors against: "
-        "hgorun estimate carries the observers along them, and reports how its scores depend on each gain",
-        key="data",
-    )
+    def limits(self, shown: Shown, label: str) -> Promise:
+        """What it says that takes longer."""
+        return Promise()

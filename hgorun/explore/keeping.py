@@ -13,11 +13,9 @@ from hgorun.config.paths import entries
 from hgorun.config.reading import read_source
 from hgorun.config.written import with_values
 from hgorun.errors import ConfigError, KeyPath, Problem
-from hgorun.explore.bench import Bench
+from hgorun.explore.bench import Bench, Shown
 from hgorun.explore.state import State
 from hgorun.files import written_whole
-from hgorun.simulation.blocks import as_yaml
-from hgorun.simulation.experiment import Experiment
 
 _NAME = re.compile(r"[^\W.][\w .=+-]{0,99}\.ya?ml", re.ASCII)
 _SUFFIX = ".yaml"
@@ -52,10 +50,10 @@ class Keeper:
             name = f"{stem}-{number}{_SUFFIX}"
         return name
 
-    def write(self, experiment: Experiment, name: str) -> Path:
-        """Write a configuration as a new file, whole or not at all.
+    def write(self, shown: Shown, name: str) -> Path:
+        """Write what is shown as a new file, whole or not at all.
 
-        It is read again before it takes its name: what it says has to be the experiment.
+        It is read again before it takes its name: what it says has to be the same.
 
         Raises
         ------
@@ -71,13 +69,13 @@ class Keeper:
         target = self.folder / name
         if self._taken(target):
             raise ConfigError(f"{target} exists already, and nothing is overwritten: choose another name")
-        text = self.text(experiment, target)
+        text = self.text(shown, target)
         with written_whole(target) as part:
             part.write_text(text, encoding="utf-8")
-            self._compare(experiment, part)
+            self._compare(shown, part)
         return target
 
-    def text(self, experiment: Experiment, target: Path) -> str:
+    def text(self, shown: Shown, target: Path) -> str:
         """The configuration of a file at some place.
 
         The file's own text where that is possible, else one that extends it; where an observer is left out, or one
@@ -87,17 +85,16 @@ class Keeper:
             if self.bench.run_name is not None:
                 raise _Gone
             before = read_source(self.bench.path)[1].data
-            values = {".".join(map(str, place)): value for place, value in _different(before, experiment.source.data)}
+            values = {".".join(map(str, place)): value for place, value in _different(before, shown.said.data)}
         except _Gone:
-            said = {key: part for key in ("title", "reference") if (part := experiment.source.data.get(key))}
-            return as_yaml(said | experiment.resolved())
+            return self.bench.text(shown, target)
         return with_values(self.bench.path, values, target)
 
     @staticmethod
     def _taken(path: Path) -> bool:
         return path.is_symlink() or path.exists()
 
-    def _compare(self, experiment: Experiment, part: Path) -> None:
+    def _compare(self, shown: Shown, part: Path) -> None:
         """Refuse a text that says something else.
 
         Raises
@@ -106,10 +103,10 @@ class Keeper:
         """
         _, source = read_source(part)
         try:
-            found = Experiment(source).resolved()
+            same = self.bench.says(source, part) == self.bench.says(shown.said, self.bench.path)
         except Problem as problem:
             raise ConfigError(problem.message) from problem
-        if found != experiment.resolved():
+        if not same:
             raise ConfigError("what was to be written does not say the same, so nothing is: please report this")
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -111,7 +111,8 @@ def knobs_of(experiment: Experiment) -> tuple[Knob, ...]:
     """Everything in a configuration that a page can vary: of each observer, of the measurement, and the seed."""
     found: list[Knob] = []
     for label, observer in experiment.observers.items():
-        found += _of_observer(experiment, label, observer)
+        found += of_gains(experiment.source.data["observers"][label], label, observer)
+        found += _initial_error(experiment, label, observer)
     found += _of_measurement(experiment)
     seed = experiment.blocks.seed
     if any(isinstance(noise, RandomNoise) for _, noise in _noises(experiment.measurement)) or _by_chance(experiment):
@@ -120,27 +121,39 @@ def knobs_of(experiment: Experiment) -> tuple[Knob, ...]:
     return tuple(found)
 
 
-def _of_observer(experiment: Experiment, label: str, observer: AnyObserver) -> Iterator[Knob]:
-    given = experiment.source.data["observers"][label]
+def of_gains(
+    given: Mapping[str, Any], label: str, observer: AnyObserver, tuned: Collection[str] = ()
+) -> Iterator[Knob]:
+    """The gains of an observer: those that its block gives, those by which most are tuned, those that this file seeks.
+
+    Parameters
+    ----------
+    given : mapping
+        The block as it is written.
+    tuned : collection of str
+        Keys that are shown also where the block leaves them to their defaults.
+    """
+    shown = {*given, *_ALWAYS, *tuned}
     others = (name for name in type(observer).model_fields if name not in _ALWAYS)
     for name in (*(name for name in _ALWAYS if name in type(observer).model_fields), *others):
-        if name in Keys.model_fields or not (name in given or name in _ALWAYS):
+        if name in Keys.model_fields or name not in shown:
             continue
         path, value = f"observers.{label}.{name}", getattr(observer, name)
         if name == "poles" and value is not None:
             yield from _poles(path, label, value)
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
-            yield _number(path, name, label, value, _limits(observer, name))
+            yield of_number(path, name, label, value, _limits(observer, name))
         elif isinstance(value, tuple) and isinstance(given.get(name), list):
             for i, part in enumerate(value):
                 if isinstance(part, float):
-                    yield _number(f"{path}.{i}", f"{name} {i + 1}", label, part)
-    error = _initial_error(experiment, label, observer)
-    if error is not None:
-        yield error
+                    yield of_number(f"{path}.{i}", f"{name} {i + 1}", label, part)
+        elif isinstance(given.get(name), dict):
+            for key, part in given[name].items():
+                if isinstance(part, (int, float)) and not isinstance(part, bool):
+                    yield of_number(f"{path}.{key}", f"{name} {key}", label, float(part))
 
 
-def _number(
+def of_number(
     path: str,
     label: str,
     group: str,
@@ -180,20 +193,19 @@ def _poles(path: str, group: str, value: complex | tuple[complex, ...]) -> Itera
     else:
         for i, pole in enumerate(several):
             place = (f"{path}.{i}", f"pole {i + 1}") if isinstance(value, tuple) else (path, "poles")
-            yield _number(*place, group, pole.real)
+            yield of_number(*place, group, pole.real)
 
 
-def _initial_error(experiment: Experiment, label: str, observer: AnyObserver) -> Knob | None:
+def _initial_error(experiment: Experiment, label: str, observer: AnyObserver) -> Iterator[Knob]:
     """How many times the initial error of the file: towards the truth, and away from it."""
     targets = []
     for name, truth in zip(experiment.plant.model.states, experiment.plant.initial, strict=True):
         error = float(observer.initial.get(str(name), 0.0)) - float(truth)
         if error:
             targets.append(Target(f"observers.{label}.initial.{name}", error, float(truth)))
-    if not targets:
-        return None
-    name = f"observers.{label}.initial error"
-    return Knob(name, "initial error, times the file's", label, "linear", 0.0, _MOST_FACTOR, 1.0, tuple(targets))
+    if targets:
+        name = f"observers.{label}.initial error"
+        yield Knob(name, "initial error, times the file's", label, "linear", 0.0, _MOST_FACTOR, 1.0, tuple(targets))
 
 
 def _of_measurement(experiment: Experiment) -> Iterator[Knob]:
@@ -202,10 +214,12 @@ def _of_measurement(experiment: Experiment) -> Iterator[Knob]:
     for path, where, block in _availabilities(experiment.measurement):
         if isinstance(block.sampling, Periodic):
             sampling, here = block.sampling, f"{path}.sampling"
-            yield _number(f"{here}.period", f"period{where}", "measurement", sampling.period, (0, span), time.unit)
+            yield of_number(f"{here}.period", f"period{where}", "measurement", sampling.period, (0, span), time.unit)
             given = at(experiment.source.data, _keys(experiment, path))["sampling"]
             if "jitter" in given:
-                yield _number(f"{here}.jitter", f"jitter{where}", "measurement", sampling.jitter, (0, span), time.unit)
+                yield of_number(
+                    f"{here}.jitter", f"jitter{where}", "measurement", sampling.jitter, (0, span), time.unit
+                )
             if "dropout" in given:
                 yield Knob(
                     f"{here}.dropout", f"dropout{where}", "measurement", "linear", 0.0, 1.0, sampling.dropout,

@@ -31,7 +31,10 @@
   const slider = (i) => document.querySelector(`[data-knob="${i}"]`);
   const field = (i) => document.querySelector(`[data-number="${i}"]`);
   const text = (value) => String(value);
+  const seen = [];            // values that sliders and fields show
   function show(i, value) {
+    if (seen[i] === value) return;
+    if (document.activeElement !== field(i)) seen[i] = value;
     const one = slider(i), unit = knobs[i].unit ? " " + knobs[i].unit : "";
     one.value = placeOf(knobs[i], value);
     one.setAttribute("aria-valuetext", text(Number(value.toPrecision(4))) + unit);
@@ -67,9 +70,14 @@
   const heard = () => { const told = JSON.parse(channel.told); settled(() => take(told)); };
   const settled = (then) => requestAnimationFrame(() => setTimeout(then, 0));
   function take(told) {
-    if (told.number < number && !told.theory) return;
+    const further = told.further || (told.theories && !told.picture);
+    if (told.number < number) return;
     if (told.busy) { clearTimeout(slow); say(told.busy, "busy"); return; }
-    if (told.theory) { if (told.number === number) { draw_theory(told.theory); redrawn(); } return; }
+    if (further) {
+      if (told.picture) draw_metrics(told.picture);
+      if (told.theories) { keep_theories(told.theories); draw_theories(); redrawn(); }
+      return;
+    }
     clearTimeout(slow);
     const question = asked;
     asked = null;
@@ -89,17 +97,23 @@
     }
     byId("undo").disabled = !told.undo;
     byId("redo").disabled = !told.redo;
-    byId("command").textContent = told.command;
-    const query = told.query ? "?" + told.query : "";
-    history.replaceState(null, "", location.pathname + query);
-    for (const kind of ["png", "pdf"]) byId(kind).href = `figure.${kind}${query}`;
+    if (question?.final !== false || fault) keep_address(told);
     if (told.file) byId("file").value = told.file;
-    if (told.picture) draw_metrics(told.picture);
+    if (told.theories) keep_theories(told.theories);
+    if (told.picture) { draw_metrics(told.picture); draw_theories(); }
     if (told.error) say(told.error, "error");
     else if (told.written) say(`written: ${told.written}`);
     else say(summary);
     if (question) redrawn(question.at);
+    if (told.theories?.length === told.picture?.rows.length) redrawn();
     send();
+  }
+  // The browser takes longer to change its address than to draw the curves: not while a slider is held.
+  function keep_address(told) {
+    byId("command").textContent = told.command;
+    const query = told.query ? "?" + told.query : "";
+    history.replaceState(null, "", location.pathname + query);
+    for (const kind of ["png", "pdf"]) byId(kind).href = `figure.${kind}${query}`;
   }
   let summary = "", since = 0;
   function redrawn(at) {
@@ -115,7 +129,11 @@
     one.title = digits;
     return one;
   }
+  const shapes = {};          // columns and rows of tables as they stand
   function table(id, columns, rows, meanings) {
+    const shape = JSON.stringify([columns, rows.map(([label]) => label)]);
+    if (shapes[id] === shape) { refill(id, rows); return; }
+    shapes[id] = shape;
     const head = document.createElement("tr");
     ["observer", ...columns].forEach((words, i) => head.append(element("th", words, { scope: "col", title: i ? meanings[i - 1] : "" })));
     const body = document.createElement("tbody");
@@ -129,21 +147,30 @@
     top.append(head);
     byId(id).replaceChildren(top, body);
   }
+  function refill(id, rows) {
+    const lines = byId(id).tBodies[0].rows;
+    rows.forEach(([, cells], i) => cells.forEach((cell, j) => {
+      const old = lines[i].cells[j + 1];
+      if (old.textContent !== cell.textContent || old.title !== cell.title) old.replaceWith(cell);
+    }));
+  }
   function draw_metrics(picture) {
     table("metrics", [...picture.columns, "status"], picture.rows.map((row) =>
       [row.label, [...row.cells.map(cell), element("td", row.status, { title: row.reason })]]), [...picture.meanings, ""]);
-    byId("metrics").dataset.columns = JSON.stringify(picture.columns);
+    const columns = JSON.stringify(picture.columns);
+    if (byId("metrics").dataset.columns !== columns) byId("metrics").dataset.columns = columns;
     summary = picture.said.length ? picture.said.join("; ") : picture.status;
     for (const label of Object.keys(theory)) if (!picture.rows.some((row) => row.label === label)) delete theory[label];
-    draw_theories();
   }
-  function draw_theory(one) {
-    const old = theory[one.label];
-    theory[one.label] = one.reason === undefined && old
-      ? { ...old, cells: { ...old.cells, ...one.cells }, reasons: { ...old.reasons, ...one.reasons } } : one;
-    draw_theories();
+  function keep_theories(found) {
+    for (const one of found) {
+      const old = theory[one.label];
+      theory[one.label] = one.reason === undefined && old
+        ? { ...old, cells: { ...old.cells, ...one.cells }, reasons: { ...old.reasons, ...one.reasons } } : one;
+    }
   }
   function draw_theories() {
+    if (byId("theory") === null) return;  // recorded data have none
     const labels = known.labels.filter((label) => label in theory);
     const columns = [];
     for (const [name, title, meaning] of known.findings) {
@@ -174,13 +201,14 @@
   knobs.forEach((knob, i) => {
     const moved = (final) => () => {
       const value = valueAt(knob, Number(slider(i).value));
+      seen[i] = undefined;
       slider(i).setAttribute("aria-valuetext", text(value) + (knob.unit ? " " + knob.unit : ""));
       field(i).value = text(value);
       ask({ do: "set", name: knob.name, value, final });
     };
     slider(i).addEventListener("input", moved(false));
     slider(i).addEventListener("change", moved(true));
-    const typed = () => ask({ do: "set", name: knob.name, value: field(i).value.trim(), final: true });
+    const typed = () => { seen[i] = undefined; ask({ do: "set", name: knob.name, value: field(i).value.trim(), final: true }); };
     field(i).addEventListener("change", typed);
   });
   for (const box of document.querySelectorAll("[data-observer]"))
@@ -203,9 +231,34 @@
 
   // ---- the connection
 
+  // Every line and label of a figure asks for its style, which is computed anew each time: no style of this page is for
+  // lines, and the size of the font stays. Where Bokeh has another inside, figures are as right and slower.
+  function keep_styles() {
+    const { VisualProperties } = Bokeh.require("core/visuals/visual");
+    const { PlotView } = Bokeh.require("models/plots/plot_canvas");
+    const size = Object.getOwnPropertyDescriptor(PlotView.prototype, "base_font_size").get;
+    VisualProperties.prototype._get_css_value = () => "";
+    const kept = new WeakMap();
+    const get = function () {
+      if (!kept.get(this)) kept.set(this, size.call(this));
+      return kept.get(this);
+    };
+    Object.defineProperty(PlotView.prototype, "base_font_size", { get, configurable: true });
+  }
+  try { keep_styles(); } catch { /* as Bokeh does it */ }
+  // What of a figure takes the focus says whose it is; Bokeh's parts stand in roots of their own.
+  function name_figures() {
+    const inside = (root) => [...root.querySelectorAll("*")].flatMap((one) => one.shadowRoot ? [one, ...inside(one.shadowRoot)] : [one]);
+    for (const figure of document.querySelectorAll("figure"))
+      for (const one of inside(figure).filter((part) => part.matches(".bk-events"))) {
+        one.setAttribute("role", "img");
+        one.setAttribute("aria-label", figure.getAttribute("aria-label"));
+      }
+  }
   function begin() {
     const found = window.Bokeh?.documents?.[0]?.get_model_by_name("channel");
     if (!found) { setTimeout(begin, 20); return; }
+    for (const wait of [0, 1000, 5000]) setTimeout(name_figures, wait);  // figures are built after the document
     channel = found;
     found.properties.told.change.connect(heard);
     waiting.unshift({ do: "begin" });

@@ -29,7 +29,19 @@ p.note { color: #555; font-size: 0.9em; }
 _KEYBOARD = """{
 const deep = (what, root = document) => [...root.querySelectorAll(what)].concat(
   ...[...root.querySelectorAll('*')].filter(one => one.shadowRoot).map(one => deep(what, one.shadowRoot)));
+const whose = (one) => one === null ? 'figure' : one.getAttribute('aria-label')
+  ?? whose(one.parentElement ?? one.getRootNode().host ?? null);
 const reach = () => {
+  for (const one of deep('.bk-data-table')) {  // Tab would go from cell to cell, and keep a keyboard inside
+    if (one.dataset.left) continue;
+    one.dataset.left = 'yes';
+    one.addEventListener('keydown', (event) => { if (event.key === 'Tab') event.stopPropagation(); }, true);
+    for (const sink of one.querySelectorAll('[hidefocus]')) sink.tabIndex = -1;  // which show no focus
+  }
+  for (const one of deep('.bk-events[tabindex]')) {
+    one.setAttribute('role', 'img');
+    if (!one.getAttribute('aria-label')) one.setAttribute('aria-label', whose(one));
+  }
   for (const one of deep('.bk-tab, .slick-header-column')) {
     if (one.dataset.reached) continue;
     one.dataset.reached = 'yes';

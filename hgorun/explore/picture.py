@@ -4,25 +4,26 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 
 from hgorun.explore.bench import Shown
+from hgorun.explore.numbers import Table, metrics_table, scores_table
 from hgorun.explore.promises import Promise
 from hgorun.figures.actors import cast, texts
 from hgorun.figures.data import Curve, finite, magnitude_limits, moving_maximum, state_limits, thinned
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.panels import moving_window
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.recorded import Recorded, RecordedOutput
 from hgorun.result.result import Result
-from hgorun.tables.layout import number
-from hgorun.tables.rows import metrics_of, rows_of
 from hgorun.tables.typeset import printable
 
 _POINTS = 800  # of a curve: two for every pixel of its figure, about
 _SAMPLES = 600
 
 Limits = tuple[float, float]
+NOTHING = Curve(np.zeros(0), np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -32,8 +33,11 @@ class Panel:
     Attributes
     ----------
     truth : Curve
+        None of recorded data.
     measured : Curve
         Samples of the outputs that are this state, when they arrived.
+    unseen : Curve
+        Of recorded data, what was measured for comparison, and what was held out.
     estimates, errors, own_truths : mapping of str to Curve
         By observer; errors are the largest in a moving window. In a closed loop each observer has a truth of its own.
     limits, error_limits : (low, high)
@@ -51,45 +55,20 @@ class Panel:
     own_truths: Mapping[str, Curve]
     limits: Limits
     error_limits: Limits
+    unseen: Curve = NOTHING
     beyond: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
-class Cell:
-    """A number as it is shown, and all its digits."""
-
-    text: str
-    digits: str
-
-
-@dataclass(frozen=True)
-class Row:
-    """A line of the table: an observer, what has become of it, its metrics."""
-
-    label: str
-    status: str
-    reason: str
-    cells: tuple[Cell, ...]
-
-
-@dataclass(frozen=True)
-class Table:
-    """Metrics of all observers: a column for every metric of every state."""
-
-    columns: tuple[str, ...] = ()
-    meanings: tuple[str, ...] = ()
-    rows: tuple[Row, ...] = ()
-
-
-@dataclass(frozen=True)
 class Picture:
-    """A run as a page shows it."""
+    """A run as a page shows it: of recorded data with the innovations of every output."""
 
     panels: tuple[Panel, ...]
     table: Table
     time_unit: str
     status: str
     said: tuple[str, ...] = field(default=())
+    innovations: tuple[Panel, ...] = ()
 
 
 def styles_of(result: Result) -> dict[str, Look]:
@@ -103,9 +82,12 @@ def picture_of(shown: Shown) -> Picture:
     """Everything that is shown of a run at once; what the theory says of it comes after."""
     result = shown.result
     said = [*result.troubles(), *result.remarks]
+    recorded = result.recorded
+    panel = _panel if recorded is None else partial(_estimated, recorded)
     return Picture(
-        panels=tuple(_panel(result, i) for i in range(len(result.states))),
-        table=_table(result),
+        panels=tuple(panel(result, i) for i in range(len(result.states))),
+        innovations=() if recorded is None else tuple(_innovation(result, *one) for one in recorded.outputs.items()),
+        table=metrics_table(result) if recorded is None else scores_table(result),
         time_unit=result.units.get("time", ""),
         status=result.status,
         said=tuple(map(printable, said)),
@@ -151,6 +133,68 @@ def _panel(result: Result, i: int) -> Panel:
     )
 
 
+def _estimated(recorded: Recorded, result: Result, i: int) -> Panel:
+    """A state of recorded data: estimates, and what was measured of it."""
+    name = result.states[i]
+    estimates: dict[str, Curve] = {}
+    sound: list[np.ndarray] = []
+    lost: list[np.ndarray] = []
+    for label, observer in result.observers.items():
+        if name in observer.unestimated:
+            continue
+        estimate = finite(result.time, observer.xhat[:, i])
+        (lost if observer.lost else sound).append(estimate.v)
+        estimates[label] = thinned(estimate, _POINTS)
+    outputs = [recorded.outputs[output] for output in result.outputs_of(name)]
+    measured = _joined([(one.taken, one.y) for one in outputs])
+    names = dict.fromkeys((name, *result.outputs_of(name)))
+    others = [of[key] for of in (recorded.reference, recorded.held_out) for key in names if key in of]
+    unseen = _joined([(one.taken, one.y) for one in others])
+    limits = state_limits([measured.v, unseen.v], sound, lost) or (0.0, 1.0)
+    beyond = [_beyond(label, name, curve, limits) for label, curve in estimates.items() if _leaves(curve, limits)]
+    return Panel(
+        name=name,
+        unit=result.units.get(name, ""),
+        truth=NOTHING,
+        measured=thinned(measured, _SAMPLES),
+        unseen=thinned(unseen, _SAMPLES),
+        estimates=estimates,
+        errors={},
+        own_truths={},
+        limits=limits,
+        error_limits=(1e-3, 1.0),
+        beyond=tuple(beyond),
+    )
+
+
+def _innovation(result: Result, name: str, output: RecordedOutput) -> Panel:
+    """What was measured of an output minus what had been estimated, of every observer."""
+    curves = {label: finite(output.taken, output.innovation[:, j]) for j, label in enumerate(result.observers)}
+    lost = {label for label, observer in result.observers.items() if observer.lost}
+    sizes = [[curve.v for label, curve in curves.items() if (label in lost) is gone] for gone in (False, True)]
+    return Panel(
+        name=name,
+        unit=result.units.get(name, ""),
+        truth=NOTHING,
+        measured=NOTHING,
+        estimates={label: thinned(curve, _POINTS) for label, curve in curves.items()},
+        errors={},
+        own_truths={},
+        limits=state_limits([], *sizes) or (-1.0, 1.0),
+        error_limits=(1e-3, 1.0),
+    )
+
+
+def _joined(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> Curve:
+    """Samples together, in the order of their times, without those that have no value."""
+    if not parts:
+        return NOTHING
+    t, v = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    order = np.argsort(t, kind="stable")
+    order = order[np.isfinite(v[order])]
+    return Curve(t[order], v[order])
+
+
 def _window(result: Result) -> int:
     """Points of the moving window of errors."""
     if len(result.time) < 2:
@@ -166,7 +210,7 @@ def _positive(curve: Curve) -> Curve:
 def _measured(result: Result, name: str) -> Curve:
     columns = [result.outputs.index(output) for output in result.outputs_of(name)]
     if not columns:
-        return Curve(np.zeros(0), np.zeros(0))
+        return NOTHING
     y = result.measurements.y[:, columns[0]]
     known = np.isfinite(y)
     return thinned(Curve(result.measurements.time[known], y[known]), _SAMPLES)
@@ -181,29 +225,6 @@ def _beyond(label: str, name: str, curve: Curve, limits: Limits) -> str:
     far = np.maximum(limits[0] - curve.v, curve.v - limits[1])
     k = int(np.argmax(far))
     return f"{printable(label)}: {name} reaches {curve.v[k]:.4g} at t = {curve.t[k]:.4g}, beyond the axis"
-
-
-def _table(result: Result) -> Table:
-    rows = rows_of([result])
-    known = all_metrics(closed=True)
-    columns = [(metric, state) for metric in metrics_of(rows) for state in result.states]
-    return Table(
-        columns=tuple(f"{metric} {state}" for metric, state in columns),
-        meanings=tuple(known[metric].meaning if metric in known else "" for metric, _ in columns),
-        rows=tuple(
-            Row(
-                label=row.label,
-                status=row.status,
-                reason=row.observer.reason or "",
-                cells=tuple(_cell(row.value(metric, state)) for metric, state in columns),
-            )
-            for row in rows
-        ),
-    )
-
-
-def _cell(value: float | None) -> Cell:
-    return Cell(number(value), "" if value is None else repr(value))
 
 
 @dataclass(frozen=True)
@@ -240,15 +261,3 @@ def bounds_of(label: str, promise: Promise, result: Result) -> list[Bound]:
         error, bound = (_positive(thinned(moving_maximum(curve, points), _POINTS)) for curve in curves)
         found.append(Bound(name, label, error, bound, transient.holds))
     return found
-
-
-def promised_cells(promises: Mapping[str, Promise], names: Sequence[str]) -> dict[str, dict[str, dict[str, Cell]]]:
-    """Numbers of the theory by observer, finding and state."""
-    return {
-        label: {
-            name: {state: _cell(value) for state, value in promise.numbers[name].items()}
-            for name in names
-            if name in promise.numbers
-        }
-        for label, promise in promises.items()
-    }

@@ -11,7 +11,7 @@ from bokeh.models import ColumnDataSource, CustomJSTickFormatter, Range1d
 from bokeh.plotting import figure as new_figure
 
 from hgorun.explore.drawing import dash
-from hgorun.explore.picture import Bound, Panel
+from hgorun.explore.picture import NOTHING, Bound, Panel
 from hgorun.figures.data import Curve
 from hgorun.figures.looks import Look
 
@@ -19,9 +19,8 @@ Plot = Any  # bokeh publishes types, but not of what figure() returns
 
 _TOOLS = "pan,box_zoom,wheel_zoom,reset"
 _HEIGHT = 270
-_BLACK, _GREY, _SAMPLES = "#000000", "#3c3c3c", "#6e6e6e"
+_BLACK, _GREY, _SAMPLES, _UNSEEN = "#000000", "#3c3c3c", "#6e6e6e", "#9b1c1c"
 _BOUND, _DECAY = [6, 4], [2, 4]
-_NOTHING = Curve(np.zeros(0), np.zeros(0))
 _NO_POINTS: dict[str, Any] = {"t": [], "v": []}
 
 
@@ -73,15 +72,16 @@ class Lines:
             "t", "v", source=source, color=colour, line_width=width, line_dash=dashes
         )
 
-    def add_dots(self, name: str) -> None:
+    def add_dots(self, name: str, *, large: bool = False) -> None:
         """Points that are not joined."""
         self._sources[name] = source = ColumnDataSource(dict(_NO_POINTS))
-        self.plot.scatter("t", "v", source=source, color=_SAMPLES, size=3)
+        self.plot.scatter("t", "v", source=source, marker="diamond" if large else "circle",
+                          color=_UNSEEN if large else _SAMPLES, size=8 if large else 3)  # fmt: skip
 
     def set(self, name: str, curve: Curve | None) -> None:
         """Give a line its points, or none; one that stays as it is costs nothing."""
-        shown = self._shown.get(name, _NOTHING)
-        curve = _NOTHING if curve is None else curve
+        shown = self._shown.get(name, NOTHING)
+        curve = NOTHING if curve is None else curve
         if not all(np.array_equal(one, other, equal_nan=True) for one, other in zip(shown, curve, strict=True)):
             self._shown[name] = curve
             self._sources[name].data = columns(curve)
@@ -116,6 +116,7 @@ def estimates_of(plot: Plot, looks: Mapping[str, Look], *, closed: bool) -> Line
     """Lines for a state: samples, estimates, and the truth above them."""
     lines = Lines(plot, logarithmic=False)
     lines.add_dots("measured")
+    lines.add_dots("unseen", large=True)
     for label, look in looks.items():
         lines.add(f"estimate {label}", look.colour, 1.6, dash(look.dashes))
         if closed:
@@ -137,6 +138,7 @@ def draw_estimates(lines: Lines, panel: Panel, labels: tuple[str, ...], *, close
     """Show a state of a run."""
     lines.set("truth", panel.truth)
     lines.set("measured", panel.measured)
+    lines.set("unseen", panel.unseen)
     for label in labels:
         lines.set(f"estimate {label}", panel.estimates.get(label))
         if closed:

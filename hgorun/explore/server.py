@@ -100,7 +100,7 @@ class LivePage:
         listening = _listening(port)
         self.port = int(listening.getsockname()[1])
         try:
-            self._base: Shown = bench.simulated(bench.state_of(""))
+            self._base: Shown = bench.shown(bench.state_of(""))
         except BaseException:
             listening.close()
             raise
@@ -166,7 +166,7 @@ class LivePage:
         from hgorun.figures.drawing import comparison
         from hgorun.figures.files import save
 
-        shown = self.bench.simulated(self.bench.state_of(query))
+        shown = self.bench.shown(self.bench.state_of(query))
         with tempfile.TemporaryDirectory() as folder:
             (file,) = save(comparison(shown.result), Path(folder) / "figure", (kind,))
             return file.read_bytes()

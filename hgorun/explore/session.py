@@ -11,10 +11,11 @@ from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError, HgorunError, printable
 from hgorun.explore.bench import Bench, Shown
 from hgorun.explore.keeping import Keeper, command
-from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of, promised_cells
+from hgorun.explore.numbers import promised_cells
+from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of
 from hgorun.explore.promises import AT_ONCE as QUICK
 from hgorun.explore.promises import LATER as SLOW
-from hgorun.explore.promises import Promise, numbers_of
+from hgorun.explore.promises import Promise
 from hgorun.explore.state import History, State
 from hgorun.explore.worker import AT_ONCE, LATER, SOON, Job, Worker
 
@@ -24,14 +25,23 @@ Told = dict[str, Any]  # what goes to the page, as JSON
 class Page(Protocol):
     """What is drawn on. All of it is called by the server's own thread."""
 
-    def draw(self, picture: Picture) -> None:
-        """Show a run."""
+    def draw(self, picture: Picture, bounds: Mapping[str, list[Bound]]) -> None:
+        """Show a run, and with it what the theory bounds of some of its observers; an empty list: nothing."""
 
-    def draw_bounds(self, label: str, bounds: list[Bound]) -> None:
-        """Show what the theory bounds of an observer; an empty list: nothing."""
+    def draw_bounds(self, bounds: Mapping[str, list[Bound]]) -> None:
+        """Show what the theory bounds of observers."""
 
     def tell(self, told: str) -> None:
         """Give numbers and messages to the page, as JSON."""
+
+
+@dataclass(frozen=True, eq=False)
+class Theory:
+    """What is said of an observer, and what is drawn of that."""
+
+    label: str
+    promise: Promise
+    bounds: list[Bound]
 
 
 @dataclass(eq=False)
@@ -60,6 +70,8 @@ class Session:
     closed: bool = False
     _shown: Shown | None = None
     _latest: int = 0  # of the questions
+    _wanted: int = 0  # the latest question that something is computed for
+    _drawn: int = 0  # the question whose run is shown
 
     def close(self) -> None:
         """The page is gone: what is still asked for is not computed."""
@@ -90,8 +102,11 @@ class Session:
             self._tell(number, error=str(error))
             return
         if self._shown is not None and history.shown == self._shown.state:
+            let_go = self.history.preview is not None and history.preview is None
             self.history = history
             self._tell(number)
+            if let_go:
+                self._later(self._shown)
         else:
             self._compute(history, number)
 
@@ -124,72 +139,113 @@ class Session:
         raise ConfigError(f"there is no question {str(question['do'])[:40]!r}")
 
     def _compute(self, history: History, number: int, error: str = "") -> None:
-        """Have a state simulated; the page keeps what it has where that fails."""
+        """Have a state computed; the page keeps what it has where that fails."""
+        self._wanted = number
 
         def job() -> None:
             if self.closed:
                 return
             try:
-                run = self.bench.prepared(history.shown)
-                if not run.structure.compiled:
+                ready = self.bench.ready(history.shown)
+                if not ready.compiled:
                     self.post(lambda: self._tell(number, busy="compiling new equations"))
-                shown = self.bench.simulated(history.shown, run)
+                shown = ready.carry_out()
                 picture = picture_of(shown)
+                theories = self._at_once(shown)
             except HgorunError as problem:
                 words = f"{problem}" + ("" if self._shown is None else ": the values before are shown")
                 self.post(lambda: self._failed(number, words))
                 return
-            self.post(lambda: self._arrived(history, number, shown, picture, error))
+            self.post(lambda: self._arrived(history, number, shown, picture, theories, error))
 
         self.worker.submit(job, AT_ONCE)
 
     def _failed(self, number: int, words: str) -> None:
+        self._drawn = max(self._drawn, number)  # what is shown stays
         self._tell(number, error=words)
 
-    def _arrived(self, history: History, number: int, shown: Shown, picture: Picture, error: str) -> None:
-        self.history, self._shown = history, shown
-        self.page.draw(picture)
-        self._tell(number, error=error, picture=_as_json(picture))
-        for label in self.bench.labels:
-            if label not in shown.result.observers:
-                self.page.draw_bounds(label, [])
-            else:
-                self.worker.submit(lambda label=label: self._promise(number, shown, label), SOON)  # type: ignore[misc]  # label is bound early
-                self.worker.submit(lambda label=label: self._limits(number, shown, label), LATER)  # type: ignore[misc]  # as above
+    def _at_once(self, shown: Shown) -> list[Theory]:
+        """The bounds that come with the curves: all, where no more than those of one observer have to be computed."""
+        labels = list(shown.result.observers) if self.bench.theory else []
+        new = [label for label in labels if not self.bench.known(shown, label)]
+        return [self._theory(shown, label) for label in labels if label not in new or len(new) == 1]
 
-    def _promise(self, number: int, shown: Shown, label: str) -> None:
-        """The bounds of an observer, unless something newer has been asked for."""
-        if self._stale(shown, number):
-            return
+    def _theory(self, shown: Shown, label: str) -> Theory:
         promise = self.bench.promise(shown, label)
-        bounds = bounds_of(label, promise, shown.result)
-        self.post(lambda: self._promised(number, shown, label, promise, bounds))
+        return Theory(label, promise, bounds_of(label, promise, shown.result))
 
-    def _promised(self, number: int, shown: Shown, label: str, promise: Promise, bounds: list[Bound]) -> None:
-        if self._shown is not shown:
-            return
-        self.page.draw_bounds(label, bounds)
-        self._tell(number, theory=_theory(label, promise, bounds, shown.result.states))
+    def _arrived(
+        self,
+        history: History,
+        number: int,
+        shown: Shown,
+        picture: Picture,
+        theories: list[Theory],
+        error: str,
+    ) -> None:
+        self.history, self._shown, self._drawn = history, shown, number
+        gone: dict[str, list[Bound]] = {label: [] for label in self.bench.labels if label not in shown.result.observers}
+        self.page.draw(picture, {**gone, **{one.label: one.bounds for one in theories}})
+        self._tell(number, error=error, picture=_as_json(picture), theories=_told(theories, shown))
+        told = {one.label for one in theories}
+        if self.bench.theory:
+            further = [label for label in shown.result.observers if label not in told]
+            self.worker.submit(lambda: self._promises(shown, further), SOON)
+        self._later(shown)
 
-    def _limits(self, number: int, shown: Shown, label: str) -> None:
+    def _later(self, shown: Shown) -> None:
+        """Have the numbers computed that take longest."""
+        for label in shown.result.observers if self.bench.theory else ():
+            self.worker.submit(lambda label=label: self._limits(shown, label), LATER)  # type: ignore[misc]  # label is bound early
+        self.worker.submit(lambda: self._finish(shown), LATER)
+
+    def _promises(self, shown: Shown, labels: list[str]) -> None:
+        """The bounds of observers, drawn together, unless something newer has been asked for."""
+        theories: list[Theory] = []
+        for label in labels:
+            if self._stale(shown):
+                return
+            theories.append(self._theory(shown, label))
+        if theories:
+            self.post(lambda: self._promised(shown, theories))
+
+    def _promised(self, shown: Shown, theories: list[Theory]) -> None:
+        if not self._stale(shown):
+            self.page.draw_bounds({one.label: one.bounds for one in theories})
+            self._tell(self._latest, theories=_told(theories, shown))
+
+    def _limits(self, shown: Shown, label: str) -> None:
         """What takes longer: while a slider is held there is no end to what is asked, and it waits."""
-        if self._stale(shown, number) or self.history.preview is not None or shown.experiment.closed:
-            return
-        numbers, reasons = numbers_of(shown.context.subjects[label], SLOW)
-        self.post(lambda: self._limited(number, shown, label, Promise(numbers=numbers, reasons=reasons)))
+        if not self._waits(shown):
+            promise = self.bench.limits(shown, label)
+            self.post(lambda: self._limited(shown, label, promise))
 
-    def _limited(self, number: int, shown: Shown, label: str, promise: Promise) -> None:
-        if self._shown is shown:
-            self._tell(number, theory=_theory(label, promise))
+    def _limited(self, shown: Shown, label: str, promise: Promise) -> None:
+        if not self._stale(shown):
+            self._tell(self._latest, theories=[_theory(label, promise)])
 
-    def _stale(self, shown: Shown, number: int) -> bool:
-        return self.closed or self._shown is not shown or self._latest > number
+    def _finish(self, shown: Shown) -> None:
+        """Numbers of the run that take longer, likewise."""
+        if not self._waits(shown) and (whole := self.bench.finished(shown)) is not None:
+            picture = picture_of(whole)
+            self.post(lambda: self._finished(shown, picture))
+
+    def _finished(self, shown: Shown, picture: Picture) -> None:
+        if not self._stale(shown):
+            self._tell(self._latest, picture=_as_json(picture), further=True)
+
+    def _waits(self, shown: Shown) -> bool:
+        return self._stale(shown) or self.history.preview is not None
+
+    def _stale(self, shown: Shown) -> bool:
+        """Whether a run is no longer shown, or about to be replaced."""
+        return self.closed or self._shown is not shown or self._wanted > self._drawn
 
     def _write(self, number: int, file: str) -> None:
         """Write the chosen values; nothing is written where the file does not come to the same."""
         if self._shown is None:
             raise ConfigError("there is nothing to write yet")
-        written = self.keeper.write(self._shown.experiment, file)
+        written = self.keeper.write(self._shown, file)
         self._tell(number, written=str(written), file=self.keeper.next_name())
 
     def _tell(self, number: int, **more: object) -> None:
@@ -227,6 +283,10 @@ def _as_json(picture: Picture) -> Told:
             for row in table.rows
         ],
     }
+
+
+def _told(theories: list[Theory], shown: Shown) -> list[Told]:
+    return [_theory(one.label, one.promise, one.bounds, shown.result.states) for one in theories]
 
 
 def _theory(label: str, promise: Promise, bounds: list[Bound] | None = None, states: tuple[str, ...] = ()) -> Told:

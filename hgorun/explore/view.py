@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
@@ -60,12 +60,14 @@ class View:
     def __init__(self, document: Document, bench: Bench, keeper: Keeper, base: Shown) -> None:
         self._document, self._labels = document, bench.labels
         self._closed = base.experiment.closed
+        self._theory, self._recorded = bench.theory and not self._closed, base.result.recorded is not None
         self._states = tuple(base.result.states)
         self.channel = Channel(name="channel")
         looks = styles_of(base.result)
         self._estimates: list[Lines] = []
         self._errors: list[Lines] = []
         self._others: list[Lines] = []
+        self._innovations: list[Lines] = []
         self._limits: list[dict[str, Limits]] = [{} for _ in self._states]
         named = list(self._figures(base, looks))
         for one in named:
@@ -85,27 +87,44 @@ class View:
             plot = plots.empty_plot(f"estimate{i}", time, f"{state}{unit}", span)
             self._estimates.append(plots.estimates_of(plot, looks, closed=self._closed))
             yield _Named(f"estimate{i}", f"{state} and its estimates", f"{state} and its estimates over time", plot)
+            if self._recorded:
+                continue
             plot = plots.empty_plot(f"error{i}", time, f"|error of {state}|{unit}", span, logarithmic=True)
             self._errors.append(plots.errors_of(plot, looks))
             yield _Named(f"error{i}", f"Errors of {state}", f"size of the errors of {state} over time", plot)
-        if not self._closed:
+        for i, output in enumerate(result.outputs if self._recorded else ()):
+            unit = _in_brackets(units.get(output, ""))
+            plot = plots.empty_plot(f"innovation{i}", time, f"innovation of {output}{unit}", span)
+            self._innovations.append(plots.estimates_of(plot, looks, closed=False))
+            title = f"Innovations of {output}: measured minus estimated, before the sample was used"
+            yield _Named(f"innovation{i}", title, f"innovations of {output} over time", plot)
+        if self._theory:
             for i in range(len(self._states)):  # of theories in other coordinates, where there are some
                 plot = plots.empty_plot(f"other{i}", time, f"|error of z{i + 1}|", span, logarithmic=True)
                 self._others.append(plots.errors_of(plot, looks))
                 title = f"Errors of z{i + 1}, a coordinate of the theory"
                 yield _Named(f"other{i}", title, title, plot, hidden=True)
 
-    def draw(self, picture: Picture) -> None:
-        """Show a run."""
+    def draw(self, picture: Picture, bounds: Mapping[str, list[Bound]]) -> None:
+        """Show a run, and what the theory bounds of some of its observers: all in one message."""
         self._document.hold("combine")
-        for panel, estimates, errors in zip(picture.panels, self._estimates, self._errors, strict=True):
-            plots.draw_estimates(estimates, panel, self._labels, closed=self._closed)
-            plots.draw_errors(errors, panel, self._labels)
+        shown = [*zip(self._estimates, picture.panels, strict=True)]
+        for lines, panel in (*shown, *zip(self._innovations, picture.innovations, strict=True)):
+            plots.draw_estimates(lines, panel, self._labels, closed=self._closed)
+        for lines, panel in zip(self._errors, picture.panels, strict=False):
+            plots.draw_errors(lines, panel, self._labels)
+        for label, of in bounds.items() if self._errors else ():
+            self._draw_bounds(label, of)
         self._document.unhold()
 
-    def draw_bounds(self, label: str, bounds: list[Bound]) -> None:
-        """Show what the theory bounds of an observer."""
+    def draw_bounds(self, bounds: Mapping[str, list[Bound]]) -> None:
+        """Show what the theory bounds of observers."""
         self._document.hold("combine")
+        for label, of in bounds.items():
+            self._draw_bounds(label, of)
+        self._document.unhold()
+
+    def _draw_bounds(self, label: str, bounds: list[Bound]) -> None:
         of_states = tuple(bound.name for bound in bounds) == self._states
         for i in range(len(self._states)):
             own = bounds[i] if i < len(bounds) else None
@@ -114,7 +133,6 @@ class View:
                 other = None if of_states else own
                 plots.draw_bound(self._others[i], label, other, with_error=True)
                 self._fit(i, label, other)
-        self._document.unhold()
 
     def _fit(self, i: int, label: str, bound: Bound | None) -> None:
         """Have a coordinate's axis hold the errors of all observers."""
@@ -165,6 +183,7 @@ def _words(bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequenc
         "name": _safe(bench.name),
         "time_unit": _safe(base.result.units.get("time", "")),
         "closed": base.experiment.closed,
+        "recorded": base.result.recorded is not None,
         "groups": groups,
         "plots": [{"name": n.name, "title": _safe(n.title), "said": _safe(n.said), "hidden": n.hidden} for n in named],
         "folder": _safe(str(keeper.folder)),

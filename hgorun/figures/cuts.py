@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
+from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.lines import Line2D
 
 _SIZE = 7.0  # points
 _ROW, _LETTER = 1.15 * _SIZE, 0.52 * _SIZE  # points: height of a row, about the width of a letter
@@ -43,23 +43,32 @@ class Cut:
 
 
 def cuts(ax: Axes) -> list[Cut]:
-    """Of all lines of one colour the furthest beyond each edge, the furthest first.
+    """Of all lines and bands of one colour the furthest beyond each edge, the furthest first.
 
     A logarithmic axis has no lower edge that a peak could pass: errors that are small for a moment leave it.
     """
     found: dict[tuple[str, str], Cut] = {}
-    for line in ax.lines:
-        for one in _of_line(ax, line):
+    for x, y, colour in _drawn(ax):
+        for one in _of_points(ax, x, y, colour):
             known = found.get((one.side, one.colour))
             if known is None or abs(one.value) > abs(known.value):
                 found[one.side, one.colour] = one
     return sorted(found.values(), key=lambda one: -abs(one.value))
 
 
-def _of_line(ax: Axes, line: Line2D) -> list[Cut]:
-    if line.get_transform() != ax.transData:  # a line across the panel, such as that at zero
-        return []
-    x, y = (np.asarray(values, dtype=float) for values in line.get_data())
+def _drawn(ax: Axes) -> Iterator[tuple[np.ndarray, np.ndarray, str]]:
+    """The points of lines and the corners of bands, but of those across the panel, such as the line at zero."""
+    for line in ax.lines:
+        if line.get_transform() == ax.transData:
+            x, y = np.array(line.get_data(), dtype=float)
+            yield x, y, to_hex(line.get_color())
+    for band in ax.collections:
+        if isinstance(band, PolyCollection) and band.get_transform() == ax.transData and band.get_paths():
+            x, y = np.concatenate([path.vertices for path in band.get_paths()]).T
+            yield x, y, to_hex(np.asarray(band.get_facecolor())[0])
+
+
+def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> list[Cut]:
     (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
     seen = (x >= left) & (x <= right) & np.isfinite(y)
     x, y = x[seen], y[seen]
@@ -68,7 +77,6 @@ def _of_line(ax: Axes, line: Line2D) -> list[Cut]:
     logarithmic = ax.get_yscale() == "log"
     room = high * ((high / low) ** _UNSEEN - 1) if logarithmic else _UNSEEN * (high - low)
     top, bottom = int(np.argmax(y)), int(np.argmin(y))
-    colour = to_hex(line.get_color())
     found = [Cut("top", float(x[top]), float(y[top]), colour)] if y[top] > high + room else []
     if not logarithmic and y[bottom] < low - room:
         found.append(Cut("bottom", float(x[bottom]), float(y[bottom]), colour))

@@ -11,6 +11,9 @@ import numpy as np
 from hgorun.figures.style import LARGEST_NUMBER
 
 MAX_POINTS = 8_000  # two for every half a pixel of the widest panel
+# A line is a block of colour if it goes up and down so often in the middle one of so many parts, and if in the mean a
+# part fills so much of its range.
+_PARTS, _TURNS, _FILLED = 400, 2.0, 0.03
 # How far, in units of the truth's range, an estimate widens a panel: alone, beside others, diverged.
 _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
 _ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error
@@ -60,6 +63,19 @@ def thinned(curve: Curve, limit: int = MAX_POINTS) -> Curve:
         picks.append([whole * size + int(rest.argmin()), whole * size + int(rest.argmax())])
     keep = np.unique(np.concatenate(picks))
     return Curve(t[keep], v[keep])
+
+
+def mean_of_block(curve: Curve) -> Curve | None:
+    """The mean of a curve whose oscillations are too fast to be told from each other in print; None of another."""
+    size = len(curve.t) // _PARTS
+    if size < 4 * _TURNS:
+        return None
+    t, v = (part[: size * _PARTS].reshape(_PARTS, size) for part in curve)
+    heights = np.ptp(v, axis=1)
+    turns = np.abs(np.diff(v, axis=1)).sum(axis=1) / np.maximum(2 * heights, np.finfo(float).tiny)
+    middle = np.quantile(curve.v, (0.005, 0.995))  # a transient is no reason to see noise as thin
+    filled = heights.mean() > _FILLED * (middle[1] - middle[0])
+    return Curve(t.mean(axis=1), v.mean(axis=1)) if filled and np.median(turns) > _TURNS else None
 
 
 def moving_maximum(curve: Curve, points: int) -> Curve:

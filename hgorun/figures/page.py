@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from hgorun.config.study import WIDTHS
+from hgorun.config.study import Figure as FigureBlock
 from hgorun.errors import ConfigError
 
 if TYPE_CHECKING:
@@ -32,6 +34,23 @@ class Page:
 
     width: float = TWO
     style: str = "light"
+
+    @classmethod
+    def changed(cls, width: str | None, style: str | None) -> Callable[[FigureBlock], FigureBlock]:
+        """A figure's block as the command line wants it; on a narrow page its panels stand one below the other.
+
+        Raises
+        ------
+        ConfigError
+            For names that there are not.
+        """
+        page = cls.named(width or "two", style or "light")
+        change: dict[str, object] = {} if style is None else {"style": page.style}
+        if width is not None:
+            change["width"] = page.width
+        if width is not None and page.width < NARROW:
+            change |= {"columns": 1, "height": None}
+        return lambda block: block.model_copy(update=change)
 
     @classmethod
     def named(cls, width: str, style: str) -> Page:

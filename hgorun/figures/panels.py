@@ -12,7 +12,7 @@ from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve
 from hgorun.figures.recorded import draw_bands, draw_unseen
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import DOTS, OTHER_MEASUREMENTS, TRACE
+from hgorun.figures.style import DOTS, OTHER_MEASUREMENTS, PALE, TRACE, WIDTHS
 from hgorun.result.data import ResultData
 from hgorun.tables.typeset import symbol, unit, words
 
@@ -112,6 +112,9 @@ def lines_of(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Draw a line for each observer, the roughest at the back; ``values`` are None for those without.
 
+    Lines in front are thinner, so that one behind them is seen where both coincide. One that would be a block of
+    colour is pale, with its mean in it.
+
     Returns
     -------
     tuple of list of ndarray
@@ -128,16 +131,14 @@ def lines_of(
         curve = data.inside(curve, scene.window)
         drawn.append((float(np.abs(np.diff(curve.v)).sum()), actor, curve))
     ranks = {id(actor): rank for rank, (_, actor, _) in enumerate(sorted(drawn, key=lambda d: -d[0]))}
+    widths = np.linspace(*WIDTHS, len(drawn)) if len(drawn) > 1 else [1.0]
     for _, actor, curve in drawn:
-        look = scene.looks[actor.order]
-        _line(
-            ax,
-            curve,
-            color=look.colour,
-            linestyle=look.dashes,
-            label=look.text,
-            zorder=3 + ranks[id(actor)] / (len(drawn) + 1),
-        )
+        look, rank = scene.looks[actor.order], ranks[id(actor)]
+        how: dict[str, Any] = {"color": look.colour, "zorder": 3 + rank / (len(drawn) + 1)}
+        mean = data.mean_of_block(curve)
+        if mean is not None:
+            _line(ax, curve, **how, alpha=PALE, linewidth=0.6)
+        _line(ax, mean or curve, **how, linestyle=look.dashes, label=look.text, linewidth=widths[rank])
     healthy = [c.v for _, actor, c in drawn if not actor.observer.lost]
     return healthy, [c.v for _, actor, c in drawn if actor.observer.lost]
 

@@ -75,6 +75,8 @@ REFERENCE: dict[str, Any] = {
 # Greys and markers where one panel shows the measurements of several runs.
 OTHER_MEASUREMENTS = (("0.62", "0.45", "o"), ("0.8", "0.7", "s"), ("0.5", "0.25", "^"))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
+WIDTHS = (1.4, 0.8)  # of the lines at the back and at the front of several
+PALE = 0.4  # opacity of a line that fills an area
 POINTS: dict[str, Any] = {
     "color": "0.3",
     "zorder": 4,

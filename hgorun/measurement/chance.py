@@ -74,6 +74,10 @@ class OfSeeds:
         """Those of one of the runs."""
         return _OfOne(self, i)
 
+    def uniform(self, count: int, *channel: object) -> np.ndarray:
+        """The first draws from [0, 1) of a channel in every run, shape (N, count)."""
+        return self.known(count, channel, lambda of: of.uniform(count))
+
     def known(self, count: int, channel: tuple[object, ...], make: Callable[[Streams], np.ndarray]) -> np.ndarray:
         """The first draws of a channel of every run, shape (N, count)."""
         if channel not in self._made or self._made[channel].shape[-1] < count:
@@ -89,7 +93,7 @@ class _OfOne:
     i: int
 
     def uniform(self, count: int, *channel: object) -> np.ndarray:
-        return np.asarray(self.all.known(count, channel, lambda of: of.uniform(count))[self.i])
+        return np.asarray(self.all.uniform(count, *channel)[self.i])
 
     def draws(self, item: RandomNoise, count: int, *channel: object) -> np.ndarray:
         return np.asarray(self.all.known(count, channel, lambda of: item.draw_many(of, count))[self.i])

@@ -166,6 +166,22 @@ class StretchNoise:
             total += function.at(self._origin + times, numbers)
         return np.asarray(total + drawn)
 
+    def sampled_each(self, times: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+        """As :meth:`sampled`, where samples come at other times in each of many runs and no draw is held.
+
+        Parameters
+        ----------
+        times : ndarray, shape (runs, Nk)
+        numbers : ndarray of int, shape (Nk,)
+        """
+        drawn, total = np.zeros(times.shape), np.zeros(times.shape)
+        for j in range(len(self.random)):
+            drawn += self._numbered(j, numbers)
+        for function in self.functions:
+            every = np.broadcast_to(numbers, times.shape).ravel()
+            total += function.at(self._origin + times.ravel(), every).reshape(times.shape)
+        return np.asarray(total + drawn)
+
     def _numbered(self, j: int, numbers: np.ndarray) -> np.ndarray:
         """Draws of an item, by their numbers."""
         return _taken(self._draw(j, int(numbers.max()) + 1 if numbers.size else 0), numbers)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -16,6 +17,8 @@ from hgorun.measurement.sizes import COUNTABLE, SAMPLE_BYTES
 from hgorun.measurement.trains import Train
 from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import along, compiled
+
+Uniform = Callable[..., np.ndarray]  # of a count and a channel: draws from [0, 1), shape (..., count)
 
 _KEPT = 100_000  # samples that are kept in memory
 
@@ -150,12 +153,7 @@ def _arrivals(
         if not sampling.jitter and not sampling.dropout:  # then there is nothing to draw
             inside = _belong(times, stretch, last)
             return (times, k) if inside.all() else (times[inside], k[inside])
-        kept = _belong(times, stretch, last)  # jitter moves no sample of the next stretch back into this one
-        if sampling.dropout:
-            kept &= chance.uniform(k.size, "dropout", *of) >= sampling.dropout
-        if sampling.jitter:
-            shifts = (2.0 * chance.uniform(k.size, "sampling", *of) - 1.0) * sampling.jitter
-            times = np.clip(times + shifts, stretch.start, stretch.end)
+        times, kept = _by_chance(stretch, sampling, times, last, chance.uniform, of)
         times, k = (times, k) if kept.all() else (times[kept], k[kept])
         if np.all(times[1:] >= times[:-1]):
             return times, k
@@ -163,6 +161,36 @@ def _arrivals(
         return times[order], k[order]
     assert isinstance(sampling, Steps)  # what is continuous has no samples
     return _stepped(stretch, sampling.steps, (*path, "steps"), limit)
+
+
+def _by_chance(
+    stretch: Stretch, sampling: Periodic, times: np.ndarray, last: bool, uniform: Uniform, of: tuple[str, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Where samples have moved to, and which of them are kept, each of shape (..., count): of one run or of many."""
+    kept = _belong(times, stretch, last)  # jitter moves no sample of the next stretch back into this one
+    if sampling.dropout:
+        kept = kept & (uniform(times.size, "dropout", *of) >= sampling.dropout)
+    if sampling.jitter:
+        shifts = (2.0 * uniform(times.size, "sampling", *of) - 1.0) * sampling.jitter
+        times = np.clip(times + shifts, stretch.start, stretch.end)
+    return times, kept
+
+
+def samples_by_chance(stretch: Stretch, uniform: Uniform, output: str) -> tuple[np.ndarray, np.ndarray]:
+    """When the samples of an output arrive in many runs, and which of them are kept, both of shape (runs, count).
+
+    Parameters
+    ----------
+    stretch : Stretch
+        The only one, whose samples are moved or lost by chance.
+    uniform : callable
+        The random numbers of all runs.
+    """
+    sampling = stretch.sampling
+    assert isinstance(sampling, Periodic)
+    times = stretch.start + sampling.offset + np.arange(int(_most(stretch, sampling))) * sampling.period
+    moved, kept = np.broadcast_arrays(*_by_chance(stretch, sampling, times, True, uniform, (output, 0)))
+    return moved, kept
 
 
 def _memory(count: float, limit: int) -> str:

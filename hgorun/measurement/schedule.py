@@ -94,7 +94,7 @@ def build_schedule(
             if s.continuous:
                 changes = noise.change_times()
                 times.append(changes[(changes > s.start) & (changes < s.end)])
-    events = _clipped(np.concatenate(times), time, tolerance)
+    events = clipped(np.concatenate(times), time, tolerance)
     newest, sharp = events, [kinks]
     for _ in range(LEVELS if continuous_delays(channels) else 0):
         found = [repeated(newest, s.delay, s.start, s.end, s.origin).times for s in continuous_delays(channels)]
@@ -106,7 +106,7 @@ def build_schedule(
             np.abs(fresh - events[np.clip(near - 1, 0, None)]),
         )
         newest = fresh[away > tolerance]
-        events = _clipped(np.concatenate([events, newest]), time, tolerance)
+        events = clipped(np.concatenate([events, newest]), time, tolerance)
         if events.size * EVENT_BYTES > time.max_memory:
             raise Problem(
                 continuous_delays(channels)[0].paths["delay"],
@@ -117,7 +117,7 @@ def build_schedule(
     sides = np.concatenate(sharp)
     pulses = pulses_of(sides, tolerance, rounding, step)
     if pulses.size:
-        events = _clipped(np.concatenate([events, pulses]), time, rounding)
+        events = clipped(np.concatenate([events, pulses]), time, rounding)
     inward = inward_of(events, sides, step)
     heard = [c for c in channels if not (isinstance(c, HeardOtherwise) and c.known is not None)]
     kinds = np.concatenate([kinds_of(heard, events[k : k + _PIECE + 1]) for k in range(0, events.size - 1, _PIECE)])
@@ -202,7 +202,7 @@ def pulses_of(kinks: np.ndarray, tolerance: float, rounding: float, step: float)
     return np.asarray(ordered[distinct(np.concatenate([short, short + 1]))])
 
 
-def _clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:
+def clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:
     """Sorted events from start to end, both exactly."""
     inside = times[(times > time.start + tolerance) & (times < time.end - tolerance)]
     return np.concatenate([[time.start], merge(inside, tolerance), [time.end]])

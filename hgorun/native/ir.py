@@ -99,14 +99,19 @@ class Block:
 
     def rarely(self, condition: str, usual: str, otherwise: Callable[[], str]) -> str:
         """A value, or where an i1 holds the one that ``otherwise`` emits: nothing of it runs elsewhere."""
+        return self.rarely_all(condition, [usual], lambda: [otherwise()])[0]
+
+    def rarely_all(self, condition: str, usual: Sequence[str], otherwise: Callable[[], Sequence[str]]) -> list[str]:
+        """The same of several values."""
         self._count += 1
         here, there, after = (f"{kind}{self._count}" for kind in ("usual", "rare", "both"))
         for line in (f"  br label %{here}", f"{here}:", f"  br i1 {condition}, label %{there}, label %{after}"):
             self.lines.append(line)
         self.lines.append(f"{there}:")
-        other = otherwise()
+        others = otherwise()
         self.lines += [f"  br label %{after}", f"{after}:"]
-        return self.let(f"phi {self.real} [ {usual}, %{here} ], [ {other}, %{there} ]")
+        both = zip(usual, others, strict=True)
+        return [self.let(f"phi {self.real} [ {one}, %{here} ], [ {other}, %{there} ]") for one, other in both]
 
     def intrinsic(self, name: str, *arguments: str) -> str:
         """llvm.<name> on doubles: fabs, sqrt, floor, ceil, rint, copysign, fma, ..."""
@@ -125,14 +130,17 @@ class Block:
     def from_bits(self, a: str) -> str:
         return self.let(f"bitcast {self.integer} {a} to {self.real}")
 
-    def side_by_side(self, function: Callable[..., str], calls: Sequence[Sequence[str]]) -> list[str]:
+    def side_by_side(self, function: Callable[..., str], calls: Sequence[Sequence[str]], least: int = 1) -> list[str]:
         """The values of ``function(block, *arguments)`` for several arguments.
 
-        Those of scalars are computed in one vector, so that they take the time of one.
+        Those of scalars are computed in one vector of at least so many lanes, so that they take the time of one. With
+        two lanes a single one, too, is: the bits of a vector are shifted where they are, which is faster than through
+        other registers and back.
         """
-        if len(calls) == 1 or self.lanes > 1:
+        width = max(1 << (len(calls) - 1).bit_length(), least)
+        if width == 1 or self.lanes > 1:
             return [function(self, *arguments) for arguments in calls]
-        with self.on_lanes(1 << (len(calls) - 1).bit_length()) as wide:
+        with self.on_lanes(width) as wide:
             vectors = [wide.gather(entries) for entries in zip(*calls, strict=True)]
             result = function(wide, *vectors)
             return [wide.let(f"extractelement {wide.real} {result}, i64 {i}") for i in range(len(calls))]

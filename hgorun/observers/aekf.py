@@ -13,6 +13,7 @@ from hgorun.config.types import Number, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver, Flow, Role, observer
 from hgorun.observers.capabilities import NoiseInformed
+from hgorun.observers.extension import with_unknown_inputs
 from hgorun.observers.gaussian import linear_update
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.scaled_filter import ScaledFilter
@@ -65,7 +66,7 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
             raise Problem((unused,), f"{unused} is no key of update: {found.update}" + ("; d = N T" if jumps else ""))
         if not jumps or isinstance(found, CorrectedObserver):
             return found
-        return SampledAdaptiveFilter.model_construct(found.model_fields_set, **dict(found))
+        return with_unknown_inputs(SampledAdaptiveFilter.model_construct(found.model_fields_set, **dict(found)))
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

@@ -12,7 +12,7 @@ from pydantic import Field
 from hgorun.config.types import NonNegative
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, observer
-from hgorun.observers.capabilities import Differentiator
+from hgorun.observers.capabilities import NO_MODEL, Differentiator
 from hgorun.observers.last_samples import LastSamples
 from hgorun.observers.least_squares import TINY, projections
 from hgorun.observers.stepped import SteppedObserver
@@ -48,6 +48,7 @@ class AlgebraicDifferentiator(Differentiator, LastSamples, SteppedObserver[Deriv
 
     reference = "Mboup, Join, Fliess 2009"
     form = staticmethod(derivative_form)
+    lacks = NO_MODEL
 
     window: int = Field(ge=2, le=501, strict=True, description="number of samples, n or more")
     kappa: NonNegative | None = Field(
@@ -78,11 +79,7 @@ class AlgebraicDifferentiator(Differentiator, LastSamples, SteppedObserver[Deriv
         return first * (power(1 - tau, i) if self.mu is None else (1 - tau) ** k.mu[i])
 
     def correct(self, plant: DerivativeCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
-        again = ca.logic_and(s.there[0] > 0, s.age[0] <= 0)  # in place of the newest one
-        y, age, there = (
-            ca.if_else(again, ca.vertcat(new, past[1:]), ca.vertcat(new, past[:-1]))
-            for new, past in ((arrival.y, s.y), (ca.SX(0), s.age), (arrival.fresh, s.there))
-        )
+        y, age, there = self.with_newest(s, arrival)
         T = ca.fmax(ca.mmax(there * age), TINY)
         tau = there * age / T
         weights, z = trapezoid(tau, there), []

@@ -71,6 +71,11 @@ class Observer(Keys, Generic[FormT, CopyT]):
     reference: ClassVar[str] = ""
     # {key: its source}, of what an observer does only where its block has the key
     key_references: ClassVar[Mapping[str, str]] = {}
+    # {key: why it has none}, of keys that observers like it have
+    lacks: ClassVar[Mapping[str, str]] = {
+        "extend": "it takes the plant neither as chains nor block by block, so that no unknown input can stand behind "
+        "them: give the plant a state for it, or take extended",
+    }
     # the class of plants: a function that gives a plant's form, and refuses other plants
     form: ClassVar[FormFinder] = canonical_form
 

@@ -11,8 +11,8 @@ own.
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Sequence
-from typing import Any, Self
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -65,6 +65,10 @@ class FilterCascade(Block):
     """As many first-order filters of bandwidth delta theta as the plant has blocks."""
 
     delta: Positive = Field(description="bandwidth of the filters over theta, delta > 0")
+
+
+NO_MODEL = {"extend": "it knows no model of the plant, so that nothing is missing in one"}
+"""What observers without a model lack."""
 
 
 class Differentiator(Block):
@@ -137,6 +141,9 @@ class NotLinear(Block):
 class Punctual(Block):
     """Outputs have to come without delay."""
 
+    because: ClassVar[str] = "without a model nothing brings what it follows to the present"
+    """Why."""
+
 
 class BySampling(Block):
     """The observer has other equations, and is of another class, where all outputs are sampled."""
@@ -144,6 +151,14 @@ class BySampling(Block):
     @abstractmethod
     def of_samples(self) -> Any:
         """The block, as an observer of samples."""
+
+
+class ByLateness(Block):
+    """The observer has other equations, and is of another class, where continuous outputs are late."""
+
+    @abstractmethod
+    def of_late(self) -> Any:
+        """The block, as an observer of late outputs."""
 
 
 class RecallsInputs(Block):
@@ -169,3 +184,16 @@ class NoiseInformed(Block):
         copied = self.model_copy()
         copied._sensors = tuple(sensors)
         return copied
+
+
+class BeginsWithASample(Block):
+    """An observer with states that belong to the first sample, whose time a stream does not know before."""
+
+    @property
+    @abstractmethod
+    def begins(self) -> float:
+        """When that is due, counted from the start of the run: for then the states at the start are meant."""
+
+    @abstractmethod
+    def begun(self, form: Any, xhat: np.ndarray) -> Mapping[str, np.ndarray]:
+        """These states where the first sample comes at another time, from the estimate then, shape (n,)."""

@@ -11,7 +11,7 @@ from pydantic import Field
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver, Flow, observer
-from hgorun.observers.capabilities import Differentiator, HighGain, LocallyLinear
+from hgorun.observers.capabilities import NO_MODEL, Differentiator, HighGain, LocallyLinear
 from hgorun.observers.nested import clipped
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
@@ -38,6 +38,8 @@ class CascadeObserver(Differentiator, LocallyLinear, HighGain, ContinuousObserve
     not chains of integrators the estimate is the state that belongs to these derivatives; ``initial`` gives those at
     the start with the inputs at zero.
     """
+
+    lacks = NO_MODEL
 
     reference = "Khalil 2017"
     form = staticmethod(derivative_form)

@@ -20,6 +20,9 @@ from hgorun.symbolic.symbols import Symbols
 class ExtendedState(Punctual, Differentiator, ContinuousObserver[DerivativeForm, DerivativeCopy]):
     """A chain of n integrators with b_0 u at its end, and one state more, sigma, for all else that acts there."""
 
+    because = "without a model nothing brings the estimate to the present; extended has one"
+    lacks = {"extend": "it estimates the unknown input already: sigma"}
+
     form = staticmethod(derivative_form)
 
     b_0: Number | dict[Name, Number] | None = Field(

@@ -30,10 +30,10 @@ class FilteredObserver2TimeVarying(FilterOrder, RiccatiGain):
         eta'  = theta ((A_r - K_r(t) C_r) eta + B_r e),                           eta(0) = 0
         xhat' = F xhat + phi(u, xhat) - theta Delta_n^-1(theta) K_n(t) C_r eta
 
-    (K_r; K_n) = S^-1 Cc^T belongs to the plant behind r integrators, Ff = [[A_r, B_r C_n], [0, F]] and
-    Cc = (C_r, 0) (``gain: full``; (n+r)(n+r+1)/2 equations):
+    (K_r; K_n) = S^-1 C_c^T belongs to the plant behind r integrators, F_f = [[A_r, B_r C_n], [0, F]] and
+    C_c = (C_r, 0) (``gain: full``; (n+r)(n+r+1)/2 equations):
 
-        S'    = -theta (S + S Ff + Ff^T S - Cc^T Cc),                             S(0) = diag(S_1inf, I)
+        S'    = -theta (S + S F_f + F_f^T S - C_c^T C_c),                             S(0) = diag(S_1inf, I)
 
     where S_1inf + S_1inf A_r + A_r^T S_1inf = C_r^T C_r. The block S_1inf does not move, and what is left
     is (``gain: reduced``; r n + n (n+1)/2 equations, better conditioned, the default)

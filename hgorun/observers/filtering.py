@@ -12,7 +12,8 @@ from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Role, observer
 from hgorun.observers.capabilities import SlidingMode, Switching
-from hgorun.observers.red import LAMBDA, Explicit, drift, nonrecursive, powers
+from hgorun.observers.red import LAMBDA, Explicit, drift, nonrecursive
+from hgorun.observers.roots import signed_powers
 from hgorun.observers.stepped import SteppedDifferentiator
 from hgorun.symbolic.derivatives import DerivativeForm
 from hgorun.symbolic.states import Symmetric
@@ -87,7 +88,7 @@ class FilteringDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
         n, n_f, known = s.xhat.numel(), self.n_f, vars(s)
         z = ca.vertcat(s.xhat, known.get("more", ca.SX(0, 1)))
         w = ca.vertcat(known["w"] if n_f else ca.SX(0, 1), z[0] - y)
-        corrections = k.a * powers(w[0], k.a.numel())
+        corrections = k.a * signed_powers(w[0], k.a.numel())
         z = drift(self.discretisation, z, h) - h * corrections[n_f:]
         new = {"xhat": z[:n]}
         if z.numel() > n:

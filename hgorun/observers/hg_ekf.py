@@ -13,6 +13,7 @@ from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, CorrectedObserver, Flow, observer
 from hgorun.observers.capabilities import HighGain, NoiseInformed, SettlingGain
+from hgorun.observers.extension import with_unknown_inputs
 from hgorun.observers.gaussian import linear_update
 from hgorun.observers.kalman import by_output, mean_intervals
 from hgorun.observers.scaled_filter import ScaledFilter
@@ -48,7 +49,7 @@ class HighGainFilter(HighGain, SettlingGain, ScaledFilter):
             raise Problem(("interval",), "interval is a key of update: jump")
         if found.update == "flow" or isinstance(found, CorrectedObserver):
             return found
-        return SampledHighGainFilter.model_construct(found.model_fields_set, **dict(found))
+        return with_unknown_inputs(SampledHighGainFilter.model_construct(found.model_fields_set, **dict(found)))
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

@@ -14,13 +14,14 @@ from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, Flow, PeriodLimit, observer
 from hgorun.observers.capabilities import HighGain
+from hgorun.observers.extension import Extendable
 from hgorun.observers.sample_clock import SampleClock
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 
 @observer("impulsive")
-class ImpulsiveObserver(HighGain, SampleClock[CanonicalForm, PlantCopy]):
+class ImpulsiveObserver(HighGain, Extendable[CanonicalForm, PlantCopy], SampleClock[CanonicalForm, PlantCopy]):
     """Impulsive high-gain observer, for uniformly observable plants with sampled outputs.
 
     Between samples it is a copy of the plant, and at a sample t_k, T = t_k - t_(k-1), e = C xhat - y,

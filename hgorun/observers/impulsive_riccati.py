@@ -11,6 +11,7 @@ from pydantic import Field
 from hgorun.config.types import Positive
 from hgorun.observers.base import Arrival, CorrectedObserver, Flow, PeriodLimit, observer
 from hgorun.observers.capabilities import HighGain
+from hgorun.observers.extension import Extendable
 from hgorun.observers.gaussian import linear_update
 from hgorun.observers.kalman import SensorNoise, by_output
 from hgorun.observers.riccati import require_positive_definite
@@ -21,7 +22,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("impulsive_riccati")
-class ImpulsiveRiccatiObserver(HighGain, CorrectedObserver[Form, ScaledCopy]):
+class ImpulsiveRiccatiObserver(HighGain, Extendable[Form, ScaledCopy], CorrectedObserver[Form, ScaledCopy]):
     """Continuous-discrete high-gain observer, for chains and triangular plants with outputs sampled at any times.
 
     Between samples a copy of the plant, and at samples, e = C xhat - y,

@@ -14,17 +14,20 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Role
 from hgorun.observers.capabilities import NotLinear
 from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.extension import Extendable
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 _TINY = 1e-300  # where the slope of sqrt is not a number, Jacobians have to be
 
 
-class InnovationZone(NotLinear, ConstantGain):
+class InnovationZone(NotLinear, Extendable, ConstantGain):
     """The standard observer, driven by what a zone of width w = sqrt(sigma) makes of the innovation.
 
-    sigma' = -lam sigma + rho e^2, one sigma an output.
+    sigma' = -lam sigma + rho e^2, one sigma an output; the states of unknown inputs (``extend``) are d.
     """
+
+    unknown = "d"
 
     lam: NonNegative | None = Field(default=None, description="rate at which the zone forgets; theta/5 by default")
     rho: NonNegative | None = Field(default=None, description="rate at which the squared innovation enters sigma")

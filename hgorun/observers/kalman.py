@@ -74,8 +74,8 @@ def by_output(given: dict[str, float] | float, form: Form, key: str = "R") -> np
     return np.array([given[name] for name in outputs])
 
 
-def mean_intervals(given: float | None, sensors: Sequence[Sensor], form: Form, key: str) -> np.ndarray:
-    """The mean time between two samples of every output, shape (q,): as given, or from the measurement.
+def mean_intervals(given: float | None, sensors: Sequence[Sensor], form: Form, key: str | None) -> np.ndarray:
+    """The mean time between two samples of every output, shape (q,): as given by a key, or from the measurement.
 
     Raises
     ------
@@ -88,6 +88,9 @@ def mean_intervals(given: float | None, sensors: Sequence[Sensor], form: Form, k
             raise Problem((), f"this needs sampled outputs, but {name} is continuous")
         interval = sensor.interval if given is None else given
         if interval is None:
+            if key is None:
+                message = f"it takes samples of one period, and those of {name} come at times of their own: take ekf"
+                raise Problem(("type",), message)
             raise Problem((key,), f"the mean time between samples of {name} is not known, or changes: give {key}")
         found.append(interval)
     return np.array(found)
@@ -116,6 +119,8 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
     F = df/dx and H = dh/dx are those of the filter's own copy of the plant, saturation and all. The noise of the
     process has the density Q given in the plant's coordinates; or q, see :class:`ChainNoise`.
     """
+
+    lacks = {"extend": "it takes any model: give the plant a state for the unknown input, with noise in Q"}
 
     form = staticmethod(smooth_form)
     of_samples: ClassVar[bool]

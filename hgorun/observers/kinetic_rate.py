@@ -47,6 +47,8 @@ class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserv
     uses them needs less gain.
     """
 
+    lacks = {"extend": "its rates are the unknown inputs"}
+
     reference = "Bastin, Dochain 1990; Farza, Busawon, Hammouri 1998"
     form = staticmethod(smooth_form)
 

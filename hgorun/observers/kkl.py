@@ -17,7 +17,7 @@ from hgorun.observers.base import (
     SampleSchedule,
     observer,
 )
-from hgorun.observers.capabilities import BySampling
+from hgorun.observers.capabilities import BeginsWithASample, BySampling
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.kkl_keys import KklObserver
 from hgorun.symbolic.drift import DriftForm
@@ -59,7 +59,7 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
 
     z_(k+1) belongs to the next sample, when xhat = T^inv(z_(k+1)); in between xhat follows f. The first z belongs to
     the first sample, at t_1: it is T(xhat(t_1)), where f has carried the initial estimate by then, so that a right
-    start stays right. t_1 is that of the configuration, or of the recording; of a stream ``offset`` says it. A linear
+    start stays right. t_1 is that of the configuration, of the recording, or of the first sample of a stream. A linear
     plant with constant terms takes a box, like nonlinear ones. Late outputs are refused:
     z lives in the time when outputs were taken, and nothing of the plant's is integrated that would lead from there
     to now. Take it for plants that no chain fits; where one does, ``shgo`` needs no map and no box.
@@ -113,7 +113,7 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
         return float(np.max(self.numbers(form)))
 
 
-class SampledKkl(KklObserver, HybridObserver[DriftForm, SmoothCopy]):
+class SampledKkl(BeginsWithASample, KklObserver, HybridObserver[DriftForm, SmoothCopy]):
     """The observer of samples; see :class:`ContinuousKkl`."""
 
     without_box = "linear plants without constant terms"
@@ -122,6 +122,13 @@ class SampledKkl(KklObserver, HybridObserver[DriftForm, SmoothCopy]):
         _ = self._period(form)
         if not form.autonomous:
             raise Problem(("type",), "time or inputs enter the plant: the map of samples is that of one without")
+
+    @property
+    def begins(self) -> float:
+        return self._first
+
+    def begun(self, form: DriftForm, xhat: np.ndarray) -> Mapping[str, np.ndarray]:
+        return {} if "z" in self.internal else {"z": self.of_estimate(form, xhat)}
 
     @property
     def _first(self) -> float:
@@ -142,7 +149,7 @@ class SampledKkl(KklObserver, HybridObserver[DriftForm, SmoothCopy]):
             ) from None
 
     def _period(self, form: DriftForm) -> float:
-        periods = mean_intervals(None, self._sensors, form, "type")
+        periods = mean_intervals(None, self._sensors, form, None)
         if np.ptp(periods) > _UNEVEN * periods[0]:
             raise Problem(("type",), f"the outputs have periods from {np.min(periods):.6g} to {np.max(periods):.6g}")
         return float(periods[0])

@@ -35,6 +35,8 @@ _STARTS: Memo[np.ndarray] = Memo(64)
 class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[DriftForm, SmoothCopy]):
     """The keys of a KKL observer, and the map T: of what, its classes say."""
 
+    because = "z lives in the time when outputs were taken"
+
     reference = (
         "Kazantzis, Kravaris 1998; Andrieu, Praly 2006; Brivadis, Andrieu, Bernard, Serres 2023, quoted from memory; "
         "the inverse by regression: our own"
@@ -132,6 +134,10 @@ class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[Drif
             if "z" in self.internal:
                 return np.zeros(len(self.eigenvalues(form)) * len(form.plant.outputs))
         x = self.at_first(form, np.array([self.initial.get(name, 0.0) for name in form.plant.states]))
+        return self.of_estimate(form, x)
+
+    def of_estimate(self, form: DriftForm, x: np.ndarray) -> np.ndarray:
+        """T at an estimate, shape (q m,)."""
         if self.is_exact(form):
             return np.asarray(self._matrix(form) @ x)
         return _STARTS.get((same(form), x.tobytes(), *self._key(form)), lambda: self._at(form, x[None], "initial")[0])

@@ -11,7 +11,8 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver, Flow, Observer, Sample, SampledObserver, observer
-from hgorun.observers.capabilities import Differentiator, SlidingMode, Switching
+from hgorun.observers.capabilities import NO_MODEL, Differentiator, SlidingMode, Switching
+from hgorun.observers.roots import root, root_powers
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
@@ -39,18 +40,27 @@ def levant_flow(z: ca.SX, error: ca.SX, gains: ca.SX) -> ca.SX:
     """z' of the differentiator: v_0, ..., v_(n-1), with error = z_0 - y.
 
     Levant writes v_i = z_(i+1) - k_i |z_i - v_(i-1)|^((n-1-i)/(n-i)) sign(z_i - v_(i-1)); the argument
-    z_i - v_(i-1) is the correction d_(i-1) of the equation before.
+    z_i - v_(i-1) is the correction d_(i-1) of the equation before. So all are powers of the error, and of its n-th
+    root, d_i = c_i |error|^((n-1-i)/n) sign(error).
     """
     n = z.numel()
-    rates, d = [], error
-    for i in range(n):
-        d = gains[i] * ca.fabs(d) ** ((n - 1 - i) / (n - i)) * ca.sign(d)
-        rates.append((z[i + 1] if i + 1 < n else 0) - d)
-    return ca.vertcat(*rates)
+    sign, powers = ca.sign(error), root_powers(ca.fabs(error), n)
+    d = [c * power * sign for c, power in zip(gains_of_powers(gains, n), powers, strict=True)]
+    return ca.vertcat(*[(z[i + 1] if i + 1 < n else 0) - d[i] for i in range(n)])
+
+
+def gains_of_powers(gains: ca.SX, n: int) -> list[ca.SX]:
+    """Of the powers of the error, from the gains of the equations: c_0 = k_0, c_i = k_i c_(i-1)^((n-1-i)/(n-i))."""
+    c = [gains[0]]
+    for i in range(1, n):
+        c.append(gains[i] * c[-1] ** ((n - 1 - i) / (n - i)))
+    return c
 
 
 class LevantDifferentiator(Differentiator, SlidingMode, Observer[DerivativeForm, DerivativeCopy]):
     """The keys and the gain that both discretisations share."""
+
+    lacks = NO_MODEL
 
     reference = "Levant 2003; Meiners, Adamy 2025, section IV"
     form = staticmethod(derivative_form)
@@ -127,11 +137,7 @@ def levant_implicit_step(z: ca.SX, y: ca.SX, h: ca.SX, gains: ca.SX) -> ca.SX:
     r^n + c_0 r^(n-1) + ... + c_(n-1) = |b|/h^n, which increases in r, or e = 0 and d_(n-1) = b/h^n where
     |b|/h^n <= c_(n-1). Newton's method from above falls to the root without crossing it.
     """
-    n = z.numel()
-    c: list[ca.SX] = []
-    for i in range(n):
-        c.append(gains[i] if i == 0 else gains[i] * c[-1] ** ((n - 1 - i) / (n - i)))
-    return implicit_step(z, y, h, c)
+    return implicit_step(z, y, h, gains_of_powers(gains, z.numel()))
 
 
 def implicit_step(z: ca.SX, y: ca.SX, h: ca.SX, c: list[ca.SX], newton_steps: int = _NEWTON_STEPS) -> ca.SX:
@@ -141,9 +147,9 @@ def implicit_step(z: ca.SX, y: ca.SX, h: ca.SX, c: list[ca.SX], newton_steps: in
     b = sum((powers[j] * z[j] for j in range(1, n)), z[0]) - y
     size = ca.fabs(b) / powers[n]
     rest = ca.fmax(size - c[n - 1], 0)
-    r = rest ** (1 / n)  # above the root, as is each term's own bound
+    r = root(rest, n)  # above the root, as is each term's own bound
     for i in range(n - 1):
-        r = ca.fmin(r, (rest / c[i]) ** (1 / (n - 1 - i)))
+        r = ca.fmin(r, root(rest / c[i], n - 1 - i))
     for _ in range(newton_steps if n > 1 else 0):
         value, slope = ca.SX(1), ca.SX(0)
         for i in range(n):  # Horner, with the slope

@@ -41,6 +41,8 @@ class ExactLuenbergerObserver(NoiseInformed, SampleClock[LinearForm, SmoothCopy]
     time. Late samples are replayed. For nonlinear plants or uneven samples take ``impulsive_riccati`` or ``ekf``.
     """
 
+    lacks = {"extend": "it takes any linear model: give the plant a state for the unknown input"}
+
     reference = "Luenberger 1971; textbook, in discrete time (current observer)"
     form = staticmethod(linear_form)
 

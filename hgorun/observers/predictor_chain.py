@@ -12,6 +12,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow, PeriodLimit, Role, observer
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.observers.constant_gain import ConstantGain
+from hgorun.observers.extension import Extendable
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.states import Symmetric
@@ -22,7 +23,7 @@ _MOST = 50  # copies
 
 
 @observer("predictor_chain")
-class PredictorChain(NoiseInformed, ConstantGain, RecallingObserver[CanonicalForm, PlantCopy]):
+class PredictorChain(NoiseInformed, Extendable, ConstantGain, RecallingObserver[CanonicalForm, PlantCopy]):
     """Chain of high-gain predictors, for uniformly observable plants whose outputs are late by a constant time d.
 
     A single observer bears theta d up to about 1. A longer delay is crossed in m steps of delta = d/m: of m + 1 copies

@@ -10,14 +10,15 @@ from pydantic import Field
 
 from hgorun.config.types import Number, Poles, Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import ContinuousObserver, Flow, Role, observer
+from hgorun.observers.base import Flow, Role, observer
 from hgorun.observers.capabilities import Punctual
+from hgorun.observers.extension import Extendable
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 
 @observer("prescribed_time")
-class PrescribedTimeObserver(Punctual, ContinuousObserver):
+class PrescribedTimeObserver(Punctual, Extendable):
     """High-gain observer whose gain grows such that the error has vanished at a time given beforehand.
 
     For uniformly observable plants. In the coordinates of the chain it subtracts
@@ -33,6 +34,8 @@ class PrescribedTimeObserver(Punctual, ContinuousObserver):
     inside the limits of ``shgo``, for which there is no theorem; late outputs are refused, since the growing gain is
     unstable with them. Explicit steps h have to keep h mu_max |pole of A - G C| < 2.7.
     """
+
+    because = "its growing gain is unstable with any delay"
 
     reference = "in the spirit of Holloway, Krstic 2019; derived anew"
 

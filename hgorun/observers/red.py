@@ -14,6 +14,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Role, observer
 from hgorun.observers.capabilities import SlidingMode, Switching
 from hgorun.observers.levant import implicit_step
+from hgorun.observers.roots import signed_powers
 from hgorun.observers.stepped import SteppedDifferentiator
 from hgorun.symbolic.derivatives import DerivativeForm
 from hgorun.symbolic.states import Symmetric
@@ -105,7 +106,7 @@ class RobustExactDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
     def _step(self, z: ca.SX, y: ca.SX, h: ca.SX, a: ca.SX) -> ca.SX:
         if self.implicit:
             return implicit_step(z, y, h, [a[j] for j in range(z.numel())], _NEWTON_STEPS[z.numel() > 3])
-        return drift(self.discretisation, z, h) - h * (a * powers(z[0] - y, z.numel()))
+        return drift(self.discretisation, z, h) - h * (a * signed_powers(z[0] - y, z.numel()))
 
 
 def red_gains(n: int, L: float) -> np.ndarray:
@@ -128,14 +129,6 @@ def nonrecursive(n: int) -> list[float]:
     for j in reversed(range(n)):
         lt.insert(0, LAMBDA[j] * lt[0] ** (j / (j + 1)))
     return lt
-
-
-def powers(s: ca.SX, count: int) -> ca.SX:
-    """|s|^((n-j)/(n+1)) sign(s), j = 0..n, n + 1 = count: powers of one root."""
-    root, found = ca.fabs(s) ** (1 / count), [ca.sign(s)]
-    for _ in range(count - 1):
-        found.insert(0, found[0] * root)
-    return ca.vertcat(*found)
 
 
 def drift(discretisation: Discretisation, z: ca.SX, h: ca.SX) -> ca.SX:

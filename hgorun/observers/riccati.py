@@ -11,8 +11,8 @@ from pydantic import Field
 
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
-from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import HighGain, SettlingGain
+from hgorun.observers.extension import Extendable
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.triangular import TriangularCopy, TriangularForm, triangular_form
@@ -38,7 +38,7 @@ def gain_of(S: ca.SX, C: ca.SX) -> ca.SX:
     return ca.solve(R, ca.solve(R.T, C.T))
 
 
-class RiccatiGain(HighGain, SettlingGain, ContinuousObserver[TriangularForm, TriangularCopy]):
+class RiccatiGain(HighGain, SettlingGain, Extendable[TriangularForm, TriangularCopy]):
     """theta, and a symmetric matrix that is integrated beside the estimate."""
 
     form = staticmethod(triangular_form)

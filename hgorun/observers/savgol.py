@@ -10,17 +10,18 @@ import numpy as np
 from pydantic import Field
 
 from hgorun.errors import Problem
-from hgorun.observers.base import Arrival, CorrectedObserver, observer
-from hgorun.observers.capabilities import Differentiator
+from hgorun.observers.base import Arrival, observer
+from hgorun.observers.capabilities import NO_MODEL, Differentiator
 from hgorun.observers.last_samples import LastSamples
 from hgorun.observers.least_squares import TINY, projections
+from hgorun.observers.stepped import SteppedObserver
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
 
 @observer("savgol")
-class SavitzkyGolayFilter(Differentiator, LastSamples, CorrectedObserver[DerivativeForm, DerivativeCopy]):
-    """Causal Savitzky-Golay differentiator, for lower triangular plants with one sampled output.
+class SavitzkyGolayFilter(Differentiator, LastSamples, SteppedObserver[DerivativeForm, DerivativeCopy]):
+    """Causal Savitzky-Golay differentiator, for lower triangular plants with one output.
 
     A polynomial c_0 + c_1 (t - t_k) + ... + c_p (t - t_k)^p is fitted to the last ``window`` samples, at whatever
     times they were taken, by least squares. At the newest one
@@ -30,7 +31,8 @@ class SavitzkyGolayFilter(Differentiator, LastSamples, CorrectedObserver[Derivat
     are the output and its derivatives, and the estimate is the state that belongs to them, as for ``levant``. It is
     held until the next sample. With samples of a constant period the weights are those of Savitzky and Golay at the end
     of the window. Before there are samples at p + 1 times z is what it is at ``initial``, the inputs at zero; until the
-    window is full the polynomial is fitted to those that there are.
+    window is full the polynomial is fitted to those that there are. A continuous output is measured at the ends of the
+    solver's steps, which have to be given.
 
     It knows nothing of the plant's equations: a wide window averages the noise and lags behind what is not a polynomial
     of degree p, and a narrow one does the opposite. White noise of the standard deviation s leaves s |w| in z_i, w
@@ -39,6 +41,7 @@ class SavitzkyGolayFilter(Differentiator, LastSamples, CorrectedObserver[Derivat
 
     reference = "Savitzky, Golay 1964"
     form = staticmethod(derivative_form)
+    lacks = NO_MODEL
 
     window: int = Field(ge=2, le=501, strict=True, description="number of samples, more than the degree")
     degree: int = Field(default=2, ge=0, le=9, strict=True, description="of the polynomial, n - 1 or more")
@@ -52,9 +55,7 @@ class SavitzkyGolayFilter(Differentiator, LastSamples, CorrectedObserver[Derivat
         return {}
 
     def correct(self, plant: DerivativeCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
-        y, age, there = (
-            ca.vertcat(new, past[:-1]) for new, past in ((arrival.y, s.y), (0, s.age), (arrival.fresh, s.there))
-        )
+        y, age, there = self.with_newest(s, arrival)
         span = ca.fmax(ca.mmax(there * age), TINY)
         c, independent = _fit([there * (-age / span) ** j for j in range(self.degree + 1)], there * y)
         z = ca.vertcat(*[factorial(i) * c[i] / span**i for i in range(s.xhat.numel())])

@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from hgorun.config.types import Number, Positive
-from hgorun.observers.base import ContinuousObserver
+from hgorun.observers.extension import Extendable
 from hgorun.observers.gaussian import spread_along
 from hgorun.observers.kalman import SensorNoise, by_output, require_covariance
 from hgorun.observers.riccati import require_positive_definite
@@ -25,7 +25,7 @@ Weight = Annotated[
 ]
 
 
-class ScaledFilter(ContinuousObserver[Form, ScaledCopy]):
+class ScaledFilter(Extendable[Form, ScaledCopy]):
     """The weights of such a filter, and P between samples."""
 
     form = scaled_form

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.observers.base import Arrival, CopyT, CorrectedObserver, DecidedObserver, Flow, FormT, Role
-from hgorun.observers.capabilities import Differentiator, Punctual
+from hgorun.observers.capabilities import NO_MODEL, Differentiator, Punctual
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
@@ -38,6 +38,9 @@ class SteppedDifferentiator(Punctual, Differentiator, SteppedObserver[Derivative
     arrives. A recursion that is :attr:`implicit` uses the sample that arrives, the first of them after the time since
     the start. The step is the time between samples: where one is lost, the next step is longer.
     """
+
+    because = "a relay with a delay ends in a limit cycle"
+    lacks = NO_MODEL
 
     form = staticmethod(derivative_form)
 

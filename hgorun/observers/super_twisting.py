@@ -40,6 +40,11 @@ class SuperTwistingObserver(SlidingMode, Switching, Punctual, ContinuousObserver
     The gains are quoted from memory of the publication.
     """
 
+    because = "a relay with a delay ends in a limit cycle"
+    lacks = {
+        "extend": "its chain has two states, and an unknown input would be a third; below f it is rejected as it is"
+    }
+
     reference = "Davila, Fridman, Levant 2005"
 
     f: Positive | dict[Name, Positive] = Field(

@@ -11,7 +11,7 @@ from pydantic import Field
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import observer
-from hgorun.observers.capabilities import NotLinear
+from hgorun.observers.capabilities import NotLinear, Punctual
 from hgorun.observers.stepped import SteppedDifferentiator
 from hgorun.symbolic.derivatives import DerivativeForm
 from hgorun.symbolic.symbols import Symbols
@@ -46,6 +46,7 @@ class TrackingDifferentiator(NotLinear, SteppedDifferentiator):
     fhan is quoted from memory of the publications.
     """
 
+    because = Punctual.because
     reference = "Han 2009"
 
     r: Positive = Field(description="largest acceleration, above sup |y''|, in y/time^2, > 0")

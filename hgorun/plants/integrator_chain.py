@@ -17,7 +17,7 @@ from hgorun.symbolic.symbols import Symbols
 class IntegratorChain(Plant):
     """Chain of n integrators, the last one driven by phi.
 
-        x1' = x2, ..., x(n-1)' = xn, xn' = phi(t, x, u),    y = x1
+        x_i' = x_(i+1), i < n,    x_n' = phi(t, x, u),    y = x_1
 
     phi is an expression of x1..xn, t, the inputs and the parameters that the block declares; zero when
     omitted.

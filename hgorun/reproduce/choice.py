@@ -14,7 +14,15 @@ from hgorun.study.loading import load_study, refuse_twins
 from hgorun.study.study import Study
 
 
-def choose(names: Sequence[str], folders: Folders, *, figures: bool, claims: bool) -> list[Work]:
+def choose(
+    names: Sequence[str],
+    folders: Folders,
+    *,
+    figures: bool,
+    claims: bool,
+    width: str | None = None,
+    style: str | None = None,
+) -> list[Work]:
     """The jobs that the names ask for.
 
     Parameters
@@ -26,6 +34,8 @@ def choose(names: Sequence[str], folders: Folders, *, figures: bool, claims: boo
         Of the results.
     figures, claims : bool
         What is wanted of them. A name of a figure asks for that figure and for the claims about it.
+    width, style : str, optional
+        Of the page that figures are drawn for; by default what their files say.
 
     Raises
     ------
@@ -46,7 +56,7 @@ def choose(names: Sequence[str], folders: Folders, *, figures: bool, claims: boo
         used |= whole | named
         drawn = [f for f in study.figures if whole or not patterns or {f, f"{group}/{f}"} & named]
         told = [c.id for c in study.claims if whole or not patterns or (c.figure in drawn and named)]
-        _add(chosen, Job(file, path, tuple(drawn) * figures, tuple(told) * claims, folders), study)
+        _add(chosen, Job(file, path, tuple(drawn) * figures, tuple(told) * claims, folders, width, style), study)
     for pattern in patterns:
         if pattern not in used:
             raise ConfigError(f"no figure or experiment is called {pattern!r}.{nearest(pattern, known)}")
@@ -57,7 +67,7 @@ def choose(names: Sequence[str], folders: Folders, *, figures: bool, claims: boo
             raise ConfigError(f"the file has no {key}: block", file=str(file), key=key)
         check(study)
         ids = tuple(c.id for c in study.claims)
-        _add(chosen, Job(file, study.name, tuple(study.figures) * figures, ids * claims, folders), study)
+        _add(chosen, Job(file, study.name, tuple(study.figures) * figures, ids * claims, folders, width, style), study)
     return chosen
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -12,6 +12,7 @@ from hgorun.ensemble.collected import Collected
 from hgorun.ensemble.reading import read
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError
+from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers
 from hgorun.reproduce.state import Json, State, number, of_claim, of_figure, of_run
 from hgorun.result.result import Result
@@ -58,6 +59,8 @@ class Job:
     claims : tuple of str
         Ids of those wanted.
     folders : Folders
+    width, style : str or None
+        Of the page that figures are drawn for; None is what the file says.
     """
 
     path: Path
@@ -65,6 +68,8 @@ class Job:
     figures: tuple[str, ...]
     claims: tuple[str, ...]
     folders: Folders
+    width: str | None = None
+    style: str | None = None
 
     @property
     def group(self) -> str:
@@ -111,7 +116,9 @@ class Work:
 
     def __init__(self, job: Job, study: Study | None = None) -> None:
         self.job = job
-        self.study = study or load_study(job.path)
+        study = study or load_study(job.path)
+        changed = Page.changed(job.width, job.style)
+        self.study = replace(study, figures={name: changed(block) for name, block in study.figures.items()})
         self.state = State(job.folders.runs / job.place)
 
     @property

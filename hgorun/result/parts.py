@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from contextlib import AbstractContextManager
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
@@ -12,8 +12,9 @@ import h5py
 import numpy as np
 
 from hgorun.result.data import Measurements, ResultData
-from hgorun.result.sink import hdf5_written_whole
-from hgorun.result.writer import Growing, Writer
+from hgorun.result.growing import Background, Constant, Growing
+from hgorun.result.sink import hdf5_and_sink
+from hgorun.result.writer import Writer
 from hgorun.result.writing import form, write
 
 
@@ -78,32 +79,58 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
     """
 
     def __init__(self, path: Path, observers: int) -> None:
-        self._written = hdf5_written_whole(path, form(observers), kept=0)  # chunks are written whole
-        self._file: h5py.File | None = None
-        self._growing: dict[str, Growing] = {}
+        self._path, self._form = path, form(observers)
+        self._open = ExitStack()
+        self._growing: dict[str, Growing | Constant] = {}
 
     def __enter__(self) -> ResultInParts:
-        self._file = self._written.__enter__()
+        with ExitStack() as opened:
+            self._file, sink = opened.enter_context(hdf5_and_sink(self._path, self._form))
+            self._background = opened.enter_context(Background(sink))
+            self._open = opened.pop_all()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> bool | None:
-        return self._written.__exit__(kind, error, trace)
+        return self._open.__exit__(kind, error, trace)
 
-    def append(self, path: str, rows: np.ndarray, total: int) -> None:
-        """The next rows of a data set that will have so many in ``total``."""
-        if path not in self._growing:
-            group, _, name = path.rpartition("/")
-            folder = self._open
-            for one in group.split("/") if group else ():
-                folder = folder[one] if one in folder else folder.create_group(one, track_order=True)
-            self._growing[path] = Growing(folder, name, total, rows)
-        self._growing[path].append(rows)
+    def append(self, path: str | Sequence[str], rows: np.ndarray, total: int, *, lasting: bool = False) -> None:
+        """The next rows of a data set, or of several with equal rows, that will have so many in ``total``.
+
+        Parameters
+        ----------
+        path : str or sequence of str
+            Several are in one group.
+        rows : ndarray
+        total : int
+        lasting : bool
+            Whether they stay what they are; others are copied.
+        """
+        paths = [path] if isinstance(path, str) else list(path)
+        if paths[0] not in self._growing:
+            group = paths[0].rpartition("/")[0]
+            names = [one.rpartition("/")[2] for one in paths]
+            made = Growing(self._group(group), names, total, rows, self._background)
+            self._growing |= dict.fromkeys(paths, made)
+        growing = self._growing[paths[0]]
+        assert isinstance(growing, Growing)
+        growing.append(rows if lasting else rows.copy())
+
+    def constant(self, path: str, shape: tuple[int, ...], value: np.generic) -> None:
+        """A data set of one number."""
+        group, _, name = path.rpartition("/")
+        self._growing[path] = Constant(self._group(group), name, shape, value)
+
+    def _group(self, path: str) -> h5py.Group:
+        folder: h5py.Group = self._file
+        for one in path.split("/") if path else ():
+            folder = folder[one] if one in folder else folder.create_group(one, track_order=True)
+        return folder
 
     def read(self, path: str, rows: slice) -> np.ndarray:
         """What was written of a data set that has all its rows."""
-        return np.asarray(self._growing[path].finished()[rows])
+        return np.asarray(self._growing[path].finished(path.rpartition("/")[2])[rows])
 
     def finish(self, result: ResultData) -> None:
         """Everything else.
@@ -113,9 +140,4 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
         result : ResultData
             Without points.
         """
-        write(result, Writer(self._open, self._growing))
-
-    @property
-    def _open(self) -> h5py.File:
-        assert self._file is not None
-        return self._file
+        write(result, Writer(self._file, self._growing))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,6 +34,17 @@ class Sink(io.FileIO):
             self.failed = error
         return size
 
+    def write_at(self, place: int, data: memoryview) -> None:
+        """Write bytes at a place, beside what HDF5 writes at others."""
+        left = data.cast("B")
+        while left and self.failed is None:
+            try:
+                done = os.pwrite(self.fileno(), left, place)
+            except OSError as error:
+                self.failed = error
+                return
+            left, place = left[done:], place + done
+
     def truncate(self, size: int | None = None) -> int:
         try:
             return super().truncate(size) if self.failed is None else size or 0
@@ -42,18 +54,14 @@ class Sink(io.FileIO):
 
 
 @contextmanager
-def hdf5_written_whole(
-    path: Path, libver: tuple[str, str] | None = None, *, kept: int | None = None
-) -> Iterator[h5py.File]:
-    """An HDF5 file that is written whole or not at all.
+def hdf5_and_sink(path: Path, libver: tuple[str, str] | None = None) -> Iterator[tuple[h5py.File, Sink]]:
+    """An HDF5 file that is written whole or not at all, and what it is written to.
 
     Parameters
     ----------
     path : Path
     libver : (str, str), optional
         The form of the file.
-    kept : int, optional
-        Bytes of each data set that HDF5 keeps in memory, where its own default is too much.
 
     Raises
     ------
@@ -62,10 +70,17 @@ def hdf5_written_whole(
     """
     with written_whole(path) as part, Sink(part) as sink:
         try:
-            with h5py.File(sink, "w", track_order=True, libver=libver, rdcc_nbytes=kept) as file:
-                yield file
+            with h5py.File(sink, "w", track_order=True, libver=libver) as file:
+                yield file, sink
         except Exception:
             if sink.failed is None:
                 raise
         if sink.failed is not None:
             raise sink.failed
+
+
+@contextmanager
+def hdf5_written_whole(path: Path, libver: tuple[str, str] | None = None) -> Iterator[h5py.File]:
+    """The file of :func:`hdf5_and_sink`."""
+    with hdf5_and_sink(path, libver) as (file, _):
+        yield file

@@ -3,60 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from hashlib import sha256
 from typing import Any
 
 import h5py
 import numpy as np
 
 from hgorun.result import digests
+from hgorun.result.growing import Constant, Growing
 
 _CHUNK = 2**20
-
-
-class Growing:
-    """A data set whose rows come some at a time, written by whole chunks.
-
-    Parameters
-    ----------
-    group : h5py.Group
-    name : str
-    rows : int
-        How many there will be.
-    like : ndarray
-        Some of them.
-    """
-
-    def __init__(self, group: h5py.Group, name: str, rows: int, like: np.ndarray) -> None:
-        shape = rows, *like.shape[1:]
-        layout = _layout(shape, like.dtype)
-        self._data = group.create_dataset(name, shape=shape, dtype=like.dtype, track_times=False, **layout)
-        self._waiting = np.empty((layout["chunks"][0] if layout else 1, *like.shape[1:]), dtype=like.dtype)
-        self._count, self._written, self._digest = 0, 0, sha256()
-
-    def append(self, rows: np.ndarray) -> None:
-        """Take the next rows."""
-        room, taken = len(self._waiting), 0
-        while taken < len(rows):
-            some = min(len(rows) - taken, room - self._count)
-            self._waiting[self._count : self._count + some] = rows[taken : taken + some]
-            taken, self._count = taken + some, self._count + some
-            if self._count == room:
-                self._write()
-
-    def _write(self) -> None:
-        rows = self._waiting[: self._count]
-        if rows.size:
-            self._data[self._written : self._written + self._count] = rows
-            self._digest.update(digests.little(rows).data)
-        self._written, self._count = self._written + self._count, 0
-
-    def finished(self) -> h5py.Dataset:
-        """The data set, with all that has come and its digest."""
-        self._write()
-        assert self._written == len(self._data)
-        self._data.attrs[digests.ATTRIBUTE] = self._digest.hexdigest()
-        return self._data
 
 
 class Writer:
@@ -65,11 +20,11 @@ class Writer:
     Parameters
     ----------
     file : h5py.File
-    growing : mapping of str to Growing, optional
+    growing : mapping of str to Growing or Constant, optional
         By path, data sets whose rows have come already, in place of what is given for them.
     """
 
-    def __init__(self, file: h5py.File, growing: Mapping[str, Growing] | None = None) -> None:
+    def __init__(self, file: h5py.File, growing: Mapping[str, Growing | Constant] | None = None) -> None:
         self.file, self._growing = file, growing or {}
         # kept, since h5py needs as long to find one as to write it
         self._groups: dict[str, h5py.Group] = {"": file}
@@ -85,7 +40,7 @@ class Writer:
         parent, _, name = path.rpartition("/")
         group, array = self.group(parent), np.asarray(values)
         if path in self._growing:
-            data = self._growing[path].finished()
+            data = self._growing[path].finished(name)
         elif array.dtype.kind == "O":
             data = group.create_dataset(name, data=values, track_times=False)
             data.attrs[digests.ATTRIBUTE] = digests.of_names([str(name) for name in array])

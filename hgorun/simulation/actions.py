@@ -37,7 +37,7 @@ class RecordedInputs:
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """u at several times, shape (len(times), m)."""
-        i = np.clip(np.searchsorted(self.times, times, side="right") - 1, 0, None)
+        i = last_of(self.times, times)
         return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
 
     def values(self, channels: Sequence[Channel], *, before: bool) -> list[np.ndarray]:
@@ -70,6 +70,16 @@ class RecordedInputs:
                 yield Kind.of(sample, -3, SET, place, Numbered(behind + k, len(last)))
 
 
+def last_of(times: np.ndarray, sought: np.ndarray) -> np.ndarray | slice:
+    """Where the last of some ascending times is that is not after each sought one; the first where all are."""
+    if sought.size:  # where these are the times themselves, one after the other, nothing is sought
+        first = int(np.searchsorted(times, sought[0], side="right")) - 1
+        own = times[max(first, 0) : first + sought.size]
+        if np.array_equal(own, sought) and np.all(own[1:] > own[:-1]):
+            return slice(first, first + sought.size)
+    return np.maximum(np.searchsorted(times, sought, side="right") - 1, 0)
+
+
 def _arrivals(channels: Sequence[Channel]) -> np.ndarray:
     """When the samples arrive that observers jump at."""
     return channels[0].samples.arrival
@@ -91,6 +101,8 @@ class Actions:
     ----------
     acting : ndarray of int, optional
         The events at which a controller acts.
+    kept : int
+        Tables that are kept, in case that they are asked for once more.
 
     Attributes
     ----------
@@ -110,6 +122,7 @@ class Actions:
         inputs: RecordedInputs | None,
         order: Order | None = None,
         acting: np.ndarray | None = None,
+        kept: int = 1,
     ) -> None:
         layout = system.held
         rebase = system.has_alpha and not system.compares_with_past
@@ -169,6 +182,7 @@ class Actions:
             self.snapshots = replay.snapshots
             kinds += replay.kinds()
         self.slots, self._kinds = base, kinds + lines
+        self._kept = kept
         self._known: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
         self._ranks = max((kind.rank for kind in self._kinds), default=0) - _FIRST + 1
 
@@ -183,7 +197,9 @@ class Actions:
         """
         key = first, stop
         if key not in self._known:
-            self._known = {key: self._rows(first, stop)}
+            if len(self._known) >= self._kept:
+                self._known.clear()
+            self._known[key] = self._rows(first, stop)
         return self._known[key]
 
     def take_from(self, other: Actions) -> None:

@@ -255,6 +255,11 @@ def _refuse_key_of_others(key: str, cls: type[AnyObserver], source: Source, path
     ------
     ConfigError
     """
+    if key in cls.lacks:
+        file, line = source.where((*path, key))
+        raise ConfigError(
+            f"there is no {key!r} here: {cls.lacks[key]}", file=file, line=line, key=".".join((*path, key))
+        )
     owners = [name for name, other in OBSERVERS.all().items() if key in other.model_fields]
     if owners and not nearest(key, cls.model_fields):
         file, line = source.where((*path, key))

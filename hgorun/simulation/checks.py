@@ -54,9 +54,9 @@ def check_events(run: PreparedRun) -> None:
 def _check_samples(run: PreparedRun) -> None:
     """What observers and controllers ask of the samples."""
     check_jumps(run)
-    check_corrections(run)
     _check_law(run)
     _check_punctual(run)
+    check_corrections(run)
     _check_decisions(run)
     check_holds(run)
 
@@ -73,9 +73,8 @@ def _check_punctual(run: PreparedRun) -> None:
     late += [c.name for c in run.channels if any(s.continuous and not s.undelayed for s in c.stretches)]
     for b in run.observers:
         if late and isinstance(b.observer, Punctual):
-            raise Problem(
-                ("observers", b.label), f"{b.observer.type} takes outputs without delay, but {late[0]} is late"
-            )
+            message = f"{b.observer.type} takes outputs without delay, but {late[0]} is late: {b.observer.because}"
+            raise Problem(("observers", b.label), message)
 
 
 def _check_clock(run: PreparedRun) -> None:
@@ -228,7 +227,10 @@ def check_corrections(run: PreparedRun) -> None:
                     message = f"this needs sampled outputs, but {channel.name} is continuous"
                     raise Problem(("observers", b.label), message)
                 if not all(s.undelayed for s in continuous):
-                    message = f"this takes continuous outputs without delay, but {channel.name} is late"
+                    message = (
+                        "it measures a continuous output at the steps, as it is then: sample "
+                        f"{channel.name}, which is late"
+                    )
                     raise Problem(("observers", b.label), message)
             late = treatment_of(b.observer) == "replay"
             times = {c.name: np.sort(c.samples.taken if late else c.samples.arrival) for c in run.channels}

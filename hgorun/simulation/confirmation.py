@@ -47,14 +47,14 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
     dict of str to Verdict
         Of those that are not ok.
     """
-    suspects = _suspects(run, raw)
+    suspects = suspects_of(run, raw)
     if not suspects:
         return raw, {}
     if run.solver.divergence is not None:
         left = [j for j in suspects if np.isfinite(raw.diverged[j, 0])]
         return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
     bounded = any(np.isfinite(raw.diverged[j, 0]) for j in suspects)
-    free = (_free(again) if bounded else None) or raw
+    free = (_free(run, raw, suspects, again) if bounded else None) or raw
     said = {j: judged(run, free, j, again) for j in suspects}
     back = [j for j, verdict in said.items() if not verdict.lost]
     enough = _enough(run, again, [j for j in suspects if j not in back])
@@ -70,12 +70,22 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
     return raw, {run.observers[j].label: verdict for j, verdict in said.items() if verdict != OK}
 
 
-def _free(again: Again) -> Raw | None:
-    """The run without a bound, where it can be finished: adaptive steps may become too small for that."""
+def _free(run: PreparedRun, raw: Raw, suspects: list[int], again: Again) -> Raw | None:
+    """The run without a bound, where it can be finished: adaptive steps may become too small for that.
+
+    Once all suspects have overflowed, it has nothing that the run with the bound does not have.
+    """
+    ends = ends_with_suspects(run)
     try:
-        return again.integrate(again.plan())
+        free = again.integrate(again.plan(), suspects if ends else ())
     except SimulationError:
         return None
+    return _with_blocks(run, raw, free, suspects) if ends else free
+
+
+def ends_with_suspects(run: PreparedRun) -> bool:
+    """Whether a run without a bound tells nothing new when all its suspects have overflowed: they cannot come back."""
+    return not run.closed and not run.structure.system.jumps and not run.adaptive
 
 
 def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, dict[str, Verdict]]:
@@ -93,7 +103,7 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
     dict of str to Verdict
         Of those that are not ok.
     """
-    suspects = _suspects(run, raw)
+    suspects = suspects_of(run, raw)
     if run.solver.divergence is not None:
         left = [j for j in suspects if np.isfinite(raw.diverged[j, 0])]
         return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
@@ -109,9 +119,12 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
 
 
 def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> SimulationError:
-    """What is to be said of a plant that could not be followed: whether shorter steps can."""
-    if run.adaptive or run.plant.block.discretise:
-        return error
+    """What is to be said of a plant that could not be followed: whether it can be, and shorter steps can."""
+    from hgorun.simulation.escape import escaped  # not for runs that can be followed
+
+    escape = escaped(run)
+    if escape is not None or run.adaptive or run.plant.block.discretise:
+        return escape or error
     for shorter in _attempts(run, np.inf):
         try:
             again.integrate(again.plan(shorter))
@@ -164,7 +177,7 @@ def _chatter(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict | None
     )
 
 
-def _suspects(run: PreparedRun, raw: Raw) -> list[int]:
+def suspects_of(run: PreparedRun, raw: Raw) -> list[int]:
     """The observers that were given up, or whose estimates may have left for good."""
     if not run.observers:
         return []
@@ -210,11 +223,13 @@ def _enough(run: PreparedRun, again: Again, lost: list[int]) -> dict[int, int]:
         return enough
     rates = [run.observers[j].observer.fastest_rate(run.observers[j].form) or 0.0 for j in lost]  # 0: not known
     for shorter in _attempts(run, max(rates)):
+        left = [j for j in lost if j not in enough]
         try:
-            other = again.integrate(again.plan(shorter))
+            other = again.integrate(again.plan(shorter), left)
         except (Problem, SimulationError):  # there is no time or no memory for so many steps
             break
-        enough |= {j: shorter for j in lost if j not in enough and judged(run, other, j) == OK}
+        followed = [j for j in left if not np.isfinite(other.diverged[j, 0])]  # to the end of the run
+        enough |= {j: shorter for j in followed if judged(run, other, j) == OK}
         if len(enough) == len(lost):
             break
     return enough

@@ -24,6 +24,7 @@ from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.between_steps import Missed, missed
 from hgorun.simulation.confirmation import ended
+from hgorun.simulation.escape import escaped
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.passes import Again, Pass, integrate
@@ -87,6 +88,10 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     _search(search, run)
     unseen = _followed(search)
     found = search.best
+    if found is None or not found.error.get(PLANT, 0.0) <= run.solver.accuracy:
+        escape = escaped(run)
+        if escape is not None:
+            raise escape
     if found is None:
         raise search.failure or Problem(
             ("solver", "max_evaluations"),

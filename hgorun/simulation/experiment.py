@@ -14,7 +14,7 @@ from hgorun.measurement.noise import deviations
 from hgorun.measurement.sensors import sensors_of
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
-from hgorun.observers.capabilities import BySampling, NoiseInformed
+from hgorun.observers.capabilities import ByLateness, BySampling, NoiseInformed
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.observer import Coordinates
 from hgorun.simulation.blocks import Checked, changed, check_again, observer_of, resolved, resolved_text
@@ -120,7 +120,7 @@ class Experiment(Configured):
         source, _ = changed(self.source, changes)
         with source.located():
             found = observer_of(label, source.data["observers"][label], source)
-            observer = self._informed(self._by_sampling(found))
+            observer = self._informed(self._available(found))
             form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self.sampled)
             return Design.of(label, observer, form, origin)
 
@@ -144,18 +144,21 @@ class Experiment(Configured):
     def observers(self) -> dict[str, AnyObserver]:
         """The blocks of the observers by their labels."""
         checked = self._checked.observers
-        return self._sampling if any(isinstance(one, BySampling) for one in checked.values()) else checked
+        several = any(isinstance(one, BySampling | ByLateness) for one in checked.values())
+        return self._by_availability if several else checked
 
     @cached_property
-    def _sampling(self) -> dict[str, AnyObserver]:
-        """The observers where some have other equations for samples."""
-        return {label: self._by_sampling(observer) for label, observer in self._checked.observers.items()}
+    def _by_availability(self) -> dict[str, AnyObserver]:
+        """The observers where some have other equations for samples, or for what is late."""
+        return {label: self._available(observer) for label, observer in self._checked.observers.items()}
 
-    def _by_sampling(self, observer: AnyObserver) -> AnyObserver:
-        """An observer's block as it is where outputs are sampled, or not."""
+    def _available(self, observer: AnyObserver) -> AnyObserver:
+        """An observer's block as it is where outputs are sampled, or not, or late."""
         found: AnyObserver = observer
         if isinstance(observer, BySampling) and self.sampled():
             found = observer.of_samples()
+        elif isinstance(observer, ByLateness) and self._late():
+            found = observer.of_late()
         return found
 
     @cached_property
@@ -177,6 +180,10 @@ class Experiment(Configured):
     def sampled(self) -> bool:
         """Whether all outputs are, all the time."""
         return not any(stretch.continuous for output in self.stretches for stretch in output)
+
+    def _late(self) -> bool:
+        """Whether a continuous output is."""
+        return any(stretch.continuous and not stretch.undelayed for output in self.stretches for stretch in output)
 
     @cached_property
     def _noise(self) -> dict[str, float]:

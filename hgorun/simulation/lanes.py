@@ -4,10 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from hgorun.engine.many import Control
+from hgorun.engine.program import PATIENCE
 from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.result.reduction import MetricReduction
 from hgorun.result.windows import MetricSettings
+from hgorun.simulation.passes import Pass
 from hgorun.simulation.prepared import PreparedRun
+
+
+def control_of(how: Pass) -> Control | None:
+    """Of controlled steps side by side; runs for which so many steps may be hopeless are carried out alone."""
+    if how.tolerance is None:
+        return None
+    return Control(tolerance=how.tolerance, limit=int(min(how.limit, PATIENCE - 1)))
 
 
 def reduction_of(run: PreparedRun, metrics: Sequence[Metric] | None = None) -> MetricReduction:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Protocol
 
 import casadi as ca
@@ -29,8 +29,12 @@ class Again(Protocol):
         """Its plan, with steps so many times shorter, all of them."""
         ...
 
-    def integrate(self, plan: Plan) -> Raw:
-        """What a plan gives when observers are followed until their numbers overflow, see :data:`UNBOUNDED`."""
+    def integrate(self, plan: Plan, until: Sequence[int] = ()) -> Raw:
+        """What a plan gives when observers are followed until their numbers overflow, see :data:`UNBOUNDED`.
+
+        Where that has become of all those in ``until``, the rest of the run may be missing: behind that the rows have
+        their blocks, which are no numbers, and tell nothing of all else.
+        """
         ...
 
 

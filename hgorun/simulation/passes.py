@@ -84,10 +84,11 @@ def carry_out(
     start: Start,
     progress: Callable[[float], None] | None = None,
     take: Take | None = None,
+    until: Sequence[int] = (),
 ) -> Raw:
     """One pass, from its tables."""
     program = run.structure.program(how.method, adaptive=how.tolerance is not None)
-    return program.run(plan, start, how.tolerance, progress, limit=how.limit, take=take)
+    return program.run(plan, start, how.tolerance, progress, limit=how.limit, take=take, until=until)
 
 
 def integrate_lanes(runs: Sequence[PreparedRun], how: Pass) -> Raw:
@@ -163,6 +164,9 @@ class Again:
         how = self.how if shorter == 1 else replace(self.how, step=longest / shorter)
         return plan_of(self.run, how, in_parts=True)[0]
 
-    def integrate(self, plan: Plan) -> Raw:
+    def integrate(self, plan: Plan, until: Sequence[int] = ()) -> Raw:
         """What they give where observers are followed until their numbers overflow."""
-        return carry_out(self.run, self.how, plan, _start(self.run, UNBOUNDED), self.progress)
+        fixed = self.how.tolerance is None
+        return carry_out(
+            self.run, self.how, plan, _start(self.run, UNBOUNDED), self.progress, until=until if fixed else ()
+        )

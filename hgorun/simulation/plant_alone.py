@@ -143,8 +143,22 @@ class PlantRun:
 
     def at(self, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (len(times), q) and the integral of their squares (q,) to the end; times increase."""
+        grid, rows = np.append(times, self.time.end), self._rows(times)
+        (y,) = evaluate(self._compiled[1], grid[:, None], self.plant.everything, rows)
+        return y[:-1], rows[-1, self.plant.model.n :].copy()
+
+    def states(self, times: np.ndarray) -> np.ndarray:
+        """x at some times, which increase, shape (len(times), n)."""
+        return self._rows(times)[:-1, : self.plant.model.n]
+
+    @property
+    def _compiled(self) -> tuple[Program, ca.Function]:
         symbolic = self.plant.symbolic
-        program, output = _PROGRAMS.get((symbolic, self.stiff), lambda: _compiled(symbolic, stiff=self.stiff))
+        return _PROGRAMS.get((symbolic, self.stiff), lambda: _compiled(symbolic, stiff=self.stiff))
+
+    def _rows(self, times: np.ndarray) -> np.ndarray:
+        """x and the integral of y^2 at some times and at the end."""
+        program, _ = self._compiled
         start, end = self.time.start, self.time.end
         times_of_change = plant_kinks(self.plant, self.time, self.origin).times
         if self.stiff:  # no controlled step may pass over a pulse
@@ -166,12 +180,10 @@ class PlantRun:
             spans=spans, counts=counts, actions=np.zeros((0, 5), dtype=np.int64), grid=np.append(times, end), slots=0,
             gain=nothing, bias=nothing, holds=nothing, origin=self.origin,
         )  # fmt: skip
-        n, parameters = self.plant.model.n, self.plant.everything
+        parameters = self.plant.everything
         z0 = np.concatenate([self.plant.initial, np.zeros(len(self.plant.model.outputs))])
         tolerance = replace(_STIFF, first_step=_FIRST * (end - start)) if self.stiff else None
-        rows = program.run(plan, Start(z0[:, None], parameters[:, None]), tolerance).rows[:, :, 0]
-        (y,) = evaluate(output, plan.grid[:, None], parameters, rows)
-        return y[:-1], rows[-1, n:].copy()
+        return program.run(plan, Start(z0[:, None], parameters[:, None]), tolerance).rows[:, :, 0]
 
     def mean_squares(self) -> np.ndarray:
         """Mean over the run of every noise-free output squared, shape (q,)."""

@@ -22,6 +22,7 @@ from hgorun.observers.red import RobustExactDifferentiator
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.signs import sign_remarks
 
 _EVENTS = 100_000  # of schedules that are kept in memory
 _SCHEDULES: Memo[AnySchedule] = Memo(16, lambda schedule: isinstance(schedule, Schedule) and schedule.size < _EVENTS)
@@ -132,7 +133,7 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
         for remark in design.observer.remarks(design.form)
     ]
     of_all = dict.fromkeys([*sum(found, of_plant), *_never_held(experiment)])
-    return (*of_all, *of_observers, *_uneven(experiment))
+    return (*of_all, *of_observers, *_uneven(experiment), *sign_remarks(experiment.source))
 
 
 def _uneven(experiment: Experiment) -> list[str]:

@@ -31,9 +31,9 @@ from hgorun.simulation.prepared import PreparedRun
 
 Progress = Callable[[float], None] | None
 
-_TRIES, _MORE = 20_000, 8  # controlled steps that a method may try at first, and how many times more next time
+TRIES, MORE = 20_000, 8  # controlled steps that a method may try at first, and how many times more next time
 _TOLERANCE = 1e-3  # of the accuracy, to begin with
-_TIGHTEST = 1e-13
+TIGHTEST = 1e-13
 _PART, _OTHER_PART = 1 / 100, 1 / 137  # of the run: the longest controlled steps of two passes
 
 
@@ -172,7 +172,7 @@ class Search:
     def controlled(self, methods: tuple[Method, ...]) -> bool:
         """With controlled steps; whether that was enough."""
         self.tried = True
-        tolerance = max(_TOLERANCE * self.accuracy, _TIGHTEST)
+        tolerance = first_tolerance(self.accuracy)
         first = self._cheapest(methods, tolerance)
         if first is None:
             return False
@@ -180,32 +180,30 @@ class Search:
         while True:
             tolerance = tolerance / 10
             try:
-                finer = self.budget.carry_out(self._to_tolerance(method, tolerance, self.budget.steps(method)))
+                finer = self.budget.carry_out(to_tolerance(self.run, method, tolerance, self.budget.steps(method)))
             except (SimulationError, TooManySteps):
                 return False
             self.best = Attempt(finer, differences(self.run, finer.measured, before.measured))
             before = finer
             if self.enough():
                 return True
-            if tolerance < 10 * _TIGHTEST:
+            if tolerance < 10 * TIGHTEST:
                 return False
-            if np.isfinite(self.best.worst):  # errors are in proportion to tolerances
-                excess = np.floor(np.log10(self.best.worst / self.accuracy))
-                tolerance = max(tolerance / 10.0 ** float(np.clip(excess - 1, 0, 3)), 10 * _TIGHTEST)
+            tolerance = next_tolerance(tolerance, self.best.worst / self.accuracy)
 
     def _cheapest(self, methods: tuple[Method, ...], tolerance: float) -> tuple[Method, Finished] | None:
         """The method that finishes a pass with the fewest steps, so far as that can be told in advance.
 
         They take turns, each time with more steps than before.
         """
-        tries, left = float(_TRIES), list(methods)
+        tries, left = float(TRIES), list(methods)
         while left:
             for method in tuple(left):
                 allowed = min(tries, self.budget.steps(method))
                 if allowed < 1:
                     return None
                 try:
-                    finished = self.budget.carry_out(self._to_tolerance(method, tolerance, allowed))
+                    finished = self.budget.carry_out(to_tolerance(self.run, method, tolerance, allowed))
                 except TooManySteps:
                     continue
                 except SimulationError as error:
@@ -213,12 +211,27 @@ class Search:
                     left.remove(method)
                     continue
                 return method, finished
-            tries *= _MORE
+            tries *= MORE
         return None
 
-    def _to_tolerance(self, method: Method, tolerance: float, limit: float) -> Pass:
-        """A pass with controlled steps; two tolerances do not share their longest steps."""
-        part = _OTHER_PART if round(np.log10(tolerance)) % 2 else _PART
-        longest = min(part * self.run.span, longest_step(self.run, self.run.step, adaptive=True))
-        control = Tolerance(tolerance, None, longest, min(longest, self.run.step))
-        return Pass(method=method, step=self.run.step, tolerance=control, limit=limit, bounded=False)
+
+def first_tolerance(accuracy: float) -> float:
+    """Of controlled steps, to begin with."""
+    return max(_TOLERANCE * accuracy, TIGHTEST)
+
+
+def next_tolerance(tolerance: float, excess: float) -> float:
+    """Ten times the one that is tried next, where errors are so many times too large: they are in proportion to it."""
+    if not np.isfinite(excess):
+        return tolerance
+    decades = float(np.clip(np.floor(np.log10(excess)) - 1, 0, 3))
+    tighter: float = tolerance / 10.0**decades
+    return max(tighter, 10 * TIGHTEST)
+
+
+def to_tolerance(run: PreparedRun, method: Method, tolerance: float, limit: float) -> Pass:
+    """A pass with controlled steps; two tolerances do not share their longest steps."""
+    part = _OTHER_PART if round(np.log10(tolerance)) % 2 else _PART
+    longest = min(part * run.span, longest_step(run, run.step, adaptive=True))
+    control = Tolerance(tolerance, None, longest, min(longest, run.step))
+    return Pass(method=method, step=run.step, tolerance=control, limit=limit, bounded=False)

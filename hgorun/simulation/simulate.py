@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from hgorun.engine.memory import Raw
-from hgorun.errors import PlantDiverged, SimulationError
+from hgorun.errors import NoStep, PlantDiverged, SimulationError
 from hgorun.result.data import Integration
 from hgorun.result.result import Result
 from hgorun.simulation import loss
@@ -73,6 +73,10 @@ def simulate_prepared(
             raw = integrate(run, how, progress)
         except PlantDiverged as error:
             raise plant_lost(run, error, again) from error
+        except NoStep as error:
+            from hgorun.simulation.escape import escaped  # not for runs that can be followed
+
+            raise escaped(run) or error from error
         return finished(run, raw, again, check_step=check_step)
 
 

@@ -95,11 +95,15 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
     Problem
         For more steps than a run can make.
     """
-    with np.errstate(over="ignore", divide="ignore"):
-        steps = np.maximum(np.ceil(gaps / longest * (1 - 1e-9)), 1)
-        total = float(np.sum(steps))
-    _require_possible(total, longest, key)
+    steps = steps_needed(gaps, longest)
+    _require_possible(float(np.sum(steps)), longest, key)
     return np.asarray(steps.astype(np.int64))
+
+
+def steps_needed(gaps: np.ndarray, longest: float) -> np.ndarray:
+    """How many equal steps, none longer than ``longest``, each gap takes, as doubles: there may be too many."""
+    with np.errstate(over="ignore", divide="ignore"):
+        return np.asarray(np.maximum(np.ceil(gaps / longest * (1 - 1e-9)), 1))
 
 
 def _require_possible(total: float, longest: float, key: str) -> None:

@@ -16,7 +16,7 @@ from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
 from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.long_tables import LongTables
-from hgorun.simulation.tabulated import Tables, Tabulated, long_from
+from hgorun.simulation.tabulated import Stretchwise, Tables, Tabulated, long_from
 
 _KEPT = 500_000  # actions and segments of tables that are kept in memory
 _TABLES: Memo[Tables] = Memo(16, lambda tables: len(tables.segments.actions) + len(tables.segments.counts) < _KEPT)
@@ -36,6 +36,7 @@ def build_plan(
     inputs: RecordedInputs | None = None,
     samples: Sequence[np.ndarray] | None = None,
     in_parts: bool = False,
+    shared: Stretchwise | None = None,
 ) -> Plan:
     """The engine's tables, with the numbers of a run.
 
@@ -64,15 +65,22 @@ def build_plan(
         the outputs come first.
     in_parts : bool
         A plan of many events may be given part by part, so that its tables need not fit into memory.
+    shared : Stretchwise, optional
+        What this run shares with the one before.
     """
     if in_parts and isinstance(schedule, LongSchedule) and not system.remembers:
         return LongTables(schedule, grid, system, always_slope, longest, uneven).plan(origin)
     key = schedule, system, same(grid), always_slope, longest, uneven, None if inputs is None else same(inputs)
     events = schedule if isinstance(schedule, Schedule) else schedule.whole
     tabulated = partial(Tabulated, events, channels, grid, system, always_slope, longest, uneven, inputs)
+    if shared is not None:
+        tabulated = partial(tabulated, before=shared.last, kept=shared.KEPT)
     following = None
     if in_parts and schedule.size > long_from() and not system.remembers and schedule.order is None:
-        tables, following = tabulated().in_parts()
+        made = tabulated()
+        tables, following = made.in_parts()
+        if shared is not None:
+            shared.last = made
     else:
         tables = _TABLES.get(key, lambda: tabulated().whole())
     changes = [channel.held_changes[1] for channel in channels]

@@ -46,6 +46,21 @@ class Tables:
     snapshots: int
 
 
+class Stretchwise:
+    """What runs that follow each other share: at their events the same happens, as a rule.
+
+    Attributes
+    ----------
+    last : Tabulated or None
+        That of the run before.
+    """
+
+    KEPT = 4  # tables of the parts of a run
+
+    def __init__(self) -> None:
+        self.last: Tabulated | None = None
+
+
 class Tabulated:
     """The tables of a run, of as many of its events as are asked for.
 
@@ -64,10 +79,11 @@ class Tabulated:
         inputs: RecordedInputs | None,
         piece: int | None = None,
         before: Tabulated | None = None,
+        kept: int = 1,
     ) -> None:
         self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
         self.always_slope = system.remembers or always_slope
-        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting)
+        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting, kept)
         if before is not None:
             self.actions.take_from(before.actions)
         self._piece = piece
@@ -146,7 +162,8 @@ def all_steps(schedule: AnySchedule, longest: float, uneven: float | None) -> in
 
 def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
     """Whether an output point lies strictly inside the last step before each event."""
-    if grid.size < end.size:  # then every output point is asked for its segment
+    in_order = bool(np.all(end[1:] >= end[:-1]))  # not where late samples take observers back in time
+    if grid.size < end.size and in_order:  # then every output point is asked for its segment
         i = np.searchsorted(end, grid)
         inside = (i < end.size) & (grid > start[np.minimum(i, end.size - 1)])
         found = np.zeros(end.size, dtype=bool)
@@ -154,7 +171,12 @@ def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, gri
             own = distinct(i[inside])
             found[own] = _row_in_last_step(start[own], end[own], steps[own], grid[inside])
         return found
+    return rows_in_last_steps(start, end, steps, grid)
+
+
+def rows_in_last_steps(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """Whether an output point lies strictly inside the last step of each of some segments, in any order."""
     h = (end - start) / steps
     snap = 1e-9 * h + 1e-15 * np.maximum(np.abs(start), np.abs(end))
-    first = np.searchsorted(grid, end - h + snap, side="right")
-    return np.asarray(np.searchsorted(grid, end - snap, side="left") > first)
+    behind = np.searchsorted(grid, end - snap, side="left")  # whether the last one before the end is in the step
+    return np.asarray((behind > 0) & (grid[np.maximum(behind, 1) - 1] > end - h + snap))

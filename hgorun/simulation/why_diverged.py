@@ -64,7 +64,7 @@ def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
         return None
     last = float(run.grid[len(estimate) - 1])
     times = np.unique(np.append(last, lost - (lost - last) * 2.0 ** -np.arange(_HALVINGS)))
-    closer = _finite(_estimate(block, again.integrate(again.plan().with_grid(times))))
+    closer = _finite(_estimate(block, again.integrate(again.plan().with_grid(times), [j])))
     values = np.concatenate([along(estimate[:1]), along(closer)])
     when = _sign_changes(np.append(times[0], times), values)
     if when is not None:

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
+from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.instructions import Instruction, read
 from hgorun.symbolic.intervals import Bounds, enclose
+
+_SLICES, _NARROWINGS = 256, 9  # to the last bit of 64
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -23,22 +27,54 @@ class Enclosure:
     """
 
     function: ca.Function
+    _poles: list[np.ndarray] = field(default_factory=list)  # points that have no bound, as far as they are known
+
+    def has_pole(self, low: np.ndarray, high: np.ndarray) -> bool:
+        """Whether a box, corners (d,), is known to hold a point without a bound: then no cutting of it leads to one."""
+        return any(np.all(low <= pole) and np.all(pole <= high) for pole in self._poles)
+
+    def find_pole(self, low: np.ndarray, high: np.ndarray) -> None:
+        """Narrow a box of which nothing is known down to a point, and keep it where nothing is known of that either."""
+        low, high = low.copy(), high.copy()
+        for j in np.tile(np.flatnonzero(self.matters), _NARROWINGS):
+            edges = np.linspace(low[j], high[j], _SLICES + 1)
+            lows, highs = np.tile(low, (_SLICES, 1)), np.tile(high, (_SLICES, 1))
+            lows[:, j], highs[:, j] = edges[:-1], edges[1:]
+            unbounded = np.flatnonzero(~np.isfinite(np.maximum(*map(np.abs, self(lows, highs)))))
+            if not unbounded.size:
+                return
+            k = unbounded[unbounded.size // 2]
+            low, high = lows[k], highs[k]
+        for point in (low, high):
+            if not np.isfinite(np.maximum(*map(np.abs, self(point[None], point[None])))[0]):
+                self._poles.append(point)
+                return
 
     @cached_property
     def _instructions(self) -> list[Instruction]:
         """Read once for all boxes."""
         return read(self.function)
 
+    @cached_property
+    def matters(self) -> np.ndarray:
+        """Whether the values depend on an entry of the vector, shape (d,)."""
+        found = np.zeros(self.function.numel_in(0), dtype=bool)
+        found[list(self.function.jac_sparsity(0, 0).get_col())] = True
+        return found
+
     def each(self, low: np.ndarray, high: np.ndarray) -> Bounds:
         """Bounds (M, m) of the m values on M boxes with corners low and high, shapes (M, d)."""
-        (found,) = enclose(
-            self.function, lambda _, column: (low[:, column], high[:, column]), instructions=self._instructions
-        )
+        found = self.columns(list(zip(low.T, high.T, strict=True)))
         sides = tuple(np.zeros((low.shape[0], len(found))) for _ in range(2))
         for column, bounds in enumerate(found):
             for side, value in zip(sides, bounds, strict=True):
                 side[:, column] = value
         return sides[0], sides[1]
+
+    def columns(self, box: Sequence[Bounds]) -> list[Bounds]:
+        """Bounds of the m values, each of the shape that those of the vector's entries have together."""
+        (found,) = enclose(self.function, lambda _, column: box[column], instructions=self._instructions)
+        return found
 
     def __call__(self, low: np.ndarray, high: np.ndarray) -> Bounds:
         """Bounds (M,) of the only value."""
@@ -47,7 +83,7 @@ class Enclosure:
 
     def at(self, points: np.ndarray) -> np.ndarray:
         """The values (M,) at M points (M, d)."""
-        return np.asarray(self.function(ca.DM(points.T)).full()).ravel()
+        return evaluate(self.function, points)[0].ravel()
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -58,26 +94,23 @@ class Extent:
     reached: float
 
 
-def largest(
-    function: ca.Function, low: np.ndarray, high: np.ndarray, *, limit: int = 4096, gap: float = 0.01
-) -> Extent:
+def largest(enclosure: Enclosure, low: np.ndarray, high: np.ndarray, *, limit: int = 4096, gap: float = 0.01) -> Extent:
     """Enclose the largest modulus of a function on a box by cutting the box into ever smaller ones.
 
     Parameters
     ----------
-    function : casadi.Function
-        One vector (d,) in, one number out.
+    enclosure : Enclosure
+        Of a function of a vector (d,) with one value.
     low, high : ndarray, shape (d,)
     limit : int
         Boxes looked at, together, at most.
     gap : float
         Good enough: bound <= (1 + gap) reached.
     """
-    enclosure = Enclosure(function)
+    if enclosure.has_pole(low, high):
+        return Extent(np.inf, 0.0)
     lows, highs = low[None, :].astype(float), high[None, :].astype(float)
     closed = reached = 0.0
-    matters = np.zeros(low.size, dtype=bool)
-    matters[list(function.jac_sparsity(0, 0).get_col())] = True
     for turn in range(60):
         inner, outer = enclosure(lows, highs)
         bounds = np.maximum(np.abs(inner), np.abs(outer))
@@ -85,9 +118,16 @@ def largest(
         reached = max(reached, float(np.max(np.abs(middles), initial=0.0, where=np.isfinite(middles))))
         open_ = bounds > (1 + gap) * reached
         closed = max(closed, float(np.max(bounds[~open_], initial=0.0)))
-        widths = np.where(matters, highs - lows, 0.0)
+        widths = np.where(enclosure.matters, highs - lows, 0.0)
         if not open_.any() or 2 * open_.sum() > limit or not np.any(widths[open_] > 0):
-            return Extent(max(closed, float(np.max(bounds[open_], initial=0.0))), reached)
+            bound = max(closed, float(np.max(bounds[open_], initial=0.0)))
+            if np.isinf(bound):
+                off = np.max(np.abs(lows + highs - low - high) / np.where(high > low, high - low, 1.0), axis=1)
+                k = int(
+                    np.argmin(np.where(np.isinf(bounds), off, np.inf))
+                )  # in the middle, so that other boxes have it
+                enclosure.find_pole(lows[k], highs[k])
+            return Extent(bound, reached)
         lows, highs, widths = lows[open_], highs[open_], widths[open_]
         # every direction in turn, so that none is left out for being short
         order = np.flatnonzero(np.any(widths > 0, axis=0))

@@ -60,6 +60,28 @@ def read(function: ca.Function) -> list[Instruction]:
     return found
 
 
+def calls_of_state(function: ca.Function, calls: Container[int]) -> int:
+    """How many of the operations that take long depend on more than time and parameters."""
+    if not any(function.instruction_id(k) in calls for k in range(function.n_instructions())):
+        return 0
+    instructions = read(function)
+    part = _parts(instructions)
+    return sum(i.op in calls and part[i.value] == MAIN for i in instructions)
+
+
+def _parts(instructions: Sequence[Instruction]) -> dict[int, int]:
+    """The part of each value."""
+    part: dict[int, int] = {}
+    for i in instructions:
+        if i.op == ca.OP_INPUT:
+            part[i.value] = _PART_OF_INPUT[i.place[0]]
+        elif i.op == ca.OP_OUTPUT:
+            part[i.value] = MAIN
+        else:
+            part[i.value] = max((part[a] for a in i.arguments), default=SETUP)
+    return part
+
+
 def rounds(instructions: Sequence[Instruction], calls: Container[int]) -> Iterator[list[Instruction]]:
     """The instructions in an order that brings calls together which do not wait for each other.
 
@@ -73,15 +95,9 @@ def rounds(instructions: Sequence[Instruction], calls: Container[int]) -> Iterat
     calls : container of int
         The operations that take long.
     """
-    part: dict[int, int] = {}
+    part = _parts(instructions)
     depth: dict[int, int] = {}
     for i in instructions:
-        if i.op == ca.OP_INPUT:
-            part[i.value] = _PART_OF_INPUT[i.place[0]]
-        elif i.op == ca.OP_OUTPUT:
-            part[i.value] = MAIN
-        else:
-            part[i.value] = max((part[a] for a in i.arguments), default=SETUP)
         before = [depth[a] for a in i.arguments if part[a] == part[i.value]]
         depth[i.value] = max(before, default=0) + (i.op in calls)
 

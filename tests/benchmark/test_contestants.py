@@ -22,7 +22,7 @@ def test_every_contestant_takes_a_plant() -> None:
     for (plant, _), base in asked.bases.items():
         for label, one in list(left.items()):
             try:
-                prepare(contestant_in(base, label, one, asked.blocks.plants[plant].rate))
+                prepare(contestant_in(base, label, one.on(plant), asked.blocks.plants[plant].rate))
             except ConfigError:
                 continue
             del left[label]

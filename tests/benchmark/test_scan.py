@@ -50,10 +50,21 @@ def test_the_best_is_found_to_an_eighth_of_the_spacing(best: float) -> None:
     assert len(search.tried) <= 7
 
 
+def test_between_values_it_goes_to_the_bottom_of_a_parabola() -> None:
+    """So that what is found is that of a smooth curve, and not that of the values which happened to be tried."""
+    found = []
+    for start in (0.4, 0.45, 0.5):  # other values each
+        search = Search(
+            Scan(knob()), errors(lambda values: 1 + np.log(values / 9) ** 2 + 0.2 * np.log(values / 9) ** 3)
+        )
+        found.append(search.around(start, 1 / 8, 10))
+    np.testing.assert_allclose(found, 9, rtol=2e-3)
+
+
 def test_it_walks_where_the_start_was_a_mistake() -> None:
     search = Search(Scan(knob()), errors(lambda values: np.log(values / 40) ** 2))
     spacing = 1 / 8
-    found = search.around(0.5, spacing, 7)  # 10, and 40 is 2.4 spacings away
+    found = search.around(0.5, spacing, 9)  # 10, and 40 is 2.4 spacings away
     assert abs(np.log(found / 40)) < np.log(100) * spacing / 4
 
 

@@ -24,6 +24,7 @@ def score(total: Any, tried: Any = ((3.0, (1.0, 1.0)),)) -> Score:
         converged=0.5,
         operations=10,
         at_samples=0,
+        nanoseconds=100.0,
         tried=tried,
     )
 
@@ -54,7 +55,7 @@ def test_an_interval_is_that_of_a_table_made_anew() -> None:
     random = np.random.default_rng(0)
     first, second = 1 + 0.3 * random.standard_normal((2, 400))
     found = standings([entry("p", "A", 3 * first), entry("p", "B", second)])["calm", "A"]
-    half = 1.96 * 3 * 0.3 * np.sqrt(2 * 2 / 400)  # of two quotients of two independent means of about 1
+    half = 2.576 * 3 * 0.3 * np.sqrt(2 * 2 / 400)  # of two quotients of two independent means of about 1
     assert found.high - found.low == pytest.approx(2 * half, rel=0.15)
     assert found.low < 3 < found.high
 

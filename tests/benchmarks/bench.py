@@ -175,6 +175,13 @@ def sweeps(count: int, folder: Path) -> Iterator[Row]:
         partial(sweep_cases.sweep, other, 256), partial(sweep_cases.sweep, base, 256), few, sweep_cases.cpu
     )
     yield at_most("jittered samples / periodic ones", jitter, 2.0, "sweeps of seeds, Contois; CPU time")
+    for method in ("dopri5", "rodas5p"):
+        base = sweep_cases.controlled(method)
+        each = sweep_cases.ratio(
+            partial(sweep_cases.sweep, base, 256), partial(sweep_cases.alone, base, 32), few, sweep_cases.cpu
+        )
+        note = "academic, seeds; alone with its preparation and trajectories; CPU time"
+        yield Row(f"controlled steps ({method}), a member of a sweep / alone", f"{each * 32 / 256:.2f}", note=note)
     if wide:
         lorenz = sweep_cases.Lorenz(131_072, folder)
         gap(lorenz.ours(), lorenz.theirs())

@@ -24,9 +24,9 @@ from typing import Any
 import browser
 
 import hgorun
-from hgorun.explore.bench import Bench
 from hgorun.explore.knobs import Knob
 from hgorun.explore.picture import picture_of
+from hgorun.explore.simulated import SimulatedBench
 from hgorun.explore.state import State
 
 ROOT = Path(__file__).parents[2]
@@ -41,13 +41,13 @@ def nudged(knob: Knob, number: int) -> float:
     return knob.start * (1 + 2e-3 * (number + 1)) or 1e-3 * (number + 1)
 
 
-def on_the_server(bench: Bench, knob: Knob, runs: int) -> tuple[list[float], list[float], list[float]]:
+def on_the_server(bench: SimulatedBench, knob: Knob, runs: int) -> tuple[list[float], list[float], list[float]]:
     """Processor times of run, picture and bounds, in ms; the first two changes are not counted."""
     found: tuple[list[float], list[float], list[float]] = ([], [], [])
     for number in range(runs + 2):
         state = State().with_value(knob, nudged(knob, number))
         moments = [time.process_time()]
-        shown = bench.simulated(state)
+        shown = bench.shown(state)
         moments.append(time.process_time())
         picture_of(shown)
         moments.append(time.process_time())
@@ -120,8 +120,8 @@ def main() -> None:
     parser.add_argument("--runs", type=int, default=5)
     parser.add_argument("--no-browser", action="store_true")
     options = parser.parse_args()
-    bench = Bench(options.config, hgorun.load(options.config, run=options.run), options.run)
-    bench.promise(shown := bench.simulated(State()), next(iter(shown.result.observers)))
+    bench = SimulatedBench(options.config, hgorun.load(options.config, run=options.run), options.run)
+    bench.promise(shown := bench.shown(State()), next(iter(shown.result.observers)))
     print("on the server: median processor time of run, picture, bounds, together, in ms")
     for knob in bench.knobs.values():
         parts = [statistics.median(times) for times in on_the_server(bench, knob, options.runs)]

@@ -28,7 +28,7 @@ from hgorun.ensemble.members import Members
 from hgorun.reproduce import shipped
 from hgorun.simulation.passes import as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.simulate import prepare
+from hgorun.simulation.simulate import prepare, simulate
 
 Block = dict[str, Any]
 POINTER = ctypes.c_void_p
@@ -64,6 +64,16 @@ def contois() -> Experiment:
 def jittered() -> Experiment:
     """The same with samples that come at other times for every seed."""
     return contois().varied({"measurement.sampling.jitter": 0.1})
+
+
+def controlled(method: str) -> Experiment:
+    """The academic example with held noise, whose steps an error estimate controls."""
+    return academic_held().varied({"solver": {"method": method, "rtol": 1e-8}})
+
+
+def alone(base: Experiment, count: int) -> object:
+    """So many seeds one after the other, each prepared, carried out and measured as a run of its own."""
+    return [simulate(base.varied({"seed": seed})) for seed in range(count)]
 
 
 def sweep(base: Experiment, count: int, threads: int = 1) -> object:

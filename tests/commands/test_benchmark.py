@@ -20,6 +20,7 @@ from hgorun.commands.ensemble_options import Bench
 from hgorun.config.benchmark import Contestant
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.base import OBSERVERS
+from hgorun.observers.ekf import ExtendedKalmanFilter
 from hgorun.observers.piecewise import PiecewiseObserver
 
 PLANT: dict[str, Any] = {
@@ -51,6 +52,8 @@ BENCHMARK: dict[str, Any] = {
         },
     },
 }
+
+SHGO: dict[str, Any] = {"group": "g", "block": {"type": "shgo"}}
 
 
 def written(folder: Path, **changes: Any) -> Path:
@@ -92,11 +95,11 @@ def test_the_knob_is_the_best_that_was_tried(done: tuple[Path, Benchmark]) -> No
             assert entry.score.value == value
 
 
-def test_what_does_not_take_a_scenario_says_why(done: tuple[Path, Benchmark]) -> None:
-    folder, asked = done
-    entries = {(e.scenario, e.label): e for e in asked.entries(folder / "small" / "entries")}
-    assert "needs sampled outputs" in entries["held", "G"].refused
-    assert entries["sampled", "G"].score is not None
+def test_what_does_not_take_a_scenario_says_why(tmp_path: Path) -> None:
+    one = {"I": {"group": "g", "knob": {"range": {"log": [0.5, 8]}}, "block": {"type": "impulsive"}}}
+    held, sampled = load_benchmark(written(tmp_path, observers=one)).entries(tmp_path / "entries")
+    assert "needs sampled outputs" in held.refused
+    assert sampled.score is not None
 
 
 def test_only_what_is_new_is_carried_out(done: tuple[Path, Benchmark], monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,6 +197,34 @@ def test_keys_that_follow_the_knob_and_keys_of_the_example(tmp_path: Path) -> No
     assert contestant_in(base, "C", needs, 2.0).observers["C"].type == "cascade"
 
 
+def test_a_plant_may_have_a_knob_and_keys_of_its_own(tmp_path: Path) -> None:
+    asked = load_benchmark(written(tmp_path))
+    base, own = asked.bases["oscillator", "sampled"], {"key": "Q.x2", "range": {"log": [0.01, 100]}, "rate": False}
+    blocks = {"group": "g", "block": {"type": "ekf"}, "plants": {"oscillator": {"knob": own, "block": {"R": 0.5}}}}
+    one = Contestant.model_validate(blocks)
+    there, elsewhere = one.on("oscillator"), one.on("motor")
+    observer = contestant_in(base, "K", there, 2.0).observers["K"]
+    assert isinstance(observer, ExtendedKalmanFilter)
+    assert (observer.Q, observer.R, observer.theta) == ({"x2": 1.0}, 0.5, None)
+    assert elsewhere.knob.key == "theta"
+    assert elsewhere.block == {"type": "ekf"}
+    many = {"key": "thetas.1", "range": {"log": [1, 4]}, "rate": False}
+    bank = {"type": "bank", "observer": {"type": "shgo"}, "thetas": [1, 3]}
+    modes = contestant_in(base, "B", Contestant.model_validate({"group": "g", "knob": many, "block": bank}), 2.0)
+    assert modes.observers["B"].model_dump()["thetas"] == (1, 2)
+
+
+def test_cost_is_that_of_a_step(done: tuple[Path, Benchmark]) -> None:
+    folder, asked = done
+    entry = asked.entries(folder / "small" / "entries")[0]
+    assert entry.score is not None
+    assert 1 < entry.score.nanoseconds < 1e6
+    with (folder / "small" / "entries.csv").open(encoding="utf-8") as file:
+        row = next(csv.DictReader(file))
+    assert float(row["ns_per_step"]) == pytest.approx(entry.score.nanoseconds, rel=1e-2)
+    assert float(row["error_low"]) < float(row["error"]) < float(row["error_high"])
+
+
 def test_files_and_json(done: tuple[Path, Benchmark], capsys: pytest.CaptureFixture[str]) -> None:
     folder, _ = done
     assert benchmark(Bench(file=folder / "small.yaml", output=folder, json=True)) == 0
@@ -221,6 +252,8 @@ def test_files_and_json(done: tuple[Path, Benchmark], capsys: pytest.CaptureFixt
         ({"observers": {"S": {"group": "g", "block": {"type": "shgo", "initial": {}}}}}, "plant's file"),
         ({"observers": {"S": {"group": "g", "block": {"type": "none"}}}, "scenarios": ["held"]}, "none"),
         ({"seeds": {"tuning": 0}}, "tuning"),
+        ({"observers": {"S": SHGO | {"plants": {"moon": {}}}}}, "'moon'"),
+        ({"observers": {"S": SHGO | {"plants": {"oscillator": {"block": {"theta": 1}}}}}}, "it is tuned"),
     ],
 )
 def test_what_is_wrong_in_the_file_is_named(tmp_path: Path, change: dict[str, Any], words: str) -> None:

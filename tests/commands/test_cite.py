@@ -47,6 +47,19 @@ def test_what_two_observers_use_and_nothing_else(shell: Shell) -> None:
     assert "cited" not in found["gelb1974"]
 
 
+def test_what_was_not_looked_up_is_marked(shell: Shell) -> None:
+    """An article without DOI, and not a book, which has none."""
+    (shell.folder / "m.yaml").write_text(TWO.replace("ekf, Q: {x1: 1, x2: 1}", "levant, G: 1"))
+    out = shell("cite", "m.yaml", "--bibtex")[1]
+    assert "% levant2003: not verified, compare it with the publication\n@article{levant2003," in out
+    assert "% savitzky1964" not in out
+    assert {"levant2003", "savitzky1964"} <= set(parsed(out))
+    shown = shell("cite", "m.yaml")[1]
+    assert "[levant2003]* " in shown
+    assert "[savitzky1964] " in shown
+    assert all(entry.verified for entry in known().values() if entry.kind == "book")
+
+
 def test_a_method_and_scipy_are_cited_where_they_are_used(shell: Shell) -> None:
     (shell.folder / "m.yaml").write_text(TWO + "solver: {method: dopri5, rtol: 1e-8}\nseed: 1\n")
     assert "dormand1980" in parsed(shell("cite", "m.yaml", "--bibtex")[1])

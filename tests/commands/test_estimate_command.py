@@ -167,14 +167,12 @@ def test_what_a_stream_leaves_undone_is_told(shell: Shell, monkeypatch: pytest.M
     assert (code, err) == (0, "")
 
 
-def test_a_gate_and_late_samples_of_a_filter_in_a_stream(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    text = "t,signal,y,available\n0.1,a,0.1,0.1\n0.2,a,0.2,0.5\n"
+def test_what_gates_leave_out_of_a_stream_is_counted(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [(0.1 * k, np.sin(0.1 * k) + (5.0 if k in (20, 31) else 0.0), 0.5 * (k % 7 == 0)) for k in range(1, 40)]
+    rows.sort(key=lambda row: row[0] + row[2])
+    text = "t,signal,y,available\n" + "".join(f"{t:.1f},a,{y:.4f},{t + late:.1f}\n" for t, y, late in rows)
     code, _, err = piped(shell, monkeypatch, text, "--set", "observers={K: {type: ekf, Q: {b: 0.1}, R: 0.01}}")
-    assert code == 2
-    assert "K goes back to them; leave the gate out, or take an observer" in err
-    assert "kalman_bucy" in err
-    code, _, err = piped(shell, monkeypatch, text, "--set", "observers={K: {type: kalman_bucy, Q: {b: 0.1}, R: 0.01}}")
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, "hgorun: K: the gate of a left out 2 of 39 samples\n")
 
 
 def test_a_stream_on_a_grid_of_its_own(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import io
+import json
 from pathlib import Path
+from urllib.parse import urlsplit
+from urllib.request import url2pathname
 
 import pytest
 import yaml
@@ -29,8 +32,11 @@ def test_a_plant_gives_a_commented_configuration_that_runs(shell: Shell) -> None
     text = (shell.folder / "my.yaml").read_text()
     assert "mu: 1.064  # maximal growth rate, 1/h" in text
     assert text.count("#") > 15
-    assert text.startswith("# yaml-language-server: $schema=hgorun.schema.json\n")
-    assert (shell.folder / "hgorun.schema.json").is_file()
+    address = text.splitlines()[0].removeprefix("# yaml-language-server: $schema=")
+    installed = Path(url2pathname(urlsplit(address).path))
+    assert (address.startswith("file://"), installed.name) == (True, "hgorun.schema.json")
+    assert "plant-contois" in json.loads(installed.read_text())["$defs"]
+    assert not (shell.folder / "hgorun.schema.json").exists()
     code, out, _ = shell("simulate", "my.yaml", "--strict")
     assert (code, "FHGO" in out) == (0, True)
     assert shell("init", "--plant", "contois", "-o", "my.yaml")[0] == 0  # it is the same
@@ -104,6 +110,16 @@ def test_a_built_in_plant_from_answers(shell: Shell, monkeypatch: pytest.MonkeyP
     assert not (shell.folder / "other.yaml").exists()
 
 
+def test_the_schema_beside_a_file_is_kept(shell: Shell) -> None:
+    """It is written once for a folder, where it is asked for, and then used by all that comes there."""
+    for arguments, schemas in {("--schema",): 1, (): 0}.items():
+        code, out, _ = shell("init", "--plant", "van_der_pol", "-o", f"with{len(arguments)}.yaml", *arguments)
+        assert (code, out.count("(for editors)")) == (0, schemas)
+        text = (shell.folder / f"with{len(arguments)}.yaml").read_text()
+        assert text.startswith("# yaml-language-server: $schema=hgorun.schema.json\n")
+    assert json.loads((shell.folder / "hgorun.schema.json").read_text())["$defs"]
+
+
 def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
     code, out, _ = shell("init", "fermentation")
     assert (code, "try: hgorun estimate fermentation/fermentation.yaml\n" in out) == (0, True)
@@ -113,7 +129,6 @@ def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
         "online.csv",
         "laboratory.csv",
         "README.md",
-        "hgorun.schema.json",
     }
     assert {path.name for path in (shell.folder / "fermentation").iterdir()} >= names
     code, out, _ = shell("estimate", "fermentation/fermentation.yaml", "--no-sensitivity", "--no-plots")

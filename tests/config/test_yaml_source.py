@@ -236,6 +236,8 @@ def test_a_tab_inside_plain_text_is_refused() -> None:
         ("a: 1\n  b: 2", 2, "indentation"),
         ("a:\n  b: 1\n c: 2", 3, "indentation"),
         ("a: - 1", 1, "line of its own"),
+        ("a: {b: - 1}", 1, "write a sign without it"),
+        ("a:\n  b: {c: 1, d: - +x}", 2, "write a sign without it"),
         ("a: 1\n- b", 2, "indentation"),
         ("a: | text", 1, "the line must end"),
         ("a: }", 1, "brackets"),
@@ -272,6 +274,25 @@ def test_refusals_name_the_line_and_the_matter(
     assert words in str(error)
     assert error.line == line
     assert error.file == "f.yaml"
+
+
+@pytest.mark.skipif(not yaml.__with_libyaml__, reason="without libyaml it is a key without a value")
+def test_a_key_in_braces_without_a_value_is_named() -> None:
+    assert "`b:` has no value" in str(refusal("a: {c: 1, b:, d: 2}"))
+
+
+def test_files_are_alike_by_their_stems(tmp_path: Path) -> None:
+    """That two names end in the same suffix makes them not alike."""
+    for name in ("no_time.yaml", "plant.csv", "plant.yaml"):
+        (tmp_path / name).write_text("a: 1")
+    for missing, words in {
+        "nothere.yaml": "there is no such file",
+        "no_tme.yml": "Did you mean `no_time.yaml`?",
+        "plant": "Did you mean `plant.yaml`?",
+    }.items():
+        with pytest.raises(ConfigError) as refused:
+            read(tmp_path / missing)
+        assert refused.value.message.endswith(words)
 
 
 @pytest.mark.usefixtures("parser")

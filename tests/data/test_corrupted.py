@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 import pytest
 import yaml
-from logs import LOG, noisy
+from logs import LOG, noisy, recorded
 from shell import Shell
 
 from hgorun.config.data import Data
@@ -264,3 +264,9 @@ def test_the_command_ends_with_two_and_writes_nothing(
     code, _, err = shell("estimate", "c.yaml", "nowhere.csv")
     assert (code, err) == (2, "hgorun: nowhere.csv: no such file\n")
     assert {path.name for path in tmp_path.iterdir()} == {"c.yaml", "log.csv"}
+
+
+@pytest.mark.parametrize("content", [b"", b"# nothing\n", b"PK\x03\x04 a workbook", b"\x1f\x8b compressed", b"CDF\x01"])
+def test_what_holds_no_line_of_numbers_is_refused_at_its_first(content: bytes, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"log\.csv:1: "):
+        recorded(tmp_path, content)

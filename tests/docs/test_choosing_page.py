@@ -1,4 +1,4 @@
-"""Numbers of the page of choices are those of the benchmark's table of record."""
+"""Numbers of the pages of choices and of the benchmark are those of its table of record, which has the file's seeds."""
 
 from __future__ import annotations
 
@@ -26,3 +26,10 @@ def test_numbers_are_those_of_the_record() -> None:
     assert "## What the benchmark found" in page
     assert len(shared) >= 10
     assert shared == {name: record[name] for name in shared}
+
+
+def test_the_page_of_the_benchmark_has_the_whole_record() -> None:
+    rows = [line for line in RECORD.read_text().splitlines() if line.startswith("|")]
+    page = (ROOT / "docs" / "benchmark.md").read_text()
+    assert len(rows) > 40
+    assert "\n".join(rows) in page

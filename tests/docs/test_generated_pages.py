@@ -95,7 +95,7 @@ def test_choices_are_read_from_their_table() -> None:
 
 def test_a_docstring_is_shown_as_it_is_meant() -> None:
     text, errata = without_errata("First * line\nof two.\n\n    x' = a_1 [x]\n\nThe paper prints a. (2) holds ``x*y``.")
-    equation = "```{code-block} text\n:class: formula\n\nx' = a_1 [x]\n```"
+    equation = "$$\n\\begin{aligned}\n\\dot{x} & = a_{1} \\, [x]\n\\end{aligned}\n$$"
     assert text == f"First \\* line of two.\n\n{equation}\n\n(2) holds ``x*y``."
     assert errata == ["The paper prints a."]
     assert plain("a_1 _b_ |x| < 2") == r"a_1 \_b\_ \|x\| \< 2"

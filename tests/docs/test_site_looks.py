@@ -5,11 +5,19 @@ from __future__ import annotations
 import re
 import runpy
 from pathlib import Path
+from xml.etree import ElementTree
 
 import pytest
-from site_markdown import without_errata
-from site_symbols import aligned, symbols
+from site_formulas import mathml
+from site_markdown import paragraphs, without_errata
+from site_symbols import symbols
+from site_tex import displayed, formula
 
+from hgorun.commands.described import own_doc
+from hgorun.observers.base import OBSERVERS
+from hgorun.plants.base import PLANTS
+
+MATHML = "{http://www.w3.org/1998/Math/MathML}"
 DOCS = Path(__file__).parents[2] / "docs"
 
 
@@ -43,16 +51,61 @@ def test_a_formula_has_its_symbols_and_words_and_keys_stay(text: str, expected: 
     assert symbols(expected) == expected
 
 
-def test_signs_below_each_other_stay_there() -> None:
-    assert aligned("theta' = mu\n  + 1\nF_0    = 2 theta_1\nI(t)   = 0") == "θ'   = μ\n  + 1\nF_0  = 2 θ_1\nI(t) = 0"
-    assert aligned("xhat' = a\nP'    = b") == "x̂' = a\nP' = b"
-    assert aligned("theta = 1\nlong_word = 2") == "θ = 1\nlong_word = 2"
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        (
+            "xhat_i' = rho^ - theta^-1 z_(n-1)''",
+            r"{\dot{\hat{x}}}_{i} = \hat{\rho} - \theta^{-1} \, {\ddot{z}}_{n - 1}",
+        ),
+        ("z+ = a b/c + (k+1)/T", r"z^{+} = \frac{a \, b}{c} + \frac{k + 1}{T}"),
+        ("(a/b + 1)/c", r"\frac{\frac{a}{b} + 1}{c}"),
+        ("(T/eps) (x + 1/2)^2", r"\frac{T}{\varepsilon} \, \left( x + \frac{1}{2} \right)^{2}"),
+        ("|w_1|^(i/(N+1)) sign(e)", r"\left| w_{1} \right|^{i / (N + 1)} \, \operatorname{sign}(e)"),
+        ("sum_(j=3..i) 1/alpha_j", r"\sum_{j = 3 \ldots i} \frac{1}{\alpha_{j}}"),
+        ("K^(1), S_1inf <= s_in", r"K^{(1)} ,\  S_{1\infty } \le s_{\mathrm{in}}"),
+        ("e/d for |e| <= d, else 1", r"\frac{e}{d} \text{ for } \left| e \right| \le d ,\  \text{ else } 1"),
+        ("F = [[A, b/c], [0, 1]]", r"F = \begin{bmatrix} A & \frac{b}{c} \\ 0 & 1 \end{bmatrix}"),
+        ("sqrt(x1) z! 1e8 cos alpha", r"\sqrt{x_{1}} \, z! \, 10^{8} \, \cos \, \alpha"),
+    ],
+)
+def test_a_formula_of_a_docstring_is_read_as_it_is_meant(text: str, expected: str) -> None:
+    assert formula(text) == expected
 
 
-def test_equations_of_a_docstring_are_no_wider_than_the_page() -> None:
-    """They go on in a second line, which a class of theirs asks for."""
-    style = (DOCS / "_static" / "hgorun.css").read_text(encoding="utf-8")
+def test_relations_stand_below_each_other_and_conditions_beside_their_equation() -> None:
+    assert displayed("    a'   = 1,    a(0) = 0\n    long = 2") == (
+        "\\begin{aligned}\n\\dot{a} & = 1 ,\\  \\qquad a(0) = 0 \\\\\n\\text{ long } & = 2\n\\end{aligned}"
+    )
+    wide = displayed(f"x' = {'a + ' * 20}a,    i < n,    y = {'b + ' * 5}b")
+    assert wide.count(r"\\") == 1
+    assert wide.index("i < n") < wide.index(r"\\")
+
+
+def test_matrices_that_are_drawn_are_matrices() -> None:
+    found = displayed("    [ 1 + a   2 ] [x]\n    [ 3       4 ] [y]")
+    assert found == r"\begin{bmatrix} 1 + a & 2 \\ 3 & 4 \end{bmatrix} \begin{bmatrix} x \\ y \end{bmatrix}"
+
+
+WORDS = (
+    "above and at else explicit first for from has held if implicit it last likewise of once proper reached smoothing "
+    "stiffness the time to when same start equation dwell disturbance"
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "cls"), [*OBSERVERS.all().items(), *PLANTS.all().items()], ids=[*OBSERVERS.names(), *PLANTS.names()]
+)
+def test_equations_of_every_docstring_are_formulas(name: str, cls: type) -> None:
+    """Browsers can draw them, and no symbol was taken for a word."""
+    for block in paragraphs(own_doc(cls)):
+        if block.startswith("    "):
+            root = ElementTree.fromstring(mathml(displayed(block), block=True))
+            words = {word for node in root.iter(f"{MATHML}mtext") for word in (node.text or "").split()}
+            assert words <= set(WORDS.split()), name
+
+
+def test_equations_of_a_docstring_are_formulas_of_the_page() -> None:
     text, errata = without_errata("A theta.\n\n    theta = 1\n\nThe paper prints lam.")
-    assert text == "A θ.\n\n```{code-block} text\n:class: formula\n\nθ = 1\n```"
+    assert text == "A θ.\n\n$$\n\\begin{aligned}\n\\theta & = 1\n\\end{aligned}\n$$"
     assert errata == ["The paper prints λ."]
-    assert ".formula pre { white-space: pre-wrap; }" in style

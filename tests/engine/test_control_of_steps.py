@@ -133,7 +133,7 @@ def following(rate: float, t: ca.SX, z: ca.SX) -> ca.SX:
 @pytest.fixture
 def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
     """400 steps have to bring a thousandth of the run, where it takes a million elsewhere."""
-    monkeypatch.setattr(engine, "_PATIENCE", 400)
+    monkeypatch.setattr(engine, "PATIENCE", 400)
     monkeypatch.setattr(engine, "_BUDGET", 50)
 
 

@@ -26,6 +26,7 @@ from hypothesis import strategies as st
 from hgorun.engine.emit import emit
 from hgorun.errors import HgorunError
 from hgorun.native.compiler import NativeModule, _target_machine
+from hgorun.native.elementary import apply
 from hgorun.symbolic.instructions import read
 from hgorun.symbolic.interpreter import carry_out, steps_of
 
@@ -295,6 +296,18 @@ def test_what_is_symmetric_stays_so_to_the_last_bit(seed: int) -> None:
     at["w"] = random.normal(size=(n * n, POINTS))
     found = Native([t, p, z, w], [ca.vec(rate)], 1, literal=False)(at).reshape(n, n, POINTS)
     same_bits(found, found.transpose(1, 0, 2))
+
+
+@pytest.mark.parametrize("lanes", LANES)
+def test_powers_of_one_base_are_each_what_it_is_alone(lanes: int) -> None:
+    """Fractions, whole numbers and thirds, of usual and of extreme bases, side by side."""
+    t, p, z, w = (ca.SX.sym(name, size) for name, size in (("t", 1), ("p", 2), ("z", 1), ("w", 1)))
+    size = ca.fabs(z)
+    base = np.resize([0.3, 2.5, 7e-9, 1e300, 5e-324, 0.0, 1.0, INF, NAN, 3e8, 0.7, 1e-310], POINTS)
+    by_lane = [np.resize(y, POINTS) for y in ([0.91, 3.0, 1.1, 0.5], [1 / 3, -0.25, 7.5], [0.4, 1 / 3, 2.0, 40.0, 1.7])]
+    at = {"t": np.zeros(1), "p": np.array(by_lane[:2]), "z": base[None], "w": by_lane[2][None]}
+    found = Native([t, p, z, w], [size ** p[0], size ** p[1], size**w, size ** (1 / 3), size**0.9], lanes)(at)
+    same_bits(found, np.array([apply("pow", base, y) for y in (*by_lane, np.array(1 / 3), np.array(0.9))]))
 
 
 SPECIAL = np.array(

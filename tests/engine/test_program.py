@@ -337,3 +337,37 @@ def test_a_plant_that_diverges_ends_its_own_lane_alone() -> None:
         with pytest.raises(PlantDiverged) as alone_too:
             program("rk4").run(made, Start(z[:, [2]], p[:, [2]], (1e300, 0.0)))
         assert found.plant_diverged[2] == alone_too.value.at
+
+
+def test_a_run_ends_when_nothing_is_left_of_what_is_awaited() -> None:
+    """Alone and side by side, with one plan or each its own: up to there all is as in the whole run."""
+    made, rising = plan(3, most_steps=200), [40.0, 30.0, 20.0]
+    made = replace(made, actions=np.zeros((0, 5), dtype=np.int64), counts=made.counts * np.array([1, 1, 1, 1, 0, 0, 1]))
+    z, p = (np.repeat(of[:, None], 3, axis=1) for of in start_of(3))
+    p[1] = rising
+    members = MemberNumbers(z0=z, p=p, gain=made.gain, bias=made.bias, holds=made.holds, bound=BOUND)
+    awaited = replace(members, awaited=np.array([[0.0] * 3, [1.0] * 3]))
+    ensemble = Ensemble(system(False), "rk4", 4)
+    for plans in ([made], [made] * 3):
+        whole, ended = (
+            ensemble.run(made, of, rows=True) if len(plans) == 1 else ensemble.run_each(plans, of, rows=True)
+            for of in (members, awaited)
+        )
+        assert whole.rows is not None
+        assert ended.rows is not None
+        last = whole.diverged[1].max()
+        assert np.isfinite(last)
+        assert np.array_equal(whole.diverged[1], ended.diverged[1])
+        before = made.grid < last
+        assert np.array_equal(whole.rows[before], ended.rows[before], equal_nan=True)
+        assert np.array_equal(whole.rows[:, block(1)], ended.rows[:, block(1)], equal_nan=True)
+        assert not np.array_equal(whole.rows[-1, :PLANT], ended.rows[-1, :PLANT])
+    for k in range(3):
+        start = Start(z[:, [k]], p[:, [k]], BOUND)
+        one, short = program("rk4").run(made, start), program("rk4").run(made, start, until=[1])
+        before = made.grid < one.diverged[1, 0]
+        assert np.array_equal(one.rows[before], short.rows[before], equal_nan=True)
+        assert np.array_equal(one.rows[:, block(1)], short.rows[:, block(1)], equal_nan=True)
+        assert not np.array_equal(one.rows[-1, :PLANT], short.rows[-1, :PLANT])
+        both = program("rk4").run(made, start, until=[0, 1])
+        assert np.isfinite(both.diverged).all() or np.array_equal(both.rows, one.rows, equal_nan=True)

@@ -65,7 +65,7 @@ def test_in_lanes_as_alone(measurement: Mapping[str, Any], step: float | None) -
     base = loops(step, measurement)
     if step is None:  # what jumps in a state is left to controlled steps
         base = base.varied({"controller.anti_windup": "none", "controller.saturation": None})
-    assert fits(prepare(base), "rk4")
+    assert fits(prepare(base))
     columns: dict[str, Any] = {
         "observers.*.theta": RANDOM.uniform(5, 9, COUNT),
         "seed": np.arange(COUNT),

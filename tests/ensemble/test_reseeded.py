@@ -6,15 +6,16 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import VAN_DER_POL, experiment
+from examples import VAN_DER_POL, experiment, inline
 
 from hgorun import Experiment
 from hgorun.ensemble import reseeded
 from hgorun.ensemble.lot import times_of
 from hgorun.ensemble.members import Members
-from hgorun.ensemble.reseeded import reseeded_members
+from hgorun.ensemble.reseeded import reseeded_members, retimed_lots
 from hgorun.measurement.chance import OfSeed, OfSeeds
 from hgorun.noise.gaussian import GaussianNoise
+from hgorun.simulation.passes import as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 
@@ -100,3 +101,51 @@ def test_members_of_one_seed_are_known_to_have_the_same_times() -> None:
     times = [times_of(found[i]) for i in range(len(members))]
     assert times[: SEEDS.size] == times[SEEDS.size :]
     assert len(set(times)) == SEEDS.size
+
+
+RETIMED: dict[str, dict[str, Any]] = {
+    "moved": {"noise": NOISE[:1], "sampling": {"period": 0.1, "jitter": 0.04}},
+    "multiplied, not from the start": {
+        "mode": "multiplicative",
+        "noise": [*NOISE[:1], {"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 3}]}],
+        "sampling": {"period": 0.1, "jitter": 0.02, "offset": 0.05},
+    },
+    "lost": {"sampling": {"period": 0.1, "jitter": 0.04, "dropout": 0.1}},
+}
+
+
+@pytest.mark.parametrize("case", RETIMED)
+def test_the_tables_of_many_members_are_those_of_each_of_them(case: str) -> None:
+    """With kinks of an input between the samples, near the start, and where the order of both differs."""
+    plant = inline(
+        {"x1": "x2", "x2": "u - x1"}, "x1", inputs={"u": "abs(sin(7*t)) + abs(t - 1)"}, initial={"x1": 1, "x2": 0}
+    )
+    observers, count = {"H": {"type": "shgo", "theta": 2}}, 60
+    of = experiment(plant, observers, end=2.0, step=0.02, measurement=RETIMED[case])
+    lots = list(retimed_lots(of, Members.of({"seed": np.arange(count)}), np.arange(count)))
+    members = np.concatenate([lot.which for lot in lots])
+    assert len(set(members.tolist())) == members.size == count
+    for lot in lots:
+        assert lot.plans is not None
+        for i, plan in list(zip(lot.which.tolist(), lot.plans, strict=True))[::3]:
+            alone = prepare(of.varied({"seed": i}))
+            own, start = plan_of(alone, as_given(alone))
+            assert alone.structure is lot.run.structure
+            for name in ("spans", "counts", "actions", "gain", "bias", "holds", "grid"):
+                assert getattr(plan, name).tobytes() == getattr(own, name).tobytes(), (i, name)
+            assert plan.slots == own.slots
+            np.testing.assert_array_equal(start.z[:, 0], lot.numbers.z0[:, 0])
+
+
+def test_events_that_are_too_near_are_left_to_be_prepared() -> None:
+    """Samples that jitter moves onto a kink, or past each other, and noise that is held."""
+    plant = inline({"x1": "x2", "x2": "u - x1"}, "x1", inputs={"u": "abs(t - 1)"}, initial={"x1": 1, "x2": 0})
+    members, which = Members.of({"seed": np.arange(40)}), np.arange(40)
+
+    def bulk(measurement: dict[str, Any]) -> int:
+        of = experiment(plant, {"H": {"type": "shgo", "theta": 2}}, end=2.0, step=0.02, measurement=measurement)
+        return sum(lot.which.size for lot in retimed_lots(of, members, which))
+
+    assert bulk({"sampling": {"period": 0.5, "dropout": 1e-9}}) == 0  # a sample at the kink
+    assert 0 < bulk({"sampling": {"period": 0.1, "jitter": 0.06}}) < 40
+    assert bulk({"sampling": {"period": 0.1, "jitter": 0.04}, "noise": NOISE}) == 0

@@ -225,20 +225,6 @@ def test_late_samples_as_each_observer_is_told(delay: str) -> None:
         assert np.array_equal(found.observers[label].xhat, one.xhat), label
 
 
-def test_a_gate_and_going_back_do_not_go_together() -> None:
-    run = pendulum({"K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01}}, measurement={"sampling": {"period": 0.25}})
-    taken = np.arange(0, 5, 0.25)
-    log = recording(signal("a", taken, np.sin(taken), taken + 0.3, gate=4.0))
-    with pytest.raises(ConfigError, match=r"K has late: replay; ekf cannot have both .* such as kalman_bucy"):
-        estimate(run.experiment.source, log, sensitivity=False)
-    both = {"K": {"type": "kalman_bucy", "Q": {"b": 0.1}, "R": 0.01}}  # what the message names
-    run = pendulum(both, measurement={"sampling": {"period": 0.25}})
-    assert estimate(run.experiment.source, log, sensitivity=False).status == "ok"
-    run = pendulum({"S": {"type": "shgo", "theta": 2, "late": "drop"}}, measurement={"sampling": {"period": 0.25}})
-    with pytest.raises(ConfigError, match="S has late: drop; give it late: innovation, or leave the gate out"):
-        estimate(run.experiment.source, log, sensitivity=False)
-
-
 def test_a_gate_that_leaves_out_too_much_is_told() -> None:
     taken = np.arange(0, 5, 0.05)
     values = np.sin(taken)

@@ -318,10 +318,6 @@ def test_late_samples_that_a_stream_leaves_out_or_cannot_take() -> None:
     mixed.update(0.5, {"a": 0.4})
     with pytest.raises(ValueError, match="treat late samples alike"):
         mixed.update(0.3, {"a": 0.4}, available=0.8)
-    gated = Estimator(experiment(PENDULUM, {"K": EKF}, end=4, step=0.01), gates={"a": 4.0})
-    gated.update(0.5, {"a": 0.4})
-    with pytest.raises(ValueError, match="with a gate"):
-        gated.update(0.3, {"a": 0.4}, available=0.8)
 
 
 def test_late_samples_after_a_checkpoint_are_taken_in_as_without_it(small: Experiment) -> None:

@@ -18,7 +18,8 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.estimate import long_found, long_log, stretches
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.long_log import estimate_into
-from hgorun.result import digests, writer
+from hgorun.measurement import schedule
+from hgorun.result import digests
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.result.writing import digests_of
@@ -74,7 +75,6 @@ def short(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     """Every log counts as a long one."""
     monkeypatch.setattr(long_log, "LONG", 10)
     monkeypatch.setattr(stretches, "_STRETCH", 37)
-    monkeypatch.setattr(writer, "_CHUNK", 100)
     return monkeypatch
 
 
@@ -108,6 +108,26 @@ def test_stretches_of_any_size_give_the_same_file(size: int, short: pytest.Monke
     short.setattr(stretches, "_STRETCH", size)
     whole, found = _both(_log("linear"), tmp_path / "a.h5", "shgo", **FIXED)
     assert found is not None
+    assert _digests(tmp_path / "a.h5") == digests_of(whole)
+
+
+@pytest.mark.parametrize("hold", ["zero", "linear"])
+def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Everything happens at the samples: no other events have to be looked for."""
+    t = np.cumsum(DRAWN.uniform(0.01, 0.03, COUNT)) + 5.0
+    log = recording(signal("a", t, np.sin(t)), signal("d", t, np.cos(t)), u=held_input("u", t, np.sin(3 * t), hold))
+    smooth = PLANT | {"dynamics": {"a": "b + c", "b": "-sin(a) - 0.1*b + u", "c": "0"}}
+    short.setitem(globals(), "PLANT", smooth)
+    counted: list[Any] = []
+
+    def counting(*given: Any) -> schedule.Schedule:
+        counted.append(given)
+        return schedule.build_schedule(*given)
+
+    short.setattr(stretches, "build_schedule", counting)
+    whole, found = _both(log, tmp_path / "a.h5", "shgo", **FIXED)
+    assert found is not None
+    assert len(counted) == 1  # of the last stretch, which ends with a sample
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 

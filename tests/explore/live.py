@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from hgorun.explore.bench import Bench
+import numpy as np
+
+from hgorun.commands.explore import bench_of
 from hgorun.explore.keeping import Keeper
 from hgorun.explore.picture import Bound, Picture
 from hgorun.explore.session import Session
 from hgorun.explore.worker import Job, Worker
-from hgorun.study.loading import load
 
 OSCILLATOR = """\
 time: {end: 4, output_step: 0.05}
@@ -37,6 +39,41 @@ controller: {law: {u: -x1 - 2*x2}}
 observers: {S: {type: shgo, theta: 5, poles: -1}}
 solver: {step: 0.01}
 """
+
+
+RECORDED = """\
+time: {start: 0, end: 12, output_step: 0.1, unit: h}
+plant:
+  states: [x, v]
+  dynamics: {x: v, v: -x}
+  output: x
+  units: {x: mm}
+data:
+  file: log.csv
+  time: t
+  period: 0.3
+  outputs:
+    x: {column: y, std: 0.05, gate: 6}
+  reference: {v: {column: w}}
+observers:
+  F: {type: fhgo2, r: 1, theta: 2, initial: {x: 0.2}}  # filtered
+  E: {type: ekf, Q: {x: 0.01, v: 0.02}, initial: {v: 0.5}}
+tune:
+  gains: {observers.F.theta: {log: [0.5, 50]}}
+  minimise: holdout_rmse(F, x)
+"""
+
+
+def recorded(folder: Path) -> Path:
+    """A configuration of recorded data, and its log, in a folder that is made."""
+    folder.mkdir()
+    t = np.arange(0, 12, 0.1)
+    noise = 0.05 * np.random.default_rng(2).standard_normal(t.size)
+    rows = np.column_stack([t, np.sin(t) + noise, np.cos(t)])
+    np.savetxt(folder / "log.csv", rows, delimiter=",", header="t,y,w", comments="", fmt="%.6f")
+    path = folder / "a.yaml"
+    path.write_text(RECORDED)
+    return path
 
 
 class AtOnce(Worker):
@@ -65,11 +102,12 @@ class Paper:
         self.bounds: dict[str, list[Bound]] = {}
         self.told: list[dict[str, Any]] = []
 
-    def draw(self, picture: Picture) -> None:
+    def draw(self, picture: Picture, bounds: Mapping[str, list[Bound]]) -> None:
         self.pictures.append(picture)
+        self.draw_bounds(bounds)
 
-    def draw_bounds(self, label: str, bounds: list[Bound]) -> None:
-        self.bounds[label] = bounds
+    def draw_bounds(self, bounds: Mapping[str, list[Bound]]) -> None:
+        self.bounds |= bounds
 
     def tell(self, told: str) -> None:
         self.told.append(json.loads(told))
@@ -79,7 +117,7 @@ class Live:
     """A session of a file, asked by keywords."""
 
     def __init__(self, path: Path, *, run: str | None = None, query: str = "", folder: Path | None = None) -> None:
-        self.bench = Bench(path, load(path, run=run), run)
+        self.bench = bench_of(path, run=run)
         self.keeper = Keeper(self.bench, folder or path.parent / "results", f"{path.stem}.explored.yaml")
         self.worker, self.paper = AtOnce(), Paper()
         self.session = Session(self.bench, self.keeper, self.worker, lambda job: job(), self.paper, query)
@@ -108,9 +146,9 @@ class Live:
         for told in self.paper.told:
             if "picture" in told:
                 found = {}
-            elif "theory" in told:
-                own = found.setdefault(told["theory"]["label"], {"cells": {}, "reasons": {}})
-                own |= {key: part for key, part in told["theory"].items() if key not in ("cells", "reasons")}
+            for one in told.get("theories", []):
+                own = found.setdefault(one["label"], {"cells": {}, "reasons": {}})
+                own |= {key: part for key, part in one.items() if key not in ("cells", "reasons")}
                 for key in ("cells", "reasons"):
-                    own[key] |= told["theory"][key]
+                    own[key] |= one[key]
         return found

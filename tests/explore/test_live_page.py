@@ -10,7 +10,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 import pytest
-from live import OSCILLATOR
+from live import OSCILLATOR, recorded
 from test_server import started
 
 pytest.importorskip("bokeh", reason="needs hgorun[explore]")
@@ -20,6 +20,10 @@ import signal
 import browser
 
 from hgorun import load, simulate
+from hgorun.config.reading import read_source
+from hgorun.estimate.estimate import estimate
+from hgorun.estimate.holdout import thinned
+from hgorun.estimate.log import log_of
 
 pytestmark = [
     pytest.mark.slow,
@@ -120,6 +124,46 @@ def test_sliders_by_mouse_and_by_keyboard(tmp_path: Path) -> None:
     assert {label: sorted(digits) for label, digits in found[0].items()} == simulated(tmp_path / "a.yaml")
 
 
+def test_recorded_data(tmp_path: Path) -> None:
+    """A slider changes innovations and scores, which are those of the command for the file that is written."""
+    path = recorded(tmp_path / "demo")
+    process, address = started(path, "-o", "out")
+    curve = CURVE.replace("estimate1", "innovation0")
+    ready = f"{IDLE} && document.getElementById('metrics').dataset.columns.includes('sensitivity')"
+    found: list[dict[str, list[str]]] = []
+
+    async def look(page: browser.Page) -> None:
+        await page.resize(1300, 1000)
+        await page.until(ready)
+        before, first = await page.value(curve), await numbers(page)
+        await page.value("document.querySelector('[data-knob=\"0\"]').focus()")
+        for _ in range(3):
+            await page.press("ArrowRight")
+        await page.until(f"{ready} && {SEEN} != {json.dumps(json.dumps(first, separators=(',', ':')))}")
+        await asyncio.sleep(2)  # how the scores depend on gains comes last
+        found.append(await numbers(page))
+        assert found[0] != first
+        assert await page.value(curve) != before
+        await page.click("#write button")
+        await page.until(f"{SAID}.startsWith('written')")
+        assert await page.value("document.getElementById('theory')") is None
+
+    try:
+        page = browser.opened(address, look)
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=30)
+    assert page.complaints == []
+    written = path.parent / "out" / "a.explored.yaml"
+    source = read_source(written)[1]
+    samples = thinned(log_of(source, written).read(), 0.3)
+    result = estimate(source, samples[0], held_out=samples[1])
+    for label, observer in result.observers.items():
+        assert observer.assessed is not None
+        scores = [repr(value) for of in observer.assessed.scores.values() for value in of.values()]
+        assert sorted(digits for digits in found[0][label] if digits) == sorted(scores)
+
+
 def test_what_is_typed(tmp_path: Path) -> None:
     """A number that does not fit is a message; what was there stays."""
 
@@ -153,9 +197,11 @@ LOOKED_AT = """(() => {
     return (x + 0.05) / (y + 0.05); };
   const texts = [...document.querySelectorAll(
     'h1, h2, p, label, legend, button:enabled, a, th, td, li, figcaption, input[type=text]')];
-  const used = [...document.querySelectorAll('input, button, a[href], select, [tabindex="0"]')];
+  const inside = (root) => [...root.querySelectorAll('*')].flatMap(
+    one => one.shadowRoot ? [one, ...inside(one.shadowRoot)] : [one]);  // a figure's parts stand in roots of their own
+  const used = inside(document).filter(one => one.matches('input, button, a[href], select, [tabindex="0"]'));
   const named = (one) => one.getAttribute('aria-label') || one.labels?.[0]?.textContent.trim()
-    || one.textContent.trim();
+    || one.textContent.trim() || one.title;
   return JSON.stringify({
     faint: texts.filter(one => one.textContent.trim() || one.value)
       .filter(one => ratio(getComputedStyle(one).color, behind(one)) < 4.5).map(one => one.outerHTML.slice(0, 100)),

@@ -115,6 +115,12 @@ def test_in_a_real_browser(shell: Shell) -> None:
         await page.value(f"{metric}.focus()")
         await page.press("Enter")
         await page.until("deep('.slick-cell.r4').slice(0, 8).every(cell => cell.textContent.trim() == 'hf')")
+        assert await page.value("deep('.bk-events').every(one => one.getAttribute('aria-label'))")
+        columns = await page.value("deep('.bk-data-table')[0].querySelectorAll('.slick-header-column').length")
+        await page.value("document.querySelector('.part').focus()")
+        for _ in range(columns + 4):  # past the heads of the columns, and out of the table
+            await page.press("Tab")
+        assert await page.value("!document.querySelector('.part').contains(document.activeElement)")
         await page.resize(320, 800)  # 1280 at 400 %
         await page.until("document.documentElement.scrollWidth <= 320")
 

@@ -22,9 +22,9 @@ pytest.importorskip("bokeh", reason="needs hgorun[explore]")
 
 from hgorun import load
 from hgorun.errors import HgorunError
-from hgorun.explore.bench import Bench
 from hgorun.explore.keeping import Keeper
 from hgorun.explore.server import HOST, LivePage
+from hgorun.explore.simulated import SimulatedBench
 
 OTHERS = (
     "/", "/favicon.ico", "/static/js/bokeh.min.js", "/ws", "/figure.png", "/autoload.js", "/metadata",
@@ -44,7 +44,7 @@ class Served:
         assert self._ready.wait(60)
 
     def _serve(self) -> None:
-        bench = Bench(self.path, load(self.path))
+        bench = SimulatedBench(self.path, load(self.path))
         self.page = LivePage(bench, Keeper(bench, self.path.parent / "results", "a.explored.yaml"))
         self.page.serve(self._ready.set)
 
@@ -133,7 +133,7 @@ def test_a_figure_is_of_what_the_address_says(served: Served) -> None:
 def test_a_port_in_use_is_told(tmp_path: Path) -> None:
     path = tmp_path / "a.yaml"
     path.write_text(OSCILLATOR)
-    bench = Bench(path, load(path))
+    bench = SimulatedBench(path, load(path))
     with socket.socket() as taken:
         taken.bind((HOST, 0))
         taken.listen()
@@ -177,13 +177,13 @@ def test_what_is_refused(shell: Shell) -> None:
 @pytest.mark.parametrize("opens", [True, False])
 def test_the_browser_is_told_by_a_private_file(shell: Shell, monkeypatch: pytest.MonkeyPatch, opens: bool) -> None:
     """The command line of a browser is seen by all users of a machine: the address is not in it."""
-    made: list[Bench | Keeper | int] = []
+    made: list[SimulatedBench | Keeper | int] = []
     opened: list[str] = []
 
     class Page:
         address = "http://127.0.0.1:1/secret/"
 
-        def __init__(self, bench: Bench, keeper: Keeper, port: int, **_: object) -> None:
+        def __init__(self, bench: SimulatedBench, keeper: Keeper, port: int, **_: object) -> None:
             made.extend((bench, keeper, port))
 
         def serve(self, ready: Callable[[], None]) -> None:

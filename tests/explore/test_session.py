@@ -10,11 +10,13 @@ import yaml
 from live import CLOSED, OSCILLATOR, Live
 
 from hgorun import load, simulate
+from hgorun.analysis.convergence.premises import premises_of
 from hgorun.analysis.finding import FINDINGS
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.explore.keeping import Keeper
 from hgorun.explore.promises import AT_ONCE, LATER
+from hgorun.explore.simulated import Simulated
 from hgorun.result.result import Result
 
 
@@ -279,4 +281,15 @@ def test_a_run_that_cannot_be_made_is_told(file: Path) -> None:
     with pytest.raises(ConfigError):
         live.bench.state_of("observers.F.theta=-")
     with pytest.raises(HgorunError):
-        live.bench.simulated(live.bench.state_of("observers.F.theta=-1"))
+        live.bench.shown(live.bench.state_of("observers.F.theta=-1"))
+
+
+def test_what_no_slider_changes_is_made_once(file: Path) -> None:
+    """The coordinates of a theory and their functions stay while values change."""
+    live = Live(file)
+    charts = set()
+    for theta in (3.0, 3.5, 4.0):
+        shown = live.bench.shown(live.bench.state_of(f"observers.S.theta={theta}"))
+        assert isinstance(shown, Simulated)
+        charts |= {premises_of(subject).chart for subject in shown.context.subjects.values()}
+    assert len(charts) == 1

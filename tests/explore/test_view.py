@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from live import CLOSED, OSCILLATOR, Live
+from live import CLOSED, OSCILLATOR, Live, recorded
 
 pytest.importorskip("bokeh", reason="needs hgorun[explore]")
 
@@ -25,7 +25,7 @@ class Drawn(Live):
     def __init__(self, path: Path) -> None:
         super().__init__(path)
         self.document = Document()
-        self.view = View(self.document, self.bench, self.keeper, self.bench.simulated(State()))
+        self.view = View(self.document, self.bench, self.keeper, self.bench.shown(State()))
         self.session.page = Both(self)
         self.ask("begin")
 
@@ -137,3 +137,17 @@ def test_a_closed_loop_shows_every_plant(tmp_path: Path) -> None:
     assert any(np.array_equal(result.closed_loop["S"].x[:, 0], one) for one in lines)
     assert found.document.template_variables["closed"] is True
     assert found.document.get_model_by_name("other0") is None
+
+
+def test_recorded_data_have_innovations_and_no_errors(tmp_path: Path) -> None:
+    found = Drawn(recorded(tmp_path / "demo"))
+    found.worker.finish()
+    innovations = found.paper.pictures[-1].innovations[0].estimates
+    lines = list(found.lines("innovation0").values())
+    assert len(lines) == 2
+    assert all(any(np.array_equal(curve.v, one) for one in lines) for curve in innovations.values())
+    assert len(found.lines("estimate0")) == 4  # two estimates, the samples, and those that were held out
+    assert len(found.lines("estimate1")) == 3  # two estimates, and what was measured for comparison
+    assert [found.document.get_model_by_name(name) for name in ("error0", "other0")] == [None, None]
+    found.set("observers.F.theta", 3.0)
+    assert not np.array_equal(next(iter(found.lines("innovation0").values())), lines[0])

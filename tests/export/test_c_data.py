@@ -10,11 +10,11 @@ import pytest
 from exported_c import load_all
 from shell import Shell
 
-from hgorun.commands.estimate import log_of
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.estimate.carrying import one_pass
 from hgorun.estimate.completed import completed
+from hgorun.estimate.log import log_of
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.export.prepared import exported_estimate
 from hgorun.measurement.schedule import nearest_event

@@ -16,6 +16,7 @@ from matplotlib.text import Annotation
 
 from hgorun import ConfigError, Result
 from hgorun.figures.bode import bode_figure
+from hgorun.figures.cuts import cuts
 from hgorun.figures.data import Curve, coming_maximum
 from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.page import Page, dark
@@ -55,6 +56,18 @@ def test_a_peak_that_is_cut_has_an_arrow_with_its_value(result: Result) -> None:
     assert lines(whole)["peak"].get_ydata().max() > whole.get_ylim()[1]
     assert marks(whole) == ["1.24e3" if f"{1235.0:.3g}" == "1.24e+03" else "1.23e3", "−776"]
     assert not marks(comparison(with_estimates(result, small=0.1 * np.exp(-t))).axes[0])
+
+
+def test_a_band_that_is_cut_has_an_arrow_with_its_value() -> None:
+    """Where the line in it stays inside; what lies outside of the time that is shown does not count."""
+    figure = Figure()
+    ax = figure.add_subplot()
+    t = np.linspace(0.0, 2.0, 201)
+    ax.plot(t, 0.1 * t, color="#0072B2")
+    ax.fill_between(t, -t, 3.0 * t, color="#0072B2", alpha=0.2, linewidth=0)
+    ax.fill_between(t, 0.2 * t, 0.3 * t, color="#E69F00", alpha=0.2, linewidth=0)
+    ax.set(xlim=(0, 1), ylim=(-2, 2))
+    assert [(one.side, one.text, one.colour) for one in cuts(ax)] == [("top", "3", "#0072b2")]
 
 
 def test_every_panel_with_limits_of_its_own_says_what_it_leaves_out(result: Result) -> None:

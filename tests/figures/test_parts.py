@@ -10,7 +10,9 @@ from examples import chain, inline, simulated
 from matplotlib.figure import Figure
 
 from hgorun import Result
+from hgorun.figures import data
 from hgorun.figures.bode import bode_figure
+from hgorun.figures.data import Curve
 from hgorun.figures.drawing import comparison
 from hgorun.figures.panels import _dense
 from hgorun.figures.peaking import peaking
@@ -95,3 +97,23 @@ def test_a_response_that_is_zero_has_no_limits_of_its_own(result: Result) -> Non
     low, high = figure.axes[0].get_ylim()
     assert low < 1 < high == 2
     assert figure.axes[1].get_xlim() == pytest.approx((0.1, 10))
+
+
+def test_noise_that_would_be_a_block_is_pale_with_its_mean_in_it() -> None:
+    """A sine with ten thousand periods has the mean of what is slow below it; one with ten is a line as before."""
+    t = np.linspace(0.0, 1.0, 100_001)
+    slow = t**2
+    mean = data.mean_of_block(Curve(t, slow + 0.2 * np.sin(2 * np.pi * 10_000 * t + 0.3)))
+    assert mean is not None
+    assert np.abs(mean.v - mean.t**2).max() < 0.01
+    assert data.mean_of_block(Curve(t, slow + 0.2 * np.sin(2 * np.pi * 10 * t))) is None
+    assert data.mean_of_block(Curve(t, slow + 0.002 * np.sin(2 * np.pi * 10_000 * t))) is None  # thin
+    assert data.mean_of_block(Curve(t[::100], slow[::100])) is None
+    assert data.mean_of_block(Curve(t[:0], t[:0])) is None
+
+
+def test_what_coincides_with_the_line_in_front_is_seen_behind_it(result: Result) -> None:
+    figure = comparison(result)
+    lines = [line for line in figure.axes[0].lines if line.get_label() in ("A", "B")]
+    back, front = sorted(lines, key=lambda line: line.get_zorder())
+    assert back.get_linewidth() > 1.3 * front.get_linewidth()

@@ -82,5 +82,5 @@ def test_what_does_not_fit_is_refused() -> None:
         prepare(experiment(PLANT, {"D": {"type": "algebraic", "window": 2}}, measurement=sampled))
     with pytest.raises(ConfigError, match="kappa"):
         prepare(experiment(PLANT, {"D": {"type": "algebraic", "window": 5, "kappa": -1}}, measurement=sampled))
-    with pytest.raises(ConfigError, match="takes continuous outputs without delay"):
+    with pytest.raises(ConfigError, match="as it is then: sample"):
         prepare(experiment(PLANT, {"D": {"type": "algebraic", "window": 5}}, measurement={"delay": 0.1}, step=0.01))

@@ -59,7 +59,7 @@ def test_trajectory_computed_elsewhere() -> None:
     np.testing.assert_allclose(result.time[np.flatnonzero(np.diff(mode(found))) + 1], SWITCHES, atol=1e-9)
 
 
-@pytest.mark.parametrize("measurement", [NOISE, SAMPLED])
+@pytest.mark.parametrize("measurement", [NOISE, SAMPLED, {**NOISE, "delay": 0.13}])
 def test_every_mode_is_the_observer_alone(measurement: Block) -> None:
     """As long as nothing is reset; the estimate is that of the mode; costs as they are integrated from the file."""
     block = {**BANK, "observer": {"type": "fhgo2", "r": 1, "theta": 2}}
@@ -178,9 +178,24 @@ def test_what_does_not_fit_is_refused(change: Block, message: str) -> None:
         hgorun.simulate(experiment(VAN_DER_POL, {"B": {**BANK, **change}}))
 
 
-def test_late_continuous_outputs_are_refused() -> None:
-    with pytest.raises(ConfigError, match="each mode would have to compare its own past"):
-        prepare(experiment(VAN_DER_POL, {"B": BANK}, measurement={"delay": 0.1}))
+@pytest.mark.parametrize(
+    ("change", "delay", "message"),
+    [({}, "0.1 + 0.01*t", "the delay of x1 changes"), ({"reset": True}, "0.1", "begins anew has no past yet")],
+)
+def test_what_late_continuous_outputs_cannot_be_compared_with_is_refused(
+    change: Block, delay: str, message: str
+) -> None:
+    with pytest.raises(ConfigError, match=message):
+        prepare(experiment(VAN_DER_POL, {"B": {**BANK, **change}}, measurement={"delay": delay}))
+
+
+def test_one_output_may_be_late_and_another_not() -> None:
+    plant = inline({"a": "b", "b": "-a", "c": "-c + a"}, ["a", "c"])
+    measurement = {"outputs": {"c": {"delay": 0.2, "noise": sinusoid(0.02, 9)}}}
+    options = {"end": 2, "step": 0.005, "measurement": measurement}
+    found = simulated(plant, {"B": BANK}, **options).observers["B"]
+    single = simulated(plant, {"S": {**SHGO, "theta": 8}}, **options).observers["S"]
+    np.testing.assert_allclose(modes(found)[0], single.xhat, atol=1e-12)
 
 
 @pytest.mark.slow

@@ -25,35 +25,56 @@ FAMILIES: dict[str, Block] = {
     "switched": {"theta_1": 5, "theta_2": 3, "delta": 0.1},
     "piecewise": {"theta_1": 5, "theta_2": 3, "d": 0.1},
     "updated": {"theta_0": 3, "delta": 0.1},
+    "dead_zone": {"theta": 3, "internal": {"sigma": 0.01}},
+    "stubborn": {"theta": 3, "internal": {"sigma": 0.5}},
+    "hg_ekf": {"theta": 2},
+    "aekf": {"theta_1": 2, "m": 0.05},
+    "shgo_riccati": {"theta": 2},
+    "fhgo1": {"theta": 2, "delta": 3},
+    "fhgo2_nuos": {"theta": 2, "r": 1},
 }
+OF_SAMPLES: dict[str, Block] = {
+    "impulsive": {"theta": 2},
+    "impulsive_riccati": {"theta": 2},
+    "hg_ekf of samples": {"type": "hg_ekf", "theta": 2, "update": "jump", "interval": 0.1},
+}
+PUNCTUAL: dict[str, Block] = {"prescribed_time": {"T": 3, "mu_max": 4, "poles": -2}}
+PREDICTING: dict[str, Block] = {"predictor_chain": {"theta": 2, "m": 2}}
+ALL = FAMILIES | OF_SAMPLES | PUNCTUAL | PREDICTING
 LATE: Block = {"sampling": {"period": 0.1}, "delay": 0.05, "noise": sinusoid(0.03, 11)}
 
 
 def block(name: str) -> Block:
-    return {"type": name, **FAMILIES[name]}
+    return {"type": name, **ALL[name]}
 
 
 def test_all_families_of_chains_are_looked_at() -> None:
     known = {name for name, family in OBSERVERS.all().items() if issubclass(family, Extendable)}
-    assert known == {block(name)["type"] for name in FAMILIES}
+    assert known == {block(name)["type"] for name in ALL}
 
 
-def blocks(**more: object) -> dict[str, Block]:
-    return {name: {**block(name), **more} for name in FAMILIES}
+def blocks(families: dict[str, Block], **more: object) -> dict[str, Block]:
+    return {name: {**block(name), **more} for name in families}
 
 
-@pytest.mark.parametrize("measurement", [{}, LATE])
-def test_of_a_chain_of_integrators_it_is_the_observer_of_one_order_more(measurement: Block) -> None:
-    """phi = 0: sigma is the state x_(n+1)."""
+@pytest.mark.parametrize(
+    ("measurement", "families"),
+    [({}, FAMILIES | PUNCTUAL), (LATE, FAMILIES | OF_SAMPLES), ({"delay": 0.4}, PREDICTING)],
+    ids=["continuous", "late samples", "late"],
+)
+def test_of_a_chain_of_integrators_it_is_the_observer_of_one_order_more(
+    measurement: Block, families: dict[str, Block]
+) -> None:
+    """phi = 0: the unknown input is the state x_(n+1)."""
     short = {**chain(2), "disturbance": {"x2": "0.5"}}
-    one = simulated(short, blocks(extend=1), end=4, step=0.01, measurement=measurement)
-    two = simulated(chain(3), blocks(), end=4, step=0.01, measurement=measurement)
+    one = simulated(short, blocks(families, extend=1), end=4, step=0.01, measurement=measurement)
+    two = simulated(chain(3), blocks(families), end=4, step=0.01, measurement=measurement)
     for name, found in one.observers.items():
         expected = two.observers[name].xhat
         assert np.ptp(expected[:, 2]) > 0.1
         np.testing.assert_allclose(found.xhat, expected[:, :2], atol=1e-11, err_msg=name)
         if name != "peaking-free":  # whose state is shown clipped
-            sigma = found.internal["sigma"].reshape(len(expected), -1)
+            sigma = found.internal["d" if name in ("dead_zone", "stubborn") else "sigma"].reshape(len(expected), -1)
             np.testing.assert_allclose(sigma[:, 0], expected[:, 2], atol=1e-11, err_msg=name)
 
 
@@ -111,10 +132,10 @@ def test_outputs_that_measure_the_same_are_refused() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("name", [*FAMILIES, *OF_SAMPLES, *PUNCTUAL])
 def test_every_family_keeps_the_contract_with_it(name: str) -> None:
     plants = [chain(2, "-x1 - x2 - x1**3/10"), *([] if name in ("low_power", "peaking-free") else [CONTOIS])]
-    given = {**block(name), "extend": 1}
+    given = {key: value for key, value in block(name).items() if key != "internal"} | {"extend": 1}
     # x_2 in the equation of xi_11 is xi_12 there, not the estimate of x_2 that the law's copy of the plant takes
     skip = ["correction"] if given["type"] == "low_power" else []
     check_observer(OBSERVERS.find(given["type"]), given, plants=plants, skip=skip)

@@ -14,6 +14,7 @@ import hgorun
 from hgorun.ensemble.block import compute
 from hgorun.ensemble.members import Members
 from hgorun.errors import ConfigError
+from hgorun.estimate.estimator import Estimator
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation import prepare
 
@@ -50,6 +51,17 @@ def test_z_begins_at_the_first_sample(sampling: Block) -> None:
     first = sampling.get("offset", TIMES[0])
     expected = recursion(first, np.array([-0.4, 0.9]), found.time)
     np.testing.assert_allclose(found.observers["wrong"].xhat, expected, atol=1e-8)
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.4])
+def test_z_begins_at_the_first_sample_of_a_stream(offset: float) -> None:
+    """Whatever the configuration says of its time."""
+    block: Block = {"sampling": {"period": T, "offset": offset}}
+    estimator = Estimator(experiment(DAMPED, {"K": WRONG}, end=4, step=0.01, measurement=block))
+    for t in TIMES[:7]:
+        estimator.update(t, {"x1": float((expm(A * t) @ [1.0, 0.5])[0])})
+        expected = recursion(TIMES[0], np.array([-0.4, 0.9]), np.array([t]))[0]
+        np.testing.assert_allclose(estimator.estimate()["K"], expected, atol=1e-7)
 
 
 def duffing(x: np.ndarray, span: float) -> Callable[[float], np.ndarray]:
@@ -141,3 +153,9 @@ def test_members_of_an_ensemble_have_the_bits_of_their_own_runs(path: str) -> No
         assert block.error[i] == ""
         for name, values in block.metrics.items():
             assert values[i, 0].tobytes() == np.asarray(own.metrics[name], dtype=float).tobytes(), name
+
+
+def test_uneven_samples_are_refused_with_the_reason() -> None:
+    uneven = {"sampling": {"steps": "0.1 + 0.02*sin(k)"}}
+    with pytest.raises(ConfigError, match="it takes samples of one period, and those of x1 come at times of their own"):
+        hgorun.simulate(experiment(DAMPED, {"K": RIGHT}, measurement=uneven))

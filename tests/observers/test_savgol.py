@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from examples import Block, chain, experiment, inline, simulated
+from examples import Block, chain, experiment, inline, simulated, sinusoid
 from scipy.signal import savgol_coeffs
 
 import hgorun
@@ -68,12 +68,21 @@ def test_samples_at_fewer_times_than_coefficients_leave_the_estimate() -> None:
     assert np.all(np.abs(xhat[4:, 0] - 1) < 0.5)
 
 
+@pytest.mark.parametrize("block", [{"type": "savgol", "window": 5}, {"type": "spline", "smoothing": 1e-3}])
+def test_a_continuous_output_is_measured_at_the_steps(block: Block) -> None:
+    options = {"end": 1, "output_step": 0.1, "step": 0.02}
+    continuous = simulated(PLANT, {"D": block}, measurement={"noise": sinusoid(0.02, 7)}, **options)
+    sampled = simulated(PLANT, {"D": block}, measurement={"sampling": {"period": 0.02}, "noise": sinusoid(0.02, 7)},
+                        **options)  # fmt: skip
+    np.testing.assert_allclose(continuous.observers["D"].xhat, sampled.observers["D"].xhat, rtol=0, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("block", "measurement", "message"),
     [
         ({"window": 5, "degree": 0}, {"sampling": {"period": 0.1}}, "2 states take derivatives up to 1"),
         ({"window": 3, "degree": 3}, {"sampling": {"period": 0.1}}, "takes 4 samples or more"),
-        ({"window": 5}, {}, "needs sampled outputs"),
+        ({"window": 5}, {}, "solver.step: .* are its period: give a number"),
     ],
 )
 def test_what_does_not_fit_is_refused(block: Block, measurement: Block, message: str) -> None:

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from examples import Block, chain, experiment, simulated
+from examples import Block, chain, simulated
 from scipy.interpolate import make_smoothing_spline
 
-import hgorun
-from hgorun.errors import ConfigError
 from hgorun.observers.spline import SmoothingSpline
 from hgorun.testing import check_observer
 
@@ -38,8 +36,3 @@ def test_a_polynomial_of_lower_degree_is_found_whatever_the_smoothing() -> None:
     result = simulated(plant, {"D": block}, end=3, output_step=0.1, step=0.05,
                        measurement={"sampling": {"period": 0.1}})  # fmt: skip
     np.testing.assert_allclose(result.observers["D"].xhat[-1], result.x[-1], rtol=0, atol=1e-5)
-
-
-def test_continuous_outputs_are_refused() -> None:
-    with pytest.raises(ConfigError, match="needs sampled outputs"):
-        hgorun.simulate(experiment(chain(2), {"D": {"type": "spline", "smoothing": 1}}))

@@ -9,11 +9,14 @@ import time
 from pathlib import Path
 
 import h5py
+import matplotlib.image
 import pytest
 
 from hgorun import read_sweep
 from hgorun.commands.catalogue_options import Figures
 from hgorun.commands.figures import figures
+from hgorun.config.study import WIDTHS
+from hgorun.errors import ConfigError
 from hgorun.files import _MACHINE, remove_leftovers, written_whole
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
@@ -220,3 +223,22 @@ def test_a_figure_that_is_drawn_again_says_why(tmp_path: Path, capsys: pytest.Ca
     first, second = capsys.readouterr().out.splitlines()
     assert "; drawn: file missing: first.pdf)" in first
     assert "; drawn" not in second
+
+
+def test_figures_for_another_page_are_drawn_again_and_are_as_wide(tmp_path: Path) -> None:
+    """A column of a journal and a dark page, which no file says; the panels stand one below the other."""
+    (name,), output = studies(tmp_path, count=1), tmp_path / "out"
+    assert figures(Figures(names=[name], output=output, quiet=True, jobs=1, width="one", style="dark")) == 0
+    picture = matplotlib.image.imread(output / "study0" / "first.png")
+    assert picture.shape[1] == round(WIDTHS["one"] * 300)
+    assert picture[0, 0, :3].max() < 0.2
+    state = (output / "runs" / "study0" / "state.json").read_text()
+    works = choose([name], Folders.below(output), figures=True, claims=False, width="one", style="dark")
+    assert works[0].stale_figures == {}
+    assert {block.columns for block in works[0].study.figures.values()} == {1}
+    assert set(choose([name], Folders.below(output), figures=True, claims=False)[0].stale_figures.values()) == {
+        "the figure's block changed"
+    }
+    assert (output / "runs" / "study0" / "state.json").read_text() == state
+    with pytest.raises(ConfigError, match=r"--style: expected one of light, dark, found 'grey'"):
+        choose([name], Folders.below(output), figures=True, claims=False, style="grey")

@@ -23,6 +23,14 @@ def test_a_full_disk_is_told_afterwards() -> None:
         assert isinstance(sink.failed, OSError)
         assert sink.write(b"more") == 4
         assert sink.truncate(7) == 7
+        sink.write_at(3, memoryview(b"and more"))
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")
+def test_a_full_disk_is_told_of_what_is_written_at_a_place() -> None:
+    with Sink(Path("/dev/full")) as sink:
+        sink.write_at(3, memoryview(b"abc"))
+        assert isinstance(sink.failed, OSError)
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")

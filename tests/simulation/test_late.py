@@ -255,3 +255,13 @@ def test_a_divergence_stays_one() -> None:
     result = simulated(chain(2), {"S": block, "T": SHGO}, end=40, output_step=0.5, step=0.05, measurement=late("0.5"))
     assert result.observers["S"].verdict.lost
     assert not result.observers["T"].verdict.lost
+
+
+def test_a_sparse_grid_shows_what_a_dense_one_shows_just_before_a_late_sample_arrives() -> None:
+    """Observers are taken back at every arrival, so the ends of what is integrated do not ascend."""
+    measurement = {"sampling": {"steps": "0.06 + 0.03*sin(k)"}, "delay": "0.15 + 0.14*sin(9*t)", **NOISE}
+    dense, sparse = (
+        simulated(PENDULUM, {"E": EKF}, end=2, output_step=step, step=0.02, measurement=measurement).observers["E"]
+        for step in (0.002, 0.1)
+    )
+    np.testing.assert_allclose(sparse.xhat, dense.xhat[::50], rtol=0, atol=1e-12)

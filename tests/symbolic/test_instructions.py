@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hgorun.symbolic.instructions import CLOCK, MAIN, SETUP, Instruction, read, rounds
+from hgorun.symbolic.instructions import CLOCK, MAIN, SETUP, Instruction, calls_of_state, read, rounds
 
 CALLS = (ca.OP_SIN, ca.OP_EXP)
 OPERATIONS = (ca.OP_ADD, ca.OP_MUL, ca.OP_SUB, ca.OP_SIN, ca.OP_EXP, ca.OP_SQ, ca.OP_NEG)
@@ -88,3 +88,10 @@ def test_calls_that_can_stand_side_by_side_do() -> None:
     f = ca.Function("f", [t, p, z, w], [ca.sin(z) + ca.exp(ca.sin(2 * z))])
     called = [[i.op for i in some] for some in rounds(read(f), CALLS) if some[0].op in CALLS]
     assert called == [[ca.OP_SIN] * 8, [ca.OP_EXP] * 4]
+
+
+def test_only_calls_of_states_are_counted() -> None:
+    t, p, z, w = (ca.SX.sym(name, 1) for name in "tpzw")
+    of_state = ca.Function("f", [t, p, z, w], [ca.sin(t) * ca.exp(p) + ca.sin(z) + ca.exp(w * t)])
+    assert calls_of_state(of_state, CALLS) == 2
+    assert calls_of_state(ca.Function("f", [t, p, z, w], [z * w]), CALLS) == 0

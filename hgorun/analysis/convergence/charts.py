@@ -7,21 +7,28 @@ In them f = F z + phi: what is not on the chains' links is phi.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
-from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.reasons import NoValue, Outcome, outcome
+from hgorun.memo import Memo, same
 from hgorun.plants.build import BuiltPlant
+from hgorun.symbolic.enclosures import Enclosure
+from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 from hgorun.symbolic.points import around, instants
 
 _CURVED = 1e-8  # relative change of a slope that is rounding
+_CHARTS: Memo[Outcome[Chart]] = Memo(64)  # by form and plant: observers of one form share it, and so do their runs
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Chart:
     """Coordinates z of a plant, and phi's slopes.
+
+    Functions are made of its expressions when they are first asked for, and kept.
 
     Attributes
     ----------
@@ -43,6 +50,8 @@ class Chart:
         d phi/d(variables), shape (n, n), of the variables: x, or z where phi is written in it.
     straight : bool
         Whether the variables are z.
+    plant : BuiltPlant
+        With its numbers.
     invertible : bool
         Whether x is known as a function of z.
     """
@@ -60,14 +69,14 @@ class Chart:
     map: ca.SX
     variables: ca.SX
     raw: ca.SX
-    parameters: np.ndarray
+    plant: BuiltPlant
     invertible: bool
 
-    @property
+    @cached_property
     def straight(self) -> bool:
         return self.identity or not ca.is_equal(self.variables, self.x)
 
-    @property
+    @cached_property
     def identity(self) -> bool:
         """Whether z is x."""
         return bool(ca.is_equal(self.map, self.x))
@@ -81,18 +90,62 @@ class Chart:
         """z at many points, shape (Nt, n)."""
         if self.identity:
             return x
-        f = ca.Function("z", [self.x, self.p], [ca.densify(self.map)])
-        return np.asarray(f(ca.DM(x.T), ca.DM(self.parameters)).full()).T
+        return evaluate(self._image, x, self.plant.parameters)[0]
+
+    @cached_property
+    def _image(self) -> ca.Function:
+        return ca.Function("z", [self.x, self.p], [ca.densify(self.map)])
+
+    def slopes_at(self, time: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        """d phi/dz at many points, shape (N, n, n), of times (N,), states (N, n) and inputs (N, m)."""
+        return evaluate(self._slopes, time[:, None], x, u, self.plant.parameters)[0].reshape(
+            -1, *self.slopes_in_x.shape
+        )
+
+    @cached_property
+    def _slopes(self) -> ca.Function:
+        return ca.Function("M", [self.t, self.x, self.u, self.p], [ca.densify(self.slopes_in_x)])
+
+    @cached_property
+    def entries(self) -> dict[tuple[int, int], Enclosure]:
+        """The slopes of z that may differ from zero, of (z, u, t), by row and column: none off the chains' triangle."""
+        slopes = self._with_numbers(self.slopes)
+        arguments = ca.vertcat(self.z, self.u, self.t)
+        places = [(i, j) for i, j in np.ndindex(*slopes.shape) if self.positions[j] <= self.positions[i]]
+        return {at: _enclosure(arguments, slopes[at]) for at in places if not slopes[at].is_zero()}
+
+    @cached_property
+    def along_segments(self) -> Enclosure:
+        """``raw`` and ``directions``, column after column, of (variables, u, t)."""
+        matrices = ca.vertcat(ca.vec(self.raw), ca.vec(self.directions))
+        return _enclosure(ca.vertcat(self.variables, self.u, self.t), self._with_numbers(matrices))
+
+    @cached_property
+    def inputs(self) -> Enclosure:
+        """The plant's inputs, of time."""
+        return _enclosure(self.t, self._with_numbers(self.plant.inputs))
+
+    def _with_numbers(self, expression: ca.SX) -> ca.SX:
+        """An expression with the numbers of the plant's parameters."""
+        return ca.substitute(ca.densify(expression), self.p, ca.DM(self.plant.parameters))
+
+
+def _enclosure(arguments: ca.SX, values: ca.SX) -> Enclosure:
+    return Enclosure(ca.Function("m", [arguments], [ca.cse(ca.densify(values))]))
 
 
 def chart_of(form: Form, plant: BuiltPlant) -> Chart:
-    """The chart of a plant in an observer's form.
+    """The chart of a plant in an observer's form, made once.
 
     Raises
     ------
     NoValue
         For forms whose theory is another.
     """
+    return _CHARTS.get((same(form), same(plant)), lambda: outcome(lambda: _made(form, plant))).value
+
+
+def _made(form: Form, plant: BuiltPlant) -> Chart:
     if isinstance(form, ChainForm):
         return _of_chains(form, plant)
     if isinstance(form, BlockForm):
@@ -129,7 +182,7 @@ def _of_chains(form: ChainForm, plant: BuiltPlant) -> Chart:
         map=form.phi_map,
         variables=m.x,
         raw=ca.SX(raw),
-        parameters=plant.parameters,
+        plant=plant,
         invertible=inverse is not None,
     )
 
@@ -179,7 +232,7 @@ def _of_triangle(form: BlockForm, plant: BuiltPlant) -> Chart:
         map=in_plant,
         variables=m.x,
         raw=slopes,
-        parameters=plant.parameters,
+        plant=plant,
         invertible=True,
     )
 

@@ -17,8 +17,9 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.analysis.reasons import CORRECTED, RECALLS, NoValue
+from hgorun.analysis.reasons import CORRECTED, RECALLS, NoValue, Outcome, outcome
 from hgorun.errors import Problem
+from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
@@ -35,6 +36,7 @@ from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.triangular import TriangularForm
 
 _ELSEWHERE = 2.0  # another theta, whose powers are read off
+_LINEAR: Memo[Outcome[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]] = Memo(256)  # by observer and chains
 MU = 1.0  # of P A~ + A~^T P = -2 mu I
 
 
@@ -156,9 +158,9 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
         return _differences(observer, form)
     if "gain" in observer.roles(form).values() and not isinstance(observer, SettlingGain):
         raise NoValue("its gain follows the plant and comes to rest on no chain: there is no constant matrix")
-    at_one, other = (_linear(observer, chains, theta) for theta in (1.0, _ELSEWHERE))
-    A, E, flux = at_one
-    powers = _powers(A, other[0], chains)
+    A, E, flux, powers = _LINEAR.get(
+        (type(observer), repr(_plain(observer, 1.0)), chains), lambda: outcome(lambda: _scaled(observer, chains))
+    ).value
     return ErrorDynamics(A, -E, flux, powers, sum(chains), _asked_for(observer, A))
 
 
@@ -246,13 +248,24 @@ def _chain_model(chains: tuple[int, ...]) -> PlantModel:
     )
 
 
-def _linear(observer: AnyObserver, chains: tuple[int, ...], theta: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _plain(observer: AnyObserver, theta: float) -> AnyObserver:
+    """An observer with another theta, and without what makes no difference on chains."""
+    neutral: dict[str, object] = {"saturation": {}, "clip_estimate": None, "coordinates": "original", "initial": {}}
+    return observer.model_copy(update={"theta": theta, **neutral})
+
+
+def _scaled(observer: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """A, E and the flux of an observer on chains at theta = 1, and its powers of theta."""
+    at_one, other = (_linear(_plain(observer, theta), chains) for theta in (1.0, _ELSEWHERE))
+    A, E, flux = at_one
+    return A, E, flux, _powers(A, other[0], chains)
+
+
+def _linear(plain: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A, E and the flux of an observer on chains, differentiated where there is no error."""
     model = _chain_model(chains)
-    neutral: dict[str, object] = {"saturation": {}, "clip_estimate": None, "coordinates": "original", "initial": {}}
-    plain = observer.model_copy(update={"theta": theta, **neutral})
     form: Form
-    if isinstance(observer, RiccatiGain):
+    if isinstance(plain, RiccatiGain):
         form = TriangularForm(model, model, tuple(range(model.n)), (0,))
     else:
         form = CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)

@@ -86,6 +86,7 @@ def lipschitz(
     saturation: dict[str, tuple[float, float]],
     result: Result,
     label: str,
+    truth: np.ndarray,
     reach: np.ndarray | None = None,
 ) -> Lipschitz:
     """Bound the slopes of phi over the box of an observer's saturation, or of its simulated run.
@@ -94,13 +95,14 @@ def lipschitz(
     ----------
     saturation : mapping
         Bounds on the arguments of phi, in the chart's coordinates.
+    truth : ndarray, shape (Nt, n)
+        z of the simulated truth.
     reach : ndarray, shape (n,), optional
         How far the estimate may be from the truth, where the run's grid is too coarse to show it.
     """
-    x, xhat = result.x, result.observers[label].xhat
-    finite = np.all(np.isfinite(xhat), axis=1)
+    xhat = result.observers[label].xhat
     with np.errstate(all="ignore"):
-        truth, guess = chart.image(x), chart.image(xhat[finite])
+        guess = chart.image(xhat[np.all(np.isfinite(xhat), axis=1)])
     points = np.vstack([truth, guess[np.all(np.isfinite(guess), axis=1)]])
     where = "simulated truth and estimate, 5 % wider"
     if reach is not None:
@@ -121,7 +123,7 @@ def lipschitz(
     region = "saturation" if len(limited) == len(chart.names) else where
     if limited and len(limited) < len(chart.names):
         region = f"saturation of {', '.join(limited)}; else {region}"
-    reached = _met(run, chart, result, label)
+    reached = _met(chart, result, label)
     box = {name: (float(a), float(b)) for name, a, b in zip(chart.names, low, high, strict=True)}
     slopes, kind = reached, "trajectory"
     if chart.invertible:
@@ -129,7 +131,7 @@ def lipschitz(
         if np.all(np.isfinite(bounds)):
             slopes, reached, kind = bounds, np.maximum(met, reached), "interval over box"
     if kind == "trajectory":
-        bounds = along(run, chart, result, label)
+        bounds = along(chart, result, label)
         if np.all(np.isfinite(bounds)):
             # a mean slope may be less than the largest one met: the larger is the safe one
             slopes, kind = np.maximum(bounds, reached), "interval along run"
@@ -144,20 +146,13 @@ def lipschitz(
     return Lipschitz(slopes * inside, reached * inside, kind, region, box, chart.positions, tuple(remarks))
 
 
-def _met(run: PreparedRun, chart: Chart, result: Result, label: str) -> np.ndarray:
+def _met(chart: Chart, result: Result, label: str) -> np.ndarray:
     """The largest slopes on the simulated truth and estimate."""
-    step = max(1, len(result.time) // _POINTS)
-    f = ca.Function("M", [chart.t, chart.x, chart.u, chart.p], [ca.densify(chart.slopes_in_x)])
-    parameters = run.plant.parameters
+    kept = slice(None, None, max(1, len(result.time) // _POINTS))
     found = np.zeros((len(chart.names),) * 2)
     for trajectory in (result.x, result.observers[label].xhat):
-        kept = slice(None, None, step)
-        values = f(
-            ca.DM(result.time[None, kept]), ca.DM(trajectory[kept].T), ca.DM(result.u[kept].T), ca.DM(parameters)
-        )
-        stack = np.abs(np.asarray(values.full()).reshape(len(found), -1, len(found)))
-        finite = np.isfinite(stack)
-        found = np.maximum(found, np.max(np.where(finite, stack, 0.0), axis=1, initial=0.0))
+        stack = np.abs(chart.slopes_at(result.time[kept], trajectory[kept], result.u[kept]))
+        found = np.maximum(found, np.max(stack, axis=0, initial=0.0, where=np.isfinite(stack)))
     return found
 
 
@@ -166,41 +161,31 @@ def _over_box(run: PreparedRun, chart: Chart, low: np.ndarray, high: np.ndarray)
 
     The first slope without a bound ends it: the box is of no use then.
     """
-    below, above = input_range(run)
     start, end = run.time.start, run.time.end
+    below, above = _between(chart.inputs, start, end)
     low, high = np.concatenate([low, below, [start]]), np.concatenate([high, above, [end]])
-    arguments = ca.vertcat(chart.z, chart.u, chart.t)
     n = len(chart.names)
     bounds, met = np.zeros((n, n)), np.zeros((n, n))
-    slopes = ca.substitute(chart.slopes, chart.p, ca.DM(run.plant.parameters))
-    for i in range(n):
-        for j in range(n):
-            entry = slopes[i, j]
-            if chart.positions[j] > chart.positions[i] or entry.is_zero():
-                continue
-            extent = largest(ca.Function("m", [arguments], [ca.cse(ca.densify(entry))]), low, high)
-            bounds[i, j], met[i, j] = extent.bound, extent.reached
-            if not np.isfinite(extent.bound):
-                return bounds, met
+    for at, entry in chart.entries.items():
+        extent = largest(entry, low, high)
+        bounds[at], met[at] = extent.bound, extent.reached
+        if not np.isfinite(extent.bound):
+            break
     return bounds, met
-
-
-def input_range(run: PreparedRun) -> tuple[np.ndarray, np.ndarray]:
-    """Between what the inputs stay during the run, shapes (m,) and (m,)."""
-    return ranges(run, run.plant.inputs)
 
 
 def ranges(run: PreparedRun, signals: ca.SX) -> tuple[np.ndarray, np.ndarray]:
     """Between what functions of time and the plant's parameters stay during the run, shapes (m,) and (m,)."""
     model = run.plant.model
-    edges = np.linspace(run.time.start, run.time.end, _PIECES + 1)[:, None]
-    low, high = [], []
-    for i in range(signals.numel()):
-        value = ca.substitute(signals[i], model.p, ca.DM(run.plant.parameters))
-        smallest, largest = Enclosure(ca.Function("u", [model.t], [ca.densify(value)]))(edges[:-1], edges[1:])
-        low.append(float(np.min(smallest)))
-        high.append(float(np.max(largest)))
-    return np.array(low), np.array(high)
+    values = ca.densify(ca.substitute(signals, model.p, ca.DM(run.plant.parameters)))
+    return _between(Enclosure(ca.Function("u", [model.t], [values])), run.time.start, run.time.end)
+
+
+def _between(signals: Enclosure, start: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """Between what functions of time stay from start to end, shapes (m,) and (m,)."""
+    edges = np.linspace(start, end, _PIECES + 1)[:, None]
+    low, high = signals.each(edges[:-1], edges[1:])
+    return np.min(low, axis=0), np.max(high, axis=0)
 
 
 def _jumps(chart: Chart) -> bool:

@@ -13,7 +13,7 @@ from hgorun.analysis.convergence.charts import Chart, chart_of
 from hgorun.analysis.convergence.gains import ErrorDynamics, error_dynamics
 from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
-from hgorun.analysis.reasons import RECALLS, NoValue, outcome, require_innovation
+from hgorun.analysis.reasons import RECALLS, NoValue, Outcome, outcome, require_innovation
 from hgorun.analysis.subject import Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain, LocallyLinear, SettlingGain
@@ -84,14 +84,23 @@ def premises_of(subject: Subject) -> Premises:
     chart = chart_of(subject.form, subject.run.plant)
     limited = isinstance(subject.form, BlockForm) or chart.identity
     saturation = {name: (low, high) for name, (low, high) in subject.observer.saturation.items()} if limited else {}
-    a = amplitudes(subject.run, chart, subject.result)
+    truth = truth_of(subject, chart)
+    a = amplitudes(subject.run, chart, subject.result, truth)
     start = _start(subject, chart)
     dynamics = outcome(lambda: dynamics_of(subject)).found
     constant = isinstance(subject.form, ChainForm) and not isinstance(subject.observer, SettlingGain)
     bounded = dynamics is not None and dynamics.lyapunov.hurwitz and constant
     reach = _reach(dynamics, start, theta, a) if dynamics is not None and bounded and is_coarse(subject) else None
-    slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, reach)
+    slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, truth, reach)
     return Premises(theta=theta, chart=chart, lipschitz=slopes, amplitudes=a, reach=reach, start=start)
+
+
+def truth_of(subject: Subject, chart: Chart) -> np.ndarray:
+    """z of the simulated truth, shape (Nt, n): found once for all observers of a chart."""
+    known, key = subject.context.known, (truth_of, chart)
+    if key not in known:
+        known[key] = Outcome(chart.image(subject.result.x))
+    return np.asarray(known[key].value)
 
 
 def require_linear(subject: Subject) -> None:

@@ -7,12 +7,10 @@ or not z can be inverted.
 
 from __future__ import annotations
 
-import casadi as ca
 import numpy as np
 
 from hgorun.analysis.convergence.charts import Chart
 from hgorun.result.result import Result
-from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.enclosures import Enclosure
 
 _PIECES = 600  # of a run, at most
@@ -24,7 +22,7 @@ _ROUNDING = 1e-9  # of the linear algebra, relatively
 Box = tuple[np.ndarray, np.ndarray]
 
 
-def along(run: PreparedRun, chart: Chart, result: Result, label: str) -> np.ndarray:
+def along(chart: Chart, result: Result, label: str) -> np.ndarray:
     """M over all pieces, shape (n, n); infinite where there is no bound."""
     x, xhat = result.x, result.observers[label].xhat
     if chart.straight:
@@ -36,15 +34,9 @@ def along(run: PreparedRun, chart: Chart, result: Result, label: str) -> np.ndar
     starts = np.arange(0, count - 1, -(-(count - 1) // _PIECES))
     ends = [_pieces(values[:count], starts) for values in (x, xhat)]
     edges = np.append(result.time[starts], result.time[count - 1])[:, None]
-    inputs = _enclosure(run, chart, run.plant.inputs, chart.t).each(edges[:-1], edges[1:])
-    matrices = ca.vertcat(ca.vec(chart.raw), ca.vec(chart.directions))
-    enclosure = _enclosure(run, chart, matrices, ca.vertcat(chart.variables, chart.u, chart.t))
-    total: list[np.ndarray] = [np.zeros(()), np.zeros(())]
-    for k in range(_PARTS):  # the mean over a segment is the mean of those over its parts
-        part = _part(ends[0], ends[1], k / _PARTS, (k + 1) / _PARTS)
-        box = tuple(np.column_stack(sides) for sides in zip(part, inputs, (edges[:-1], edges[1:]), strict=True))
-        bounds = enclosure.each(box[0], box[1])
-        total = [so_far + side / _PARTS for so_far, side in zip(total, bounds, strict=True)]
+    inputs = chart.inputs.each(edges[:-1], edges[1:])
+    common = [*zip(inputs[0].T, inputs[1].T, strict=True), (edges[:-1, 0], edges[1:, 0])]
+    total = _means(chart.along_segments, _parts(*ends), common)
     n = len(chart.names)
     A, B = (
         tuple(np.swapaxes(side[:, block * n * n : (block + 1) * n * n].reshape(-1, n, n), 1, 2) for side in total)
@@ -82,13 +74,25 @@ def _pieces(values: np.ndarray, starts: np.ndarray) -> Box:
     return np.minimum.reduceat(low, starts, axis=0), np.maximum.reduceat(high, starts, axis=0)
 
 
-def _part(first: Box, second: Box, start: float, end: float) -> Box:
-    """A box around what lies on segments from one box to another, between two parts of their length."""
-    sides = [[(1 - s) * a + s * b for s in (start, end)] for a, b in zip(first, second, strict=True)]
-    return np.minimum(*sides[0]), np.maximum(*sides[1])
+def _parts(first: Box, second: Box) -> list[Box]:
+    """Boxes around the parts of segments from one box to another: of every entry the bounds (_PARTS, pieces)."""
+    places = np.arange(_PARTS + 1)[:, None, None] / _PARTS
+    low, high = ((1 - places) * a + places * b for a, b in zip(first, second, strict=True))
+    below, above = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
+    return [(below[..., i], above[..., i]) for i in range(low.shape[-1])]
 
 
-def _enclosure(run: PreparedRun, chart: Chart, column: ca.SX, arguments: ca.SX) -> Enclosure:
-    """What encloses the entries of a column in boxes."""
-    values = ca.substitute(ca.densify(column), chart.p, ca.DM(run.plant.parameters))
-    return Enclosure(ca.Function("m", [arguments], [ca.cse(values)]))
+def _means(enclosure: Enclosure, parts: list[Box], common: list[Box]) -> Box:
+    """Bounds (pieces, m) of the means over segments, which are the means of those over their parts.
+
+    All parts go through the arithmetic at once, and what is common to them, inputs and time, once.
+    """
+    found = enclosure.columns([*parts, *common])
+    shape = parts[0][0].shape
+    low, high = (np.stack([_mean(np.broadcast_to(column[side], shape)) for column in found], axis=1) for side in (0, 1))
+    return low, high
+
+
+def _mean(values: np.ndarray) -> np.ndarray:
+    """The mean over the first axis."""
+    return sum((row / _PARTS for row in values), np.zeros(()))

@@ -42,8 +42,8 @@ class Amplitudes:
     remarks: tuple[str, ...] = ()
 
 
-def amplitudes(run: PreparedRun, chart: Chart, result: Result) -> Amplitudes:
-    """All of them."""
+def amplitudes(run: PreparedRun, chart: Chart, result: Result, truth: np.ndarray) -> Amplitudes:
+    """All of them; ``truth`` is z along the run, shape (Nt, n)."""
     remarks = []
     unbounded = dict.fromkeys(i.type for c in run.channels for noise in c.noise for i in noise.random if not i.bounded)
     for kind in unbounded:
@@ -52,9 +52,8 @@ def amplitudes(run: PreparedRun, chart: Chart, result: Result) -> Amplitudes:
         remarks.append("the plant is a difference equation")
     size = np.max(np.abs(result.y), axis=0, initial=0.0)
     noise = [_noise_of(c, float(top)) + _ROUNDING * float(top) for c, top in zip(run.channels, size, strict=True)]
-    z = chart.image(result.x)
     error = max(_ROUNDING, run.solver.rtol or 1e-8) if run.adaptive else _ROUNDING
-    rounding = error * np.max(np.abs(z), axis=0, initial=0.0) / run.step
+    rounding = error * np.max(np.abs(truth), axis=0, initial=0.0) / run.step
     return Amplitudes(
         float(np.linalg.norm(noise)),
         _disturbance(run, chart, result),

@@ -9,7 +9,15 @@ import numpy as np
 from hgorun.analysis.convergence import bounds, envelope, time_varying
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.envelope import Envelope
-from hgorun.analysis.convergence.premises import Premises, dynamics_of, is_coarse, premises_of, require_linear, weights
+from hgorun.analysis.convergence.premises import (
+    Premises,
+    dynamics_of,
+    is_coarse,
+    premises_of,
+    require_linear,
+    truth_of,
+    weights,
+)
 from hgorun.analysis.convergence.time_varying import FilterTheorem, Gramian
 from hgorun.analysis.reasons import NoValue, outcome, why_lost
 from hgorun.analysis.subject import Subject, once
@@ -145,7 +153,7 @@ def error_of(subject: Subject) -> np.ndarray:
     """|zhat - z| of the run, shape (Nt, n), in the coordinates of the theory."""
     chart = premises_of(subject).chart
     with np.errstate(all="ignore"):
-        return np.asarray(np.abs(chart.image(subject.found.xhat) - chart.image(subject.result.x)))
+        return np.asarray(np.abs(chart.image(subject.found.xhat) - truth_of(subject, chart)))
 
 
 @dataclass(frozen=True)
@@ -174,8 +182,8 @@ def bounded_transient_of(subject: Subject) -> BoundedTransient:
 
 def _floor(subject: Subject) -> np.ndarray:
     """What rounding leaves of the difference of truth and estimate itself, shape (n, 1)."""
-    image = premises_of(subject).chart.image(subject.result.x)
-    return np.asarray(_ROUNDING * np.max(np.abs(image), axis=0)[:, None])
+    truth = truth_of(subject, premises_of(subject).chart)
+    return np.asarray(_ROUNDING * np.max(np.abs(truth), axis=0)[:, None])
 
 
 def peaking_law_of(subject: Subject) -> dict[str, dict[str, float]]:

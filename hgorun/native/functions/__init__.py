@@ -7,8 +7,8 @@ processor (but for the payload of a NaN). Only where a processor has no fma, a C
 The bounds in the docstrings are on the distance to the true value in units of its last place (ulp), measured
 on 10⁷ to 10⁸ points per function. The polynomials are fitted by tools/fit_functions.py.
 
-sin, cos, exp, tanh and log, which models of plants are full of, are written where they are called; the others
-are functions of the module, written once.
+sin, cos, exp, tanh and log, which models of plants are full of, and powers are written where they are called; the
+others are functions of the module, written once.
 """
 
 from __future__ import annotations
@@ -39,13 +39,14 @@ UNARY = {
     "atanh": "logarithmic",
     "log1p": "logarithmic",
 }
-BINARY = {"atan2": "inverse", "pow": "power", "hypot": "power", "fmod": "remainder"}
+BINARY = {"atan2": "inverse", "pow": "power", "hypot": "hypotenuse", "fmod": "remainder"}
+_IN_PLACE = {*INLINE, "pow"}
 
 
 def call(name: str, block: Block, *arguments: str) -> str:
     """The value of a function."""
     home = (INLINE | UNARY | BINARY)[name]
     emit: shared.Emit = getattr(import_module(f"hgorun.native.functions.{home}"), name)
-    if name in INLINE:
+    if name in _IN_PLACE:
         return emit(block, *arguments)
     return shared.call(block, name, emit, *arguments)

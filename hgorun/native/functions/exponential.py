@@ -16,10 +16,12 @@ from hgorun.native.functions.arithmetic import (
     polynomial,
 )
 from hgorun.native.functions.coefficients import COSH, COTH, EXP, EXP_CUBIC, LN2, SINH
+from hgorun.native.functions.shared import call
 from hgorun.native.ir import Block
 
 # 2046 is twice the bias of the exponent: n + 2046 splits into the exponent fields of two factors
 _MAGIC = ROUND + 2046
+_NORMAL = 708.0  # up to it the exponential is a normal number
 
 
 def clamped(block: Block, x: str, low: float, high: float) -> str:
@@ -41,19 +43,36 @@ def exp(block: Block, x: str) -> str:
     """exp x = 2^n exp r with r = x - n log 2, n = rint(x/log 2).
 
     exp r = 1 + r + r² P(r), P of degree 9 on |r| <= 1.005 log(2)/2. Below 1.1 ulp, and a subnormal result
-    within its last place. 2^n is applied as two factors, neither of which can overflow.
+    within its last place.
     """
+    t = block.fma(x, block.constant(1 / math.log(2)), block.constant(ROUND + 1023))
+    p = _exp_less_1(block, x, block.sub(t, block.constant(ROUND + 1023)))
+    power = block.from_bits(integer(block, "shl", block.bits(t), 52))
+    usual = block.fma(p, power, power)
+    # where 2^n or the result is no normal number, or x none at all
+    beyond = block.compare("uge", block.intrinsic("fabs", x), block.constant(_NORMAL))
+    return block.rarely(
+        block.any(beyond), usual, lambda: block.select(beyond, call(block, "exp", _exp_of_any, x), usual)
+    )
+
+
+def _exp_of_any(block: Block, x: str) -> str:
+    """The same where 2^n is applied as two factors, neither of which can overflow."""
     # beyond these ends the result is 0 or infinite
     x = clamped(block, x, -746.0, 710.0)
     magic = block.constant(_MAGIC)
     t = block.fma(x, block.constant(1 / math.log(2)), magic)
-    n = block.sub(t, magic)
-    r = block.fma(n, block.constant(-LN2[0]), x)
-    r = block.fma(n, block.constant(-LN2[1]), r)
+    p = _exp_less_1(block, x, block.sub(t, magic))
     first, second = _power_of_two(block, block.bits(t))
-    p = block.fma(block.mul(r, r), polynomial(block, EXP, r), r)
     # the fma rounds like 1 + p, first being a power of 2 and far from both ends
     return block.mul(block.fma(p, first, first), second)
+
+
+def _exp_less_1(block: Block, x: str, n: str) -> str:
+    """exp(x - n log 2) - 1."""
+    r = block.fma(n, block.constant(-LN2[0]), x)
+    r = block.fma(n, block.constant(-LN2[1]), r)
+    return block.fma(block.mul(r, r), polynomial(block, EXP, r), r)
 
 
 def exp_of_pair(block: Block, x: Pair) -> str:

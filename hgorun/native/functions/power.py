@@ -1,25 +1,38 @@
-"""pow and hypot."""
+"""pow, and what it takes where an exponent is a fraction.
+
+Equations of observers have powers of errors like |e|^0.9, several of one base, at every evaluation. Where the exponent
+is a fraction up to 2 no result but 1 is a double that must come out as such, and one logarithm in double precision
+serves all powers of a base; all others have the logarithm as a pair. The cube root takes less than either.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from typing import NamedTuple
 
 from hgorun.native.functions.arithmetic import (
+    ROUND,
     Pair,
     exact_product,
     flip,
+    integer,
     mask,
     ordered_sum,
     polynomial,
     product,
     quotient,
-    root,
     sign_bit,
 )
-from hgorun.native.functions.coefficients import RATIO_SQUARE
+from hgorun.native.functions.coefficients import EXP2, LOG2, RATIO_SQUARE
 from hgorun.native.functions.exponential import clamped, exp_of_pair
 from hgorun.native.functions.logarithmic import BIAS, add_exponent, split
+from hgorun.native.functions.roots import THIRD, cube_root
+from hgorun.native.functions.shared import call
 from hgorun.native.ir import Block
+
+_LARGEST = 2.0  # of the fractions: beyond it the logarithm would need more digits
+_FAR = 500.0  # of |log2 x| where any such power is a normal number
 
 _TWELFTH = (1 / 12, 4.625929269271485e-18)
 
@@ -56,13 +69,82 @@ def _log_pair(block: Block, a: str) -> Pair:
     return Pair(block.select(block.compare("olt", a, infinity), high, a), block.add(total.low, low))
 
 
-def pow(block: Block, x: str, y: str) -> str:
-    """x^y = exp(y log |x|), the logarithm a pair, with the sign that an odd y takes from x.
+class Exponent(NamedTuple):
+    """An exponent, and how large |log2 x| may be for powers of it in double precision."""
 
-    Below 0.7 ulp, and a subnormal result within one last place: a result that is a double comes out as it. x² is
-    x·x. Special values are those of C: 1 for y = 0 and for x = 1 whatever the other, NaN for x < 0 and a
-    fractional y.
+    y: str
+    limit: str
+
+
+def limit_of(block: Block, y: str) -> str:
+    """The limit of an exponent: 0 for halves of integers, for what is larger than 2, and for 1/3."""
+    twice = block.intrinsic("fabs", block.add(y, y))
+    halves = _is_integer(block, twice)
+    small = block.compare("ole", twice, block.constant(2 * _LARGEST))
+    limit = block.select(halves, block.constant(0.0), block.select(small, block.constant(_FAR), block.constant(0.0)))
+    return block.select(block.compare("oeq", y, block.constant(THIRD)), block.constant(0.0), limit)
+
+
+def pow(block: Block, x: str, y: str) -> str:
+    """x^y. Below 0.7 ulp; for fractions up to 1 below 1.9, up to 2 below 3 ulp; a subnormal result within a last place.
+
+    A result that is a double comes out as it, but for fractions other than halves; x² is x·x. An exponent that is the
+    double next to 1/3 is taken for 1/3. Special values are those of C: 1 for y = 0 and for x = 1 whatever the other,
+    NaN for x < 0 and a fractional y.
     """
+    return powers(block, x, [Exponent(y, limit_of(block, y))])[0]
+
+
+def powers(block: Block, x: str, exponents: Sequence[Exponent]) -> list[str]:
+    """Powers of one base, each of them as of :func:`pow`; those of fractions share a logarithm."""
+    if block.lanes > 1:
+        return _powers(block, x, exponents)
+    one_each = [(x, *exponent) for exponent in exponents]
+    return block.side_by_side(lambda b, x, y, limit: _powers(b, x, [Exponent(y, limit)])[0], one_each, least=2)
+
+
+def _powers(block: Block, x: str, exponents: Sequence[Exponent]) -> list[str]:
+    """Where |log2 x| is below the limit in double precision.
+
+    x = 2^k m, log2 m = s P(s²) with s = (m - 1)/(m + 1), P of degree 7. Of y (k + log2 m) the nearest integer n is the
+    exponent of the power, and y k - n loses no digit, however large k is; 2^r = 1 + r Q(r), Q of degree 10.
+    """
+    one = block.constant(1.0)
+    k, m, _ = split(block, x, block.constant(BIAS))
+    s = block.div(block.sub(m, one), block.add(m, one))
+    fraction = block.mul(s, polynomial(block, LOG2, block.mul(s, s)))
+    # of zero, subnormal numbers, infinity, NaN and negative numbers k is beyond the limit, too
+    size = block.intrinsic("fabs", k)
+    beyond = [block.compare("uge", size, exponent.limit) for exponent in exponents]
+    usual = [_fractional(block, k, fraction, y) for y, _ in exponents]
+
+    def otherwise() -> list[str]:
+        every = [call(block, "pow", _any_power, x, y) for y, _ in exponents]
+        return [block.select(*three) for three in zip(beyond, every, usual, strict=True)]
+
+    some = beyond[0]
+    for other in beyond[1:]:
+        some = mask(block, "or", some, other)
+    return block.rarely_all(block.any(some), usual, otherwise)
+
+
+def _fractional(block: Block, k: str, fraction: str, y: str) -> str:
+    """2^(y (k + fraction)), a normal number."""
+    magic = block.constant(ROUND + 1023)
+    t = block.fma(y, block.add(k, fraction), magic)
+    r = block.fma(y, fraction, block.fma(y, k, block.neg(block.sub(t, magic))))
+    scale = block.from_bits(integer(block, "shl", block.bits(t), 52))
+    return block.fma(block.mul(r, scale), polynomial(block, EXP2, r), scale)
+
+
+def _any_power(block: Block, x: str, y: str) -> str:
+    """The power of any exponent."""
+    third = block.compare("oeq", y, block.constant(THIRD))
+    return block.select(third, cube_root(block, x), _power_by_pairs(block, x, y))
+
+
+def _power_by_pairs(block: Block, x: str, y: str) -> str:
+    """x^y = exp(y log |x|), the logarithm a pair, with the sign that an odd y takes from x."""
     zero, one = block.constant(0.0), block.constant(1.0)
     a, b = block.intrinsic("fabs", x), block.intrinsic("fabs", y)
     log = _log_pair(block, a)
@@ -84,29 +166,3 @@ def pow(block: Block, x: str, y: str) -> str:
     found = block.select(block.compare("uno", x, y), nan, found)
     certain = mask(block, "or", block.compare("oeq", y, zero), block.compare("oeq", x, one))
     return block.select(certain, one, found)
-
-
-def hypot(block: Block, x: str, y: str) -> str:
-    """√(x² + y²), the sum a pair, scaled away from both ends of the range. Below 0.51 ulp.
-
-    A subnormal result is within one last place; infinite if one argument is, even where the other is NaN.
-    """
-    infinity = block.constant(math.inf)
-    a, b = block.intrinsic("fabs", x), block.intrinsic("fabs", y)
-    swap = block.compare("ogt", b, a)
-    larger, smaller = block.select(swap, b, a), block.select(swap, a, b)
-    big = block.compare("ogt", larger, block.constant(2.0**500))
-    tiny = block.compare("olt", larger, block.constant(2.0**-500))
-
-    def choose(if_big: float, if_tiny: float) -> str:
-        other = block.select(tiny, block.constant(if_tiny), block.constant(1.0))
-        return block.select(big, block.constant(if_big), other)
-
-    factor = choose(2.0**-600, 2.0**600)
-    larger, smaller = block.mul(larger, factor), block.mul(smaller, factor)
-    first, second = exact_product(block, larger, larger), exact_product(block, smaller, smaller)
-    total, error = ordered_sum(block, first.high, second.high)
-    high, low = root(block, Pair(total, block.add(error, block.add(first.low, second.low))))
-    found = block.mul(block.add(high, low), choose(2.0**600, 2.0**-600))
-    infinite = mask(block, "or", block.compare("oeq", a, infinity), block.compare("oeq", b, infinity))
-    return block.select(infinite, infinity, found)

@@ -33,7 +33,9 @@ def test_each_slope_and_its_norms() -> None:
     run = prepare(Experiment(config))
     result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
-    got = lipschitz(run, chart, {"x1": (-1, 1), "x2": (-1, 1), "x3": (-9, 9)}, result, "observer")
+    got = lipschitz(
+        run, chart, {"x1": (-1, 1), "x2": (-1, 1), "x3": (-9, 9)}, result, "observer", chart.image(result.x)
+    )
     expected = np.array([[2, 0, 0], [0, 0.5, 0], [1, 0, 4]])
     assert got.kind == "interval over box"
     assert got.region == "saturation"
@@ -107,7 +109,7 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
     )
     result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
-    box, own = lipschitz(run, chart, {}, result, "observer"), along(run, chart, result, "observer")
+    box, own = lipschitz(run, chart, {}, result, "observer", chart.image(result.x)), along(chart, result, "observer")
     assert box.kind == "interval over box"
     assert np.all(own <= box.slopes + 1e-9)
     met = np.array([[0.5, 0], [1, 0.3]])

@@ -1,0 +1,60 @@
+"""Things that are made in a thread, a few ahead of whoever uses them."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from queue import Empty, Queue
+from typing import TypeVar
+
+_T = TypeVar("_T")
+
+
+@contextmanager
+def ahead(things: Iterable[_T], count: int = 1) -> Iterator[Iterator[_T]]:
+    """The same things one after the other, each made while those before are used.
+
+    Parameters
+    ----------
+    things : iterable
+        Gone through by the thread; what it raises is raised where the thing is asked for.
+    count : int
+        So many may wait to be used: they are memory.
+    """
+    made: Queue[tuple[_T | None, BaseException | None]] = Queue(count)
+    enough = threading.Event()
+
+    def make() -> None:
+        error: BaseException | None = StopIteration()
+        try:
+            for thing in things:
+                made.put((thing, None))
+                if enough.is_set():
+                    return
+        except BaseException as raised:
+            error = raised
+        made.put((None, error))
+
+    def used() -> Iterator[_T]:
+        while True:
+            thing, error = made.get()
+            if isinstance(error, StopIteration):
+                return
+            if error is not None:
+                raise error
+            assert thing is not None
+            yield thing
+
+    thread = threading.Thread(target=make, name="making things ahead", daemon=True)
+    thread.start()
+    try:
+        yield used()
+    finally:
+        enough.set()
+        while thread.is_alive():  # it may wait for room
+            try:
+                made.get(timeout=0.01)
+            except Empty:
+                continue
+        thread.join()

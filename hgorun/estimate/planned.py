@@ -1,0 +1,86 @@
+"""The stretches of a long log with all that can be made before they are carried out."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.plan import Plan
+from hgorun.estimate.carrying import UNEVEN
+from hgorun.estimate.long_found import Key
+from hgorun.estimate.stretches import Stretch, Stretches, points_before
+from hgorun.simulation.steps import steps_between
+from hgorun.simulation.tabulated import Stretchwise
+from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.levels import distinct
+
+_FIRST, _EVERY = 2, 8  # stretches that are carried out with other steps as well: the first ones, then every so many
+
+
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Planned:
+    """A stretch with all that can be made before it is carried out.
+
+    Attributes
+    ----------
+    stretch : Stretch
+    grid, times : ndarray
+        The output points in it, and all times at which estimates are wanted.
+    aside : mapping of Key to (ndarray, ndarray)
+        Times and values of what is compared.
+    plan : Plan
+    beside : Plan or None
+        With other steps, where that is compared.
+    steps : set of int
+        How many there are between two events.
+    """
+
+    stretch: Stretch
+    grid: Floats
+    times: Floats
+    aside: Mapping[Key, tuple[Floats, Floats]]
+    plan: Plan
+    beside: Plan | None
+    steps: set[int]
+
+
+def planned(
+    stretches: Stretches, grid: Floats, asked: Mapping[Key, tuple[Floats, Floats]], step: float
+) -> Iterator[Planned]:
+    """All stretches, one after the other.
+
+    Parameters
+    ----------
+    stretches : Stretches
+    grid : ndarray
+        The output points of the run.
+    asked : mapping of Key to (ndarray, ndarray)
+        Times and values of all that is compared.
+    step : float
+        The longest.
+    """
+    shared = Stretchwise()
+    at, done = 0, dict.fromkeys(asked, 0)
+    for number, stretch in enumerate(stretches):
+        before, at = at, points_before(grid, stretch, step)
+        own, aside = grid[before:at], {}
+        for key, (taken, values) in asked.items():
+            some = slice(done[key], points_before(taken, stretch, step))
+            aside[key], done[key] = (taken[some], values[some]), some.stop
+        times = distinct(np.concatenate([own, *(taken for taken, _ in aside.values())])) if aside else own
+        judged = number < _FIRST or number % _EVERY == 0
+        yield Planned(
+            stretch=stretch,
+            grid=own,
+            times=times,
+            aside=aside,
+            plan=_plan(stretch, times, step, None, shared),
+            beside=_plan(stretch, times, step, UNEVEN, shared) if judged else None,
+            steps=set(distinct(steps_between(stretch.prepared.run.schedule, step)).tolist()),
+        )
+
+
+def _plan(stretch: Stretch, times: Floats, step: float, uneven: float | None, shared: Stretchwise) -> Plan:
+    return stretch.prepared.plan(np.append(times, stretch.end), step, uneven, shared).made()

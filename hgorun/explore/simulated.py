@@ -1,0 +1,116 @@
+"""Simulated plants on the bench, beside what the theory says of their observers."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from hgorun.analysis.reasons import outcome
+from hgorun.analysis.subject import Context, Subject
+from hgorun.config.yaml_source import Source
+from hgorun.errors import HgorunError
+from hgorun.explore.bench import Bench, Ready, Shown
+from hgorun.explore.knobs import Knob, knobs_of
+from hgorun.explore.promises import LATER, Promise, numbers_of, promise_of
+from hgorun.explore.state import State
+from hgorun.memo import Memo
+from hgorun.simulation.blocks import as_yaml
+from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.outcome import since_start
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.simulate import prepare, simulate_prepared
+
+_PROMISES = 256  # that are kept: of an observer that has not changed nothing is computed again
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated(Shown):
+    """A simulated state."""
+
+    run: PreparedRun
+
+    @cached_property
+    def context(self) -> Context:
+        """What the theory looks at."""
+        return Context(self.run, since_start(self.run, self.result))
+
+    @cached_property
+    def keys(self) -> dict[str, str]:
+        """By observer, what its theory depends on."""
+        return {label: _key(subject) for label, subject in self.context.subjects.items()}
+
+
+@dataclass(frozen=True, eq=False)
+class SimulatedBench(Bench):
+    """A configuration whose plant is simulated."""
+
+    _promises: Memo[Promise] = field(default_factory=lambda: Memo(_PROMISES), repr=False)
+
+    theory = True
+
+    def _knobs(self) -> Sequence[Knob]:
+        return knobs_of(self.base)
+
+    def ready(self, state: State) -> Ready:
+        changes = state.changes(self.knobs)
+        experiment = self.base.varied(changes) if changes else self.base
+        run = prepare(experiment)
+        return Ready(
+            run.structure.compiled,
+            lambda: Simulated(state, experiment.source, experiment, simulate_prepared(run), run),
+        )
+
+    def text(self, shown: Shown, target: Path) -> str:
+        said = {key: part for key in ("title", "reference") if (part := shown.said.data.get(key))}
+        return as_yaml(said | shown.experiment.resolved())
+
+    def says(self, source: Source, file: Path) -> Mapping[str, object]:
+        return Experiment(source).resolved()
+
+    def known(self, shown: Shown, label: str) -> bool:
+        return shown.experiment.closed or _of(shown).keys[label] in self._promises
+
+    def promise(self, shown: Shown, label: str) -> Promise:
+        if shown.experiment.closed:
+            return Promise(reason="in a closed loop the inputs follow from the estimates; the theorems are about "
+                           "inputs that are functions of time")  # fmt: skip
+        simulated = _of(shown)
+        return self._promises.get(simulated.keys[label], lambda: _promised(simulated.context.subjects[label]))
+
+    def limits(self, shown: Shown, label: str) -> Promise:
+        if shown.experiment.closed:
+            return Promise()
+        numbers, reasons = numbers_of(_of(shown).context.subjects[label], LATER)
+        return Promise(numbers=numbers, reasons=reasons)
+
+
+def _of(shown: Shown) -> Simulated:
+    assert isinstance(shown, Simulated)
+    return shown
+
+
+def _promised(subject: Subject) -> Promise:
+    def found() -> Promise:
+        with subject.run.experiment.located():
+            return promise_of(subject)
+
+    try:
+        made = outcome(found)
+    except HgorunError as error:
+        return Promise(reason=str(error))
+    return made.found if made.found is not None else Promise(reason=made.reason or "")
+
+
+def _key(subject: Subject) -> str:
+    """What an observer's theory depends on: its own block, everything but the other observers, and its run."""
+    data = subject.run.experiment.source.data
+    own = {key: part for key, part in data.items() if key not in ("observers", "figures", "claims", "title")}
+    text = json.dumps([own, subject.label, data["observers"][subject.label], subject.run.step], sort_keys=True)
+    digest = hashlib.sha256(text.encode())
+    for values in (subject.result.x, subject.found.xhat):
+        digest.update(values.tobytes())
+    return digest.hexdigest()

@@ -1,0 +1,169 @@
+"""Data sets whose rows come some at a time: a thread takes their digests and writes them while the run goes on.
+
+They are contiguous in the file, so what is written goes from the arrays to the file and not through HDF5, which would
+copy it and hold up all other threads meanwhile. Their digests tell what was damaged, as those of other data sets do.
+"""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Sequence
+from contextlib import AbstractContextManager
+from functools import cache
+from hashlib import sha256
+from queue import Queue
+from types import TracebackType
+
+import h5py
+import numpy as np
+
+from hgorun.result import digests
+from hgorun.result.sink import Sink
+
+_PIECE = 1 << 16
+_WAITING = 16  # pieces that may wait to be written: they are memory
+
+
+class Growing:
+    """Data sets that are given the same rows, some at a time.
+
+    Parameters
+    ----------
+    group : h5py.Group
+    names : sequence of str
+        Of the data sets.
+    rows : int
+        How many there will be.
+    like : ndarray
+        Some of them.
+    background : Background
+        What writes them.
+    """
+
+    def __init__(
+        self, group: h5py.Group, names: Sequence[str], rows: int, like: np.ndarray, background: Background
+    ) -> None:
+        shape = rows, *like.shape[1:]
+        self._data = {name: _contiguous(group, name, shape, like.dtype) for name in names}
+        self._places: list[int] = [data.id.get_offset() or 0 for data in self._data.values()]
+        self._background, self._digest = background, sha256()
+        self._rows, self._given, self._passed = rows, 0, 0
+
+    def append(self, rows: np.ndarray) -> None:
+        """Take the next rows, which are not to change any more."""
+        self._given += len(rows)
+        if rows.size:
+            self._background.put(self, rows)
+
+    def write(self, rows: np.ndarray) -> None:
+        """Write the next rows, in the thread that does so."""
+        content = digests.little(rows).data
+        self._digest.update(content)
+        for place in self._places:
+            self._background.sink.write_at(place + self._passed, content)
+        self._passed += content.nbytes
+
+    def finished(self, name: str) -> h5py.Dataset:
+        """A data set, with all that has come and its digest."""
+        self._background.wait()
+        assert self._given == self._rows
+        data = self._data[name]
+        data.attrs[digests.ATTRIBUTE] = self._digest.hexdigest()
+        return data
+
+
+class Constant:
+    """A data set of one number, which takes no room.
+
+    Parameters
+    ----------
+    group : h5py.Group
+    name : str
+    shape : tuple of int
+    value : numpy scalar
+    """
+
+    def __init__(self, group: h5py.Group, name: str, shape: tuple[int, ...], value: np.generic) -> None:
+        chunks = tuple(max(1, min(size, _PIECE)) for size in shape)
+        self._data = group.create_dataset(
+            name, shape=shape, dtype=value.dtype, chunks=chunks, fillvalue=value, track_times=False
+        )
+        self._value = value
+
+    def finished(self, _: str) -> h5py.Dataset:
+        """The data set with its digest."""
+        self._data.attrs[digests.ATTRIBUTE] = _of_constant(self._data.size, self._value.tobytes())
+        return self._data
+
+
+@cache
+def _of_constant(count: int, value: bytes) -> str:
+    """The digest of a number so many times."""
+    found, piece = sha256(), value * _PIECE
+    for _ in range(count // _PIECE):
+        found.update(piece)
+    found.update(value * (count % _PIECE))
+    return found.hexdigest()
+
+
+class Background(AbstractContextManager["Background"]):
+    """A thread that writes.
+
+    Parameters
+    ----------
+    sink : Sink
+        Where to.
+    """
+
+    def __init__(self, sink: Sink) -> None:
+        self.sink = sink
+        self._queue: Queue[tuple[Growing, np.ndarray] | None] = Queue(_WAITING)
+        self._error: Exception | None = None
+        self._thread = threading.Thread(target=self._work, name="writing a result", daemon=True)
+
+    def __enter__(self) -> Background:
+        self._thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._error = self._error or RuntimeError("nothing more is written")  # what still waits is left out
+        self._queue.put(None)
+        self._thread.join()
+
+    def put(self, growing: Growing, rows: np.ndarray) -> None:
+        """Let rows be written."""
+        self._require()
+        self._queue.put((growing, rows))
+
+    def wait(self) -> None:
+        """Until all has been written."""
+        self._queue.join()
+        self._require()
+
+    def _require(self) -> None:
+        if (error := self._error or self.sink.failed) is not None:
+            raise error
+
+    def _work(self) -> None:
+        while (item := self._queue.get()) is not None:
+            try:
+                if self._error is None:
+                    growing, rows = item
+                    growing.write(rows)
+            except Exception as error:
+                self._error = error
+            finally:
+                self._queue.task_done()
+
+
+def _contiguous(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> h5py.Dataset:
+    """A data set that has its place in the file at once, and nothing in it."""
+    said = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    said.set_layout(h5py.h5d.CONTIGUOUS)
+    said.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    said.set_fill_time(h5py.h5d.FILL_TIME_NEVER)
+    said.set_obj_track_times(False)
+    kind = h5py.h5t.py_create(dtype.newbyteorder("<"), logical=True)
+    return h5py.Dataset(h5py.h5d.create(group.id, name.encode(), kind, h5py.h5s.create_simple(shape), dcpl=said))
