@@ -30,41 +30,45 @@ def add_fixed(s: Stepper) -> None:
 
     lost, short = f.label(), f.label()
     move(f, s.home, s.z, s.size)
-    at = f.slot("i64")
+    at, start, start_clock, before = f.slot("i64"), f.slot("double"), f.slot("double"), f.slot("double")
     f.store(n["first"], at, "i64")
+    f.store(exact(n["first"]), start)
+    f.store(exact(n["first"]), before)
+    f.store(clocked(n["first"]), start_clock)
     s.tick(clocked(n["first"]), s.clock[0.0])
-    silent_end = f.test("eq", n["end_slope"], "0")
+    silent_end, near = f.test("eq", n["end_slope"], "0"), s.near(h)
     with f.loop() as after:
-        step = f.load(at, "i64")
-        is_last = f.test("eq", step, n["last"])
-        t = exact(step)
+        step, t, t_clock, t_before = f.load(at, "i64"), f.load(start), f.load(start_clock), f.load(before)
+        is_last, is_first = f.test("eq", step, n["last"]), f.test("eq", step, n["first"])
         skipped = f.let(f"and i1 {is_last}, {silent_end}")
         if s.decides:
-            with f.when(f.test("eq", step, n["first"])):
-                s.decide(clocked(step), s.clock[0.0])
+            with f.when(is_first):
+                s.decide(t_clock, s.clock[0.0])
         with f.when(f.let(f"xor i1 {skipped}, true")):
-            first = f.test("eq", step, n["first"])
             # the last stage has looked up the same, unless that was provisional
             known = f.test("eq", f.load(s.flags, "i64"), "0") if s.delayed and s.ends_at_end else "false"
-            known = f.let(f"select i1 {first}, i1 false, i1 {known}")
-            s.slope_at_end(clocked(step), s.clock[0.0], finished=f.let(f"zext i1 {first} to i64"), known=known)
-        with f.when(f.test("ne", step, n["first"])):
-            t_before = exact(f.scalar("sub", step, "1"))
+            known = f.let(f"select i1 {is_first}, i1 false, i1 {known}")
+            s.slope_at_end(t_clock, s.clock[0.0], finished=f.let(f"zext i1 {is_first} to i64"), known=known)
+        with f.when(f.let(f"xor i1 {is_first}, true")):
             s.rows_before(t_before, t, h)
             if s.history:
                 s.keep(t_before, t, h)
             s.note_error(s.errors(h))
             if s.decides:
-                s.decide(clocked(step), s.clock[0.0])
+                s.decide(t_clock, s.clock[0.0])
         f.leave_if(is_last, after)
         following = f.scalar("add", step, "1")
-        s.hold(exact(following), h)
-        s.step(t, h, clocked(following), exact(following))
+        t_end, t_end_clock = exact(following), clocked(following)
+        s.hold(t_end, h, near)
+        s.begin(t)
+        s.step(t, h, t_end_clock, t_end, near)
         move(f, s.clock[1.0], s.clock[0.0], s.flow.clocked)
         if s.delayed:
             f.leave_if(f.test("sge", f.load(s.flags, "i64"), "2"), short)
         f.store(following, at, "i64")
-        guard(f, m, exact(following), s.z, lost)
+        for value, slot in ((t_end, start), (t_end_clock, start_clock), (t, before)):
+            f.store(value, slot)
+        guard(f, m, t_end, s.z, lost)
     move(f, s.z, s.home, s.size)
     f.do(f"ret i64 {DONE}")
     f.place(lost)

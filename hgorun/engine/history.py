@@ -8,7 +8,7 @@ REFINEMENTS passes.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import casadi as ca
 
@@ -18,6 +18,7 @@ from hgorun.engine.rows import hermite, hermite_slope
 from hgorun.native.ir import Function, hexadecimal
 
 _FEW = 4  # delayed outputs, over all regimes, for each of which the code of looking up stands wherever it is needed
+_TOGETHER = 16  # channels of an output that are looked up in vectors
 _FAR = 1 + 1e-9  # steps: a delay as long as that looks into finished ones only, in spite of rounding
 REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains an order
 
@@ -25,6 +26,15 @@ REFINEMENTS = 4  # passes of a step whose delays reach into it; each one gains a
 def piece_words(channels: int, lanes: int) -> int:
     """Words of one piece of history."""
     return 2 + 4 * channels * lanes
+
+
+def _powers(count: int) -> Iterator[tuple[int, int]]:
+    """So many numbers in parts of powers of two: the first of each, and how many it has."""
+    first = 0
+    while first < count:
+        size = 1 << ((count - first).bit_length() - 1)
+        yield first, size
+        first += size
 
 
 def _passing(regime: Regime) -> ca.Function:
@@ -52,20 +62,19 @@ class History:
             self._add_recall("recall_slope", hermite_slope, early=self._nothing)
 
     def _add_write(self) -> None:
-        """``remember(ctx, index, t0, t1, start, end)``: start and end hold values, then slopes."""
-        f = self.m.function(
-            "remember",
-            "ptr %ctx, i64 %index, double %t0, double %t1, ptr %start, ptr %end",
-            attributes=f"nounwind {self._inlined}",
-        )
-        piece = self._piece(f, "%index", self._ring(f))
-        f.store("%t0", piece)
-        f.store("%t1", f.at(piece, 1))
+        """``remember_start(ctx, index, t, trace)`` and ``remember_end``: a trace holds values, then slopes."""
         values = 2 * self.width // self.m.lanes
-        copy(f, "%start", f.at(piece, 2), values)
-        copy(f, "%end", f.at(piece, 2 + 2 * self.width), values)
-        f.do("ret void")
-        self.m.finish(f)
+        for number, part in enumerate(("start", "end")):
+            f = self.m.function(
+                f"remember_{part}",
+                "ptr %ctx, i64 %index, double %t, ptr %trace",
+                attributes=f"nounwind {self._inlined}",
+            )
+            piece = self._piece(f, "%index", self._ring(f))
+            f.store("%t", f.at(piece, number))
+            copy(f, "%trace", f.at(piece, 2 + 2 * number * self.width), values)
+            f.do("ret void")
+            self.m.finish(f)
 
     @property
     def _inlined(self) -> str:
@@ -142,12 +151,19 @@ class History:
         piece = self._piece(f, i, ring)
         t0, t1 = f.load(piece), f.word(piece, 1, "double")
         h = f.scalar("fsub", t1, t0)
-        theta, length = f.splat(f.scalar("fdiv", f.scalar("fsub", "%t", t0), h)), f.splat(h)
-        data = f.at(f.at(piece, 2), first)
-        for j in each(f, self.m.system.width):
-            k = f.scalar("mul", str(j), str(f.lanes))
-            parts = [f.load(f.at(data, f.scalar("add", k, str(part * self.width))), f.real) for part in range(4)]
-            f.store(value(f, theta, length, *parts), f.at("%target", k), f.real)
+        theta, data = f.scalar("fdiv", f.scalar("fsub", "%t", t0), h), f.at(f.at(piece, 2), first)
+
+        def recalled(place: str) -> None:
+            parts = [f.load(f.at(data, f.scalar("add", place, str(part * self.width))), f.real) for part in range(4)]
+            f.store(value(f, f.splat(theta), f.splat(h), *parts), f.at("%target", place), f.real)
+
+        if f.lanes == 1 and self.m.system.width <= _TOGETHER:
+            for channel, together in _powers(self.m.system.width):
+                with f.wide(together):
+                    recalled(str(channel))
+        else:
+            for each_channel in each(f, self.m.system.width):
+                recalled(f.scalar("mul", str(each_channel), str(f.lanes)))
         provisional = f.test("eq", i, count)
         f.do(f"ret i64 {f.let(f'zext i1 {provisional} to i64')}")
         self.m.finish(f)

@@ -26,7 +26,7 @@ class RungeKutta(Stepper):
         super().__init__(m, method.c, history, regime, flow, name)
         self.method, self.order = method, method.order
         # where nothing but output points asks for the start of a step, it costs a tenth of the time to copy it
-        self.in_place = not (method.error or m.system.remembers)
+        self.in_place = not method.error
         self.base, first = (self.z, self.slope) if self.in_place else (self.before, self.slope_before)
         self.k = [first, *(self.f.slot("double", self.size * m.lanes) for _ in method.stages)]
 

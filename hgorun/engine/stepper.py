@@ -208,14 +208,20 @@ class Stepper(Moments, ABC):
         if self.history:
             self.history.follow(self.f, t, self.z, self.slope, self.trace)
 
-    def step(self, t: str, h: str, t_end: str, t_end_exact: str) -> None:
-        """All stages after the first, and the step; again while delays look into the step itself."""
+    def near(self, h: str) -> str:
+        """Whether delays may look into a step of length h."""
+        if not self.delayed:
+            return "false"
+        assert self.history is not None
+        return self.history.near(self.f, self.regime, h)
+
+    def step(self, t: str, h: str, t_end: str, t_end_exact: str, near: str | None = None) -> None:
+        """All stages after the first, and the step; again while delays look into it, as where they are ``near``."""
         f = self.f
+        near = near or self.near(h)
         if self.delayed:
-            assert self.history is not None
             f.store("0", self.flags, "i64")
             f.store("0", self.passes, "i64")
-            near = self.history.near(f, self.regime, h)
             with f.when(near):
                 self._straight_line(h)
             again, settled = f.label(), f.label()
@@ -235,6 +241,9 @@ class Stepper(Moments, ABC):
             self.tick(t_end, end_clock)
             self.flow_at(t_end, end_clock, self.z, self.slope)
             self.history.follow(f, t_end, self.z, self.slope, self.trace)  # type: ignore[union-attr]  # callers have one
+            if self.in_place:
+                move(f, self.before, self.z, self.size)
+                move(f, self.slope_before, self.slope, self.size)
             f.store("0", self.flags, "i64")
             f.jump(again)
             f.place(settled)
@@ -243,17 +252,25 @@ class Stepper(Moments, ABC):
         """Write the step as the newest piece of history; its number."""
         f = self.f
         count = f.word("%ctx", WORD["ring_count"])
-        f.call(
-            "remember",
-            f"ptr %ctx, i64 {count}, double {t}, double {t_end}, ptr {self.trace_before}, ptr {self.trace}",
-        )
+        f.call("remember_start", f"ptr %ctx, i64 {count}, double {t}, ptr {self.trace_before}")
+        f.call("remember_end", f"ptr %ctx, i64 {count}, double {t_end}, ptr {self.trace}")
         return count
 
     def keep(self, t: str, t_end: str, h: str) -> None:
         """Add the step to the history."""
         f = self.f
-        count = self.remember(t, t_end)
+        if self.in_place:
+            count = f.word("%ctx", WORD["ring_count"])
+            f.call("remember_end", f"ptr %ctx, i64 {count}, double {t_end}, ptr {self.trace}")
+        else:
+            count = self.remember(t, t_end)
         f.store(f.scalar("add", count, "1"), f.at("%ctx", WORD["ring_count"]), "i64")
+
+    def begin(self, t: str) -> None:
+        """Write the start of the next piece of history, where :meth:`keep` writes its end alone."""
+        if self.history and self.in_place:
+            count = self.f.word("%ctx", WORD["ring_count"])
+            self.f.call("remember_start", f"ptr %ctx, i64 {count}, double {t}, ptr {self.trace}")
 
     def _straight_line(self, h: str) -> None:
         """The provisional end of a step's piece of history: values go on at their slope."""
@@ -273,30 +290,39 @@ class Stepper(Moments, ABC):
             size, old = f.intrinsic("fabs", error), f.load(place, f.real)
             f.store(f.select(f.compare("ogt", size, old), size, old), place, f.real)
 
-    def hold(self, t1: str, h: str) -> None:
-        """Keep the start of a step that ends at t1; where it is overwritten by the step, for output points alone."""
+    def hold(self, t1: str, h: str, near: str) -> None:
+        """Keep the start of a step that ends at t1.
+
+        Where the step overwrites it that is for output points alone, and for delays that are ``near``.
+        """
         f = self.f
         if self.in_place:
-            with f.when(self._due(t1, h)[0]):
+            due = self._due(t1)[0]
+            with f.when(f.let(f"or i1 {due}, {near}")):
                 move(f, self.z, self.before, self.size)
                 move(f, self.slope, self.slope_before, self.size)
+                if self.delayed:
+                    move(f, self.trace, self.trace_before, 2 * self.width // self.m.lanes)
             return
         move(f, self.z, self.before, self.size)
         move(f, self.slope, self.slope_before, self.size)
         move(f, self.trace, self.trace_before, 2 * self.width // self.m.lanes)
 
-    def _due(self, t1: str, h: str) -> tuple[str, str]:
-        """Whether there are output points in the step that ends at t1, and how far from them a time is theirs."""
+    def _due(self, t1: str) -> tuple[str, str]:
+        """Whether there may be an output point in the step that ends at t1, and when the next one is."""
         f = self.f
-        snap = self.snap(t1, h)
         due = f.word(f.word("%ctx", WORD["grid"], "ptr"), f.word("%ctx", WORD["row"]), "double")
-        return f.test("olt", due, f.scalar("fsub", t1, snap)), snap
+        return f.test("olt", due, t1), due
 
     def rows_before(self, t0: str, t1: str, h: str) -> None:
-        """The output points of the step, when there are any."""
+        """The output points of the step, when there are any that are not rather at its end."""
         f = self.f
-        due, snap = self._due(t1, h)
-        with f.when(due):
+        near, due = self._due(t1)
+        after, shown = f.label(), f.label()
+        f.branch(near, shown, after)
+        f.place(shown)
+        snap = self.snap(t1, h)
+        with f.when(f.test("olt", due, f.scalar("fsub", t1, snap))):
             first, last, quintic = self.interpolant(h)
             known = [lent(f, array, self.size) for array in (self.before, first, self.z, last)]
             f.call(
@@ -304,3 +330,5 @@ class Stepper(Moments, ABC):
                 f"ptr %ctx, double {t0}, double {t1}, double {snap}, "
                 + ", ".join(f"ptr {array}" for array in [*known, quintic]),
             )
+        f.jump(after)
+        f.place(after)
