@@ -43,7 +43,9 @@ def add_enter(m: Module) -> None:
         with f.when(f.test("ne", n["action_first"], n["action_last"])):
             f.call("act_of", f"ptr %ctx, i64 %lane, i64 {segment}")
         f.leave_if(f.test("ne", n["first"], n["last"]), ready)
-    set_to("start", f.load(own(f, "end", "%lane")))  # no time is earlier than those that it has seen
+    end = f.load(own(f, "end", "%lane"))
+    for name in ("start", "start_eval", "end_eval"):  # no time is earlier than those that it has seen
+        set_to(name, end)
     set_to("active", hexadecimal(0.0))
     set_to("silent", hexadecimal(0.0))
     set_to("h", hexadecimal(0.0))

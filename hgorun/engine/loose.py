@@ -34,6 +34,11 @@ def add_loose(m: Module, method: Method, flows: Sequence[Emitted]) -> None:
     _Loop(m, method, flows).add()
 
 
+def _part(c: float) -> float:
+    """The part of a step with whose clocked values those at another are kept: its start is the end of the last one."""
+    return 1.0 if c == 0.0 else c
+
+
 class _Loop:
     """The loop over steps."""
 
@@ -46,9 +51,11 @@ class _Loop:
         arrays = (f.slot("double", words) for _ in range(5))
         self.before, self.slope, self.slope_before, self.stage, self.found = arrays
         self.k = [self.slope, *(f.slot("double", words) for _ in method.stages)]
-        self.clock = {
-            (flow.name, at): f.slot("double", flow.clocked * lanes) for flow in flows for at in {0.0, 1.0, *method.c}
-        }
+        parts = {_part(c) for c in method.c}
+        self.clock = {(flow.name, c): f.slot("double", flow.clocked * lanes) for flow in flows for c in parts}
+        self.ticked = {flow.name: f.slot("double", lanes) for flow in flows}  # when the clocked values of ends are
+        for at in self.ticked.values():
+            f.store(f.constant(float("nan")), at, f.real)
 
     def read(self, name: str) -> str:
         """A number of all lanes."""
@@ -112,23 +119,38 @@ class _Loop:
     def flow_at(self, t: str | None, c: float, z: str, target: str) -> None:
         """z' at (t, z), c being the part of the step at which that is; None: that of the last call for this part."""
         f, m = self.f, self.m
-        for number, flow in enumerate(self.flows):
-            constants, tau = m.constants_of(f, flow), self.clock[flow.name, c]
-            if len(self.flows) == 1:
-                self.evaluate(flow, t, constants, tau, z, target)
+        last = len(self.flows) - 1
+        for number, flow in reversed(list(enumerate(self.flows))):
+            constants, tau = m.constants_of(f, flow), self.clock[flow.name, _part(c)]
+            if number == last == 0:
+                self.evaluate(flow, t, c, constants, tau, z, target)
                 return
             own = f.compare("oeq", self.read("regime"), f.constant(number))
             with f.when(f.any(own)):
-                self.evaluate(flow, t, constants, tau, z, self.found)
+                if number == last:  # most lanes are in it most of the time: the others are put in afterwards
+                    self.evaluate(flow, t, c, constants, tau, z, target)
+                    continue
+                self.evaluate(flow, t, c, constants, tau, z, self.found)
                 for i in range(self.size):
                     new, place = f.load(f.at(self.found, i * f.lanes), f.real), f.at(target, i * f.lanes)
                     f.store(f.select(own, new, f.load(place, f.real)), place, f.real)
 
-    def evaluate(self, flow: Emitted, t: str | None, constants: str, tau: str, z: str, target: str) -> None:
+    def evaluate(self, flow: Emitted, t: str | None, c: float, constants: str, tau: str, z: str, target: str) -> None:
         """The right-hand side of one regime, in all lanes."""
-        if t is not None:
-            flow.clock(self.f, t, self.p, constants, tau)
+        if t is not None and flow.clocked:
+            self.tick(flow, t, c, constants, tau)
         flow.main(self.f, self.p, constants, tau, z, self.w, target)
+
+    def tick(self, flow: Emitted, t: str, c: float, constants: str, tau: str) -> None:
+        """What depends on time alone; where a step begins, no lane needs it anew but those that come from an event."""
+        f = self.f
+        if _part(c) != 1.0:
+            flow.clock(f, t, self.p, constants, tau)
+            return
+        before = f.load(self.ticked[flow.name], f.real)
+        with f.when(f.any(f.let(f"icmp ne {f.integer} {f.bits(t)}, {f.bits(before)}"))):
+            flow.clock(f, t, self.p, constants, tau)
+            f.store(t, self.ticked[flow.name], f.real)
 
     def add(self) -> None:
         f, m = self.f, self.m
