@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.places import places_in
 from hgorun.symbolic.evaluate import Floats
 
 LEVEL = 0.95
@@ -104,7 +105,7 @@ def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool 
     before : bool
         Samples that become known just then do not count.
     """
-    known = np.searchsorted(available, times, side="left" if before else "right")
+    known = places_in(available, times, "left" if before else "right")
     if taken is available and taken.size:  # in the order in which they were taken: the newest is the last
         return np.asarray(times - np.where(known > 0, taken[np.maximum(known, 1) - 1], -np.inf))
     newest = np.concatenate([[-np.inf], np.maximum.accumulate(taken)])

@@ -92,12 +92,12 @@ class Found:
         self.done[path] = first + len(rows)
         self.shown.setdefault(path, []).append(rows[-first % every :: every].copy())
 
-    def samples(self, output: str) -> RecordedOutput:
-        """Those of an output that are shown."""
-        names = ("taken", "available", "y", "innovation")
-        taken, available, y, innovation = (self.all_shown(f"measurement/{output}/{name}") for name in names)
+    def samples(self, output: str, clock: str) -> RecordedOutput:
+        """Those of an output that are shown; with another one, or itself, it shares its times."""
+        taken = self.all_shown(f"measurement/{clock}/time")
+        y, innovation = (self.all_shown(f"measurement/{output}/{name}") for name in ("y", "innovation"))
         used, nis = np.ones(innovation.shape, dtype=bool), np.full(innovation.shape, np.nan)
-        return RecordedOutput(taken, available, y, used, innovation, nis)
+        return RecordedOutput(taken, taken, y, used, innovation, nis)
 
     def compare(self, own: Sequence[Floats], other: Sequence[Floats]) -> None:
         """Note how far the estimates of every observer, (n_t, n) each, are from those with other steps."""

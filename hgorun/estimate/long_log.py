@@ -127,11 +127,26 @@ class LongLog:
         raise AssertionError("the last one is taken as it is")
 
     def _write_constants(self, file: ResultInParts) -> None:
-        """What is the same of all samples: each is used, and no observer knows the variance of its innovations."""
-        for one in self._prepared.samples:
-            shape = one.values.size, len(self._prepared.run.observers)
-            file.constant(f"measurement/{one.output}/used", shape, np.int8(1))
-            file.constant(f"measurement/{one.output}/nis", shape, np.float64(np.nan))
+        """What is the same of all samples: each is used, and no observer knows the variance of its innovations.
+
+        Each is known when it is taken, and the outputs of one clock share their times.
+        """
+        for i, one in enumerate(self._prepared.samples):
+            base, shape = f"measurement/{one.output}", (one.values.size, len(self._prepared.run.observers))
+            file.constant(f"{base}/used", shape, np.int8(1))
+            file.constant(f"{base}/nis", shape, np.float64(np.nan))
+            first = self._clock(i)
+            of = f"measurement/{self._prepared.samples[first].output}"
+            if first < i:
+                file.same(f"{base}/number", f"{of}/number")
+                file.same(f"{base}/time", f"{of}/time")
+            file.same(f"{base}/taken", f"{of}/time")
+            file.same(f"{base}/available", f"{of}/time")
+
+    def _clock(self, output: int) -> int:
+        """The first output that is measured when one is."""
+        samples = self._prepared.samples
+        return next(k for k, one in enumerate(samples) if one.taken is samples[output].taken)
 
     def _begin(self) -> Sweep:
         run = self._prepared.run
@@ -161,15 +176,15 @@ class LongLog:
         shown = [x[on_grid] for x in everywhere]
         for j, x in enumerate(shown):
             found.undefined[j] = min(found.undefined[j], first_undefined(grid, x))
-        for paths, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
-            self._write(file, found, paths, rows, self._grid.size)
+        for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
+            self._write(file, found, path, rows, self._grid.size)
         for i, one in enumerate(prepared.samples):
             predicted = innovations_of(prepared, i, times, everywhere, Carried(raw, prepared.used(), step, own.z, 0))
             first = found.done.setdefault((i, ""), 0)
             found.predicted[i][:, first : first + one.values.size] = predicted
             found.done[i, ""] += one.values.size
-            for paths, rows in self._of_output(one, first, predicted):
-                self._write(file, found, paths, rows, self._prepared.samples[i].values.size)
+            for path, rows in self._of_output(i, one, first, predicted):
+                self._write(file, found, path, rows, self._prepared.samples[i].values.size)
 
     def _pass(self, prepared: PreparedEstimate, plan: Plan, sweep: Sweep) -> Raw:
         """The engine's arrays of a stretch, from where the last one has ended."""
@@ -187,24 +202,25 @@ class LongLog:
 
     def _along_time(
         self, prepared: PreparedEstimate, grid: Floats, xhat: Sequence[Floats], rows: Floats
-    ) -> Iterator[tuple[list[str], np.ndarray]]:
+    ) -> Iterator[tuple[str, np.ndarray]]:
         """What is written of a stretch on the output grid, with the paths of its data sets."""
-        yield ["time"], prepared.run.origin + grid
+        yield "time", prepared.run.origin + grid
         if prepared.run.plant.model.inputs:
-            yield ["plant/u"], prepared.u(grid)
+            yield "plant/u", prepared.u(grid)
         of = {b.label: j for j, b in enumerate(prepared.run.observers)}
         for label in prepared.experiment.observers:
-            yield [f"observers/{label}/xhat"], xhat[of[label]]
+            yield f"observers/{label}/xhat", xhat[of[label]]
             for name, values in internal(prepared.run.observers[of[label]], rows).items():
-                yield [f"observers/{label}/state/{name}"], values
+                yield f"observers/{label}/state/{name}", values
 
-    def _of_output(self, one: Sampled, first: int, predicted: Floats) -> Iterator[tuple[list[str], np.ndarray]]:
-        """What is written of the samples of an output, the first of which has a number."""
+    def _of_output(self, i: int, one: Sampled, first: int, predicted: Floats) -> Iterator[tuple[str, np.ndarray]]:
+        """What is written of the samples of output i, the first of which has a number."""
         base, taken = f"measurement/{one.output}", self._prepared.run.origin + one.taken
-        yield [f"{base}/number"], np.arange(first, first + taken.size)
-        yield [f"{base}/{name}" for name in ("time", "taken", "available")], taken
-        yield [f"{base}/y"], one.values
-        yield [f"{base}/innovation"], predicted.T
+        if self._clock(i) == i:
+            yield f"{base}/number", np.arange(first, first + taken.size)
+            yield f"{base}/time", taken
+        yield f"{base}/y", one.values
+        yield f"{base}/innovation", predicted.T
 
     def _finish(self, file: ResultInParts, own: Sweep, found: Found, step: float, spent: int) -> Result:
         """What is told at the end, and the bands."""
@@ -227,7 +243,10 @@ class LongLog:
             found.undefined,
         )
         assessed = [self._assess(file, evaluated, found, j) for j in range(m)]
-        outputs = {one.output: found.samples(one.output) for one in prepared.samples}
+        outputs = {
+            one.output: found.samples(one.output, prepared.samples[self._clock(i)].output)
+            for i, one in enumerate(prepared.samples)
+        }
         recorded = Recorded(outputs, unseen(evaluated.held_out, origin), unseen(evaluated.reference, origin))
         result = result_of(prepared, self._recording, evaluated, assessed, recorded)
         result = replace(result, time=shown("time"), u=shown("plant/u") if result.inputs else result.u)
@@ -245,15 +264,14 @@ class LongLog:
         return Assessed(lower, upper, widths.reasons, scores_of(prepared, evaluated, j))
 
     @staticmethod
-    def _write(file: ResultInParts, found: Found, paths: Sequence[str], rows: np.ndarray, total: int) -> None:
-        """Write rows of some data sets that are equal, and keep those that are shown."""
-        for path in paths:
-            found.keep(path, rows, total)
-        file.append(paths, rows, total, lasting=True)
+    def _write(file: ResultInParts, found: Found, path: str, rows: np.ndarray, total: int) -> None:
+        """Write rows of a data set, and keep those that are shown."""
+        found.keep(path, rows, total)
+        file.append(path, rows, total, lasting=True)
 
     def _write_band(self, file: ResultInParts, found: Found, label: str, widths: Widths) -> None:
         for first in range(0, self._grid.size, _ROWS):
             some = slice(first, min(first + _ROWS, self._grid.size))
             xhat, width = file.read(f"observers/{label}/xhat", some), widths.at(self._grid[some])
             for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
-                self._write(file, found, [f"observers/{label}/{name}"], rows, self._grid.size)
+                self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)

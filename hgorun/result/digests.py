@@ -35,12 +35,13 @@ def of_file(file: h5py.File) -> dict[str, str]:
     """The digests that stand at the data sets of a file, by their paths; those without are left out."""
     found: dict[str, str] = {}
 
-    def add(path: str, thing: h5py.Group | h5py.Dataset) -> None:
-        digest = thing.attrs.get(ATTRIBUTE)
-        if isinstance(thing, h5py.Dataset) and isinstance(digest, str):
+    def add(path: str, link: object) -> None:
+        thing = file[path] if isinstance(link, h5py.HardLink) else None  # others could lead elsewhere
+        digest = thing.attrs.get(ATTRIBUTE) if isinstance(thing, h5py.Dataset) else None
+        if isinstance(digest, str):
             found[path] = digest
 
-    file.visititems(add)  # follows no links that could lead elsewhere
+    file.visititems_links(add)  # a data set may have several names
     return found
 
 

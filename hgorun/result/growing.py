@@ -7,7 +7,6 @@ copy it and hold up all other threads meanwhile. Their digests tell what was dam
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from functools import cache
 from hashlib import sha256
@@ -25,13 +24,12 @@ _WAITING = 16  # pieces that may wait to be written: they are memory
 
 
 class Growing:
-    """Data sets that are given the same rows, some at a time.
+    """A data set that is given its rows some at a time.
 
     Parameters
     ----------
     group : h5py.Group
-    names : sequence of str
-        Of the data sets.
+    name : str
     rows : int
         How many there will be.
     like : ndarray
@@ -40,12 +38,9 @@ class Growing:
         What writes them.
     """
 
-    def __init__(
-        self, group: h5py.Group, names: Sequence[str], rows: int, like: np.ndarray, background: Background
-    ) -> None:
-        shape = rows, *like.shape[1:]
-        self._data = {name: _contiguous(group, name, shape, like.dtype) for name in names}
-        self._places: list[int] = [data.id.get_offset() or 0 for data in self._data.values()]
+    def __init__(self, group: h5py.Group, name: str, rows: int, like: np.ndarray, background: Background) -> None:
+        self._data = _contiguous(group, name, (rows, *like.shape[1:]), like.dtype)
+        self._place: int = self._data.id.get_offset() or 0
         self._background, self._digest = background, sha256()
         self._rows, self._given, self._passed = rows, 0, 0
 
@@ -59,17 +54,15 @@ class Growing:
         """Write the next rows, in the thread that does so."""
         content = digests.little(rows).data
         self._digest.update(content)
-        for place in self._places:
-            self._background.sink.write_at(place + self._passed, content)
+        self._background.sink.write_at(self._place + self._passed, content)
         self._passed += content.nbytes
 
-    def finished(self, name: str) -> h5py.Dataset:
-        """A data set, with all that has come and its digest."""
+    def finished(self) -> h5py.Dataset:
+        """The data set, with all that has come and its digest."""
         self._background.wait()
         assert self._given == self._rows
-        data = self._data[name]
-        data.attrs[digests.ATTRIBUTE] = self._digest.hexdigest()
-        return data
+        self._data.attrs[digests.ATTRIBUTE] = self._digest.hexdigest()
+        return self._data
 
 
 class Constant:
@@ -90,7 +83,7 @@ class Constant:
         )
         self._value = value
 
-    def finished(self, _: str) -> h5py.Dataset:
+    def finished(self) -> h5py.Dataset:
         """The data set with its digest."""
         self._data.attrs[digests.ATTRIBUTE] = _of_constant(self._data.size, self._value.tobytes())
         return self._data

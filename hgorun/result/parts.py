@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
 from pathlib import Path
@@ -82,6 +82,7 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
         self._path, self._form = path, form(observers)
         self._open = ExitStack()
         self._growing: dict[str, Growing | Constant] = {}
+        self._same: dict[str, str] = {}
 
     def __enter__(self) -> ResultInParts:
         with ExitStack() as opened:
@@ -95,25 +96,21 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
     ) -> bool | None:
         return self._open.__exit__(kind, error, trace)
 
-    def append(self, path: str | Sequence[str], rows: np.ndarray, total: int, *, lasting: bool = False) -> None:
-        """The next rows of a data set, or of several with equal rows, that will have so many in ``total``.
+    def append(self, path: str, rows: np.ndarray, total: int, *, lasting: bool = False) -> None:
+        """The next rows of a data set that will have so many in ``total``.
 
         Parameters
         ----------
-        path : str or sequence of str
-            Several are in one group.
+        path : str
         rows : ndarray
         total : int
         lasting : bool
             Whether they stay what they are; others are copied.
         """
-        paths = [path] if isinstance(path, str) else list(path)
-        if paths[0] not in self._growing:
-            group = paths[0].rpartition("/")[0]
-            names = [one.rpartition("/")[2] for one in paths]
-            made = Growing(self._group(group), names, total, rows, self._background)
-            self._growing |= dict.fromkeys(paths, made)
-        growing = self._growing[paths[0]]
+        if path not in self._growing:
+            group, _, name = path.rpartition("/")
+            self._growing[path] = Growing(self._group(group), name, total, rows, self._background)
+        growing = self._growing[path]
         assert isinstance(growing, Growing)
         growing.append(rows if lasting else rows.copy())
 
@@ -121,6 +118,10 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
         """A data set of one number."""
         group, _, name = path.rpartition("/")
         self._growing[path] = Constant(self._group(group), name, shape, value)
+
+    def same(self, path: str, other: str) -> None:
+        """A data set that is the other one, under a second name: it takes no room, and has its attributes."""
+        self._same[path] = other
 
     def _group(self, path: str) -> h5py.Group:
         folder: h5py.Group = self._file
@@ -130,7 +131,7 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
 
     def read(self, path: str, rows: slice) -> np.ndarray:
         """What was written of a data set that has all its rows."""
-        return np.asarray(self._growing[path].finished(path.rpartition("/")[2])[rows])
+        return np.asarray(self._growing[path].finished()[rows])
 
     def finish(self, result: ResultData) -> None:
         """Everything else.
@@ -140,4 +141,4 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
         result : ResultData
             Without points.
         """
-        write(result, Writer(self._file, self._growing))
+        write(result, Writer(self._file, self._growing, self._same))

@@ -18,6 +18,8 @@ _OF_OBSERVERS = {
     "nis": "innovation squared over its variance",
 }
 
+_AT_ONCE = "when the sample was measured, and the observers got it"  # true of all three times, which may be one
+
 
 def write_inputs(w: Writer, result: ResultData) -> None:
     """The plant's inputs over time, where it has some."""
@@ -44,9 +46,13 @@ def write_recorded(w: Writer, result: ResultData, recorded: Recorded) -> None:
         base = f"measurement/{name}"
         w.scale(f"{base}/number", np.arange(one.y.size), long_name="number of the sample")
         numbered = (f"{base}/number",)
-        w.data(f"{base}/time", one.available, numbered, units=unit, long_name="when the observers get the sample")
-        w.data(f"{base}/taken", one.taken, numbered, units=unit, long_name="time it was measured")
-        w.data(f"{base}/available", one.available, numbered, units=unit, long_name="time it was known")
+        for key, values, meaning in (
+            ("time", one.available, "when the observers get the sample"),
+            ("taken", one.taken, "time it was measured"),
+            ("available", one.available, "time it was known"),
+        ):
+            known = _AT_ONCE if one.taken is one.available else meaning
+            w.data(f"{base}/{key}", values, numbered, units=unit, long_name=known)
         measured_in = result.units.get(name) or None
         w.data(f"{base}/y", one.y, numbered, units=measured_in, long_name="sample")
         for key, meaning in _OF_OBSERVERS.items():

@@ -22,10 +22,17 @@ class Writer:
     file : h5py.File
     growing : mapping of str to Growing or Constant, optional
         By path, data sets whose rows have come already, in place of what is given for them.
+    same : mapping of str to str, optional
+        By path, the data set before whose second name it is, in place of what is given for it.
     """
 
-    def __init__(self, file: h5py.File, growing: Mapping[str, Growing | Constant] | None = None) -> None:
-        self.file, self._growing = file, growing or {}
+    def __init__(
+        self,
+        file: h5py.File,
+        growing: Mapping[str, Growing | Constant] | None = None,
+        same: Mapping[str, str] | None = None,
+    ) -> None:
+        self.file, self._growing, self._same = file, growing or {}, same or {}
         # kept, since h5py needs as long to find one as to write it
         self._groups: dict[str, h5py.Group] = {"": file}
         self._scales: dict[str, h5py.Dataset] = {}
@@ -38,9 +45,13 @@ class Writer:
 
     def data(self, path: str, values: Any, dimensions: tuple[str, ...] = (), **attributes: Any) -> h5py.Dataset:
         parent, _, name = path.rpartition("/")
-        group, array = self.group(parent), np.asarray(values)
+        group = self.group(parent)
+        if path in self._same:
+            group[name] = self.file[self._same[path]]  # a hard link; what is said of it stands there already
+            return group[name]
+        array = np.asarray(values)
         if path in self._growing:
-            data = self._growing[path].finished(name)
+            data = self._growing[path].finished()
         elif array.dtype.kind == "O":
             data = group.create_dataset(name, data=values, track_times=False)
             data.attrs[digests.ATTRIBUTE] = digests.of_names([str(name) for name in array])
@@ -56,7 +67,8 @@ class Writer:
 
     def scale(self, path: str, values: Any, **attributes: Any) -> None:
         data = self.data(path, values, **attributes)
-        data.make_scale(path.rpartition("/")[2])
+        if path not in self._same:
+            data.make_scale(path.rpartition("/")[2])
         self._scales[path] = data
 
     def index(self, data: h5py.Dataset, axis: int, size: int) -> None:

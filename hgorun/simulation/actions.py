@@ -11,6 +11,7 @@ from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
+from hgorun.places import places_in
 from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.replay import Replay, Replayed
 from hgorun.symbolic.levels import distinct
@@ -77,7 +78,7 @@ def last_of(times: np.ndarray, sought: np.ndarray) -> np.ndarray | slice:
         own = times[max(first, 0) : first + sought.size]
         if np.array_equal(own, sought) and np.all(own[1:] > own[:-1]):
             return slice(first, first + sought.size)
-    return np.maximum(np.searchsorted(times, sought, side="right") - 1, 0)
+    return np.asarray(np.maximum(places_in(times, sought, "right") - 1, 0))
 
 
 def _arrivals(channels: Sequence[Channel]) -> np.ndarray:

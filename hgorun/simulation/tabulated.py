@@ -13,6 +13,7 @@ from hgorun.engine.plan import Following, Segments
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.long import AnySchedule
 from hgorun.measurement.schedule import Schedule
+from hgorun.places import places_in
 from hgorun.simulation.actions import Actions, RecordedInputs
 from hgorun.simulation.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
 from hgorun.symbolic.levels import distinct
@@ -178,5 +179,5 @@ def rows_in_last_steps(start: np.ndarray, end: np.ndarray, steps: np.ndarray, gr
     """Whether an output point lies strictly inside the last step of each of some segments, in any order."""
     h = (end - start) / steps
     snap = 1e-9 * h + 1e-15 * np.maximum(np.abs(start), np.abs(end))
-    behind = np.searchsorted(grid, end - snap, side="left")  # whether the last one before the end is in the step
+    behind = places_in(grid, end - snap)  # whether the last one before the end is in the step
     return np.asarray((behind > 0) & (grid[np.maximum(behind, 1) - 1] > end - h + snap))

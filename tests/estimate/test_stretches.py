@@ -103,6 +103,28 @@ def test_what_is_written_is_that_of_the_whole(
         assert (back.integration_error or {})[label] == pytest.approx(error, rel=10.0)
 
 
+def test_times_that_are_equal_are_stored_once(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Under the names that each of them has, for every reader."""
+    t = np.linspace(0.0, 6.0, COUNT)
+    log = recording(signal("a", t, np.sin(t)), signal("d", t, np.cos(t)), u=held_input("u", t, np.sin(t), "zero"))
+    whole, found = _both(log, path := tmp_path / "a.h5", "shgo", **FIXED)
+    assert found is not None
+    assert _digests(path) == digests_of(whole)
+    of_times = [f"measurement/{output}/{name}" for output in "ad" for name in ("time", "taken", "available")]
+    with h5py.File(path) as file:
+        assert len({file[name].id.get_offset() for name in of_times}) == 1
+        assert file["measurement/a/number"].id.get_offset() == file["measurement/d/number"].id.get_offset()
+    back = read(path)
+    assert back.recorded is not None
+    for one in back.recorded.outputs.values():
+        np.testing.assert_array_equal([one.taken, one.available], [t, t])
+    xarray = pytest.importorskip("xarray")
+    with xarray.open_dataset(path, group="measurement/d", engine="h5netcdf") as data:
+        assert data.sizes["number"] == COUNT
+        np.testing.assert_array_equal(data["taken"], t)
+        np.testing.assert_array_equal(data["number"], np.arange(COUNT))
+
+
 @pytest.mark.parametrize("size", [5, 64, 1000])
 def test_stretches_of_any_size_give_the_same_file(size: int, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     short.setattr(stretches, "_STRETCH", size)

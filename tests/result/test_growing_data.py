@@ -15,21 +15,19 @@ ROWS = np.arange(60.0).reshape(20, 3)
 
 def test_pieces_make_the_whole_and_its_digest(tmp_path: Path) -> None:
     with hdf5_and_sink(tmp_path / "a.h5") as (file, sink), Background(sink) as background:
-        growing = Growing(file, ["x", "y"], 20, ROWS, background)
+        growing = Growing(file, "x", 20, ROWS, background)
         for some in (slice(0, 7), slice(7, 7), slice(7, 20)):
             growing.append(ROWS[some])
-        digests = {growing.finished(name).attrs["sha256"] for name in ("x", "y")}
-        assert digests == {sha256(ROWS.tobytes()).hexdigest()}
+        assert growing.finished().attrs["sha256"] == sha256(ROWS.tobytes()).hexdigest()
     with h5py.File(tmp_path / "a.h5") as file:
         assert np.array_equal(file["x"][:], ROWS)
-        assert np.array_equal(file["y"][:], ROWS)
 
 
 @pytest.mark.parametrize("value", [np.float64(np.nan), np.int8(1)])
 def test_one_number_takes_no_room(value: np.generic, tmp_path: Path) -> None:
     shape = 200_000, 2
     with hdf5_and_sink(tmp_path / "a.h5") as (file, _):
-        data = Constant(file, "x", shape, value).finished("x")
+        data = Constant(file, "x", shape, value).finished()
         assert data.attrs["sha256"] == sha256(np.full(shape, value).tobytes()).hexdigest()
     assert (tmp_path / "a.h5").stat().st_size < 10_000
     with h5py.File(tmp_path / "a.h5") as file:
@@ -39,10 +37,10 @@ def test_one_number_takes_no_room(value: np.generic, tmp_path: Path) -> None:
 def test_a_disk_that_is_full_is_told_and_leaves_nothing(tmp_path: Path) -> None:
     def fill() -> None:
         with hdf5_and_sink(tmp_path / "a.h5") as (file, sink), Background(sink) as background:
-            growing = Growing(file, ["x"], 20, ROWS, background)
+            growing = Growing(file, "x", 20, ROWS, background)
             sink.failed = OSError(28, "No space left on device")
             growing.append(ROWS)
-            growing.finished("x")
+            growing.finished()
 
     with pytest.raises(Exception, match="No space left"):
         fill()
@@ -55,10 +53,10 @@ def test_what_fails_in_the_thread_is_raised_outside(tmp_path: Path, monkeypatch:
 
     def fill() -> None:
         with hdf5_and_sink(tmp_path / "a.h5") as (file, sink), Background(sink) as background:
-            growing = Growing(file, ["x"], 20, ROWS, background)
+            growing = Growing(file, "x", 20, ROWS, background)
             monkeypatch.setattr(growing, "write", broken)
             growing.append(ROWS)
-            growing.finished("x")
+            growing.finished()
 
     with pytest.raises(RuntimeError, match="broken"):
         fill()

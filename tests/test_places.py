@@ -1,0 +1,44 @@
+"""Places that are guessed are those of ``numpy.searchsorted``, whatever is sought."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from hgorun.places import places_in
+
+TIMES = 1e-3 * np.arange(1000)
+RANDOM = np.random.default_rng(0)
+JITTER = np.sort(TIMES + 2e-3 * RANDOM.random(1000))
+SOUGHT = {
+    "the same": TIMES,
+    "a part": TIMES[300:800],
+    "last bits apart": np.linspace(0.0, 0.999, 1000),
+    "a little before": TIMES - 1e-9,
+    "a little behind": TIMES + 1e-9,
+    "every tenth": TIMES[3::10],
+    "every third, apart": TIMES[::3] + 1e-12,
+    "twice as many": np.linspace(0.0, 0.999, 2000),
+    "before all": TIMES - 5.0,
+    "behind all": TIMES + 5.0,
+    "beyond both ends": np.linspace(-1.0, 2.0, 1000),
+    "jitter": JITTER,
+    "in no order": RANDOM.permutation(TIMES),
+    "backwards": TIMES[::-1],
+    "no numbers": np.where(np.arange(1000) % 7, TIMES, np.nan),
+    "infinite": np.concatenate([[-np.inf], TIMES, [np.inf]]),
+    "repeated": np.repeat(TIMES, 2),
+    "few": TIMES[:5],
+    "nothing": TIMES[:0],
+}
+WITHIN = {"even": TIMES, "jitter": JITTER, "repeated": np.repeat(TIMES, 3), "one": TIMES[:1], "nothing": TIMES[:0]}
+
+
+@pytest.mark.parametrize("side", ["left", "right"])
+@pytest.mark.parametrize("within", WITHIN)
+def test_places_are_those_that_a_search_finds(within: str, side: Literal["left", "right"]) -> None:
+    for name, sought in SOUGHT.items():
+        expected = np.searchsorted(WITHIN[within], sought, side=side)
+        np.testing.assert_array_equal(places_in(WITHIN[within], sought, side), expected, err_msg=name)
