@@ -92,6 +92,17 @@ def test_what_has_not_changed_is_shared(base: Experiment) -> None:
     assert base.varied({}, seed=9).blocks.seed == 9
 
 
+def test_observers_are_the_changed_ones_beside_one_whose_equations_follow_the_outputs() -> None:
+    banked = {"A": {"type": "bank", "observer": {"type": "shgo"}, "thetas": [1, 2]}, "S": {"type": "shgo", "theta": 1}}
+    base = experiment(CONTOIS, banked)
+    now = base.observers["A"]
+    assert base.varied({"observers.S.theta": 3}).observers["S"].theta == 3
+    assert base.varied({"observers.A.thetas.0": 1.5}).observers["A"].thetas[0] == 1.5
+    late = base.varied({"measurement": {"delay": 0.1}})
+    assert type(late.observers["A"]) is not type(now)
+    assert type(late.varied({"measurement": {}}).observers["A"]) is type(now)
+
+
 @pytest.mark.parametrize(
     ("changes", "line", "key"),
     [
