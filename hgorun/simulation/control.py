@@ -93,11 +93,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         if escape is not None:
             raise escape
     if found is None:
-        raise search.failure or Problem(
-            ("solver", "max_evaluations"),
-            f"{run.solver.max_evaluations:g} evaluations of the right-hand side are not enough to follow this run with "
-            "any step",
-        )
+        raise search.failure or search.lost or _not_enough(run)
     how, known, tolerance = found.finished.how, found.finished.measured, found.finished.how.tolerance
     integration = Integration(
         method=how.method,
@@ -117,6 +113,14 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         measured=replace(known, verdicts=observers),
         integration=integration,
         of_plant=verdicts.get(PLANT, OK),
+    )
+
+
+def _not_enough(run: PreparedRun) -> Problem:
+    return Problem(
+        ("solver", "max_evaluations"),
+        f"{run.solver.max_evaluations:g} evaluations of the right-hand side are not enough to follow this run with "
+        "any step",
     )
 
 

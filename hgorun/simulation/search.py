@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.config.models import Method
 from hgorun.engine.memory import Raw, Tolerance
 from hgorun.engine.program import TooManySteps
-from hgorun.errors import SimulationError
+from hgorun.errors import PlantDiverged, SimulationError
 from hgorun.result.status import Verdict
 from hgorun.simulation.between_steps import may_jump, missed
 from hgorun.simulation.checks import longest_step
@@ -97,6 +97,8 @@ class Search:
         Whether controlled steps have been tried.
     failure : SimulationError or None
         Why controlled steps could not.
+    lost : PlantDiverged or None
+        That the plant diverged in the pass with the shortest fixed steps.
     """
 
     run: PreparedRun
@@ -104,6 +106,7 @@ class Search:
     best: Attempt | None = None
     tried: bool = False
     failure: SimulationError | None = field(default=None)
+    lost: PlantDiverged | None = field(default=None)
 
     @property
     def accuracy(self) -> float:
@@ -142,9 +145,12 @@ class Search:
         return count <= limit and count + other <= self.budget.steps(method)
 
     def something(self, method: Method) -> bool:
-        """Where nothing was affordable: the shortest fixed steps that are; whether that was enough."""
+        """Where nothing was affordable: the shortest fixed steps that are; whether that was enough.
+
+        Not where the plant diverged: longer steps stay behind what grows so fast, and end before it overflows.
+        """
         k = rung(self.run)
-        while self.best is None and k > 0:
+        while self.best is None and self.lost is None and k > 0:
             k -= 1
             step = self.run.span / 2.0**k
             if self._affordable(method, step):
@@ -162,8 +168,10 @@ class Search:
         try:
             finished = self.budget.carry_out(how)
             beside = self.budget.carry_out(other)
-        except SimulationError:
+        except SimulationError as error:
+            self.lost = error if isinstance(error, PlantDiverged) else None
             return np.inf
+        self.lost = None
         part = part_of_error(self.run, other)
         errors = {label: part * gap for label, gap in differences(self.run, finished.measured, beside.measured).items()}
         self.best = Attempt(finished, errors)

@@ -21,12 +21,12 @@ def stale(before: Checked, now: Checked) -> set[str]:
     time = now.blocks.time is not before.blocks.time
     plant = now.plant is not before.plant or now.blocks.controller is not before.blocks.controller
     if plant or (time and now.blocks.time.start != before.blocks.time.start):
-        found |= {"plant", "_formed", *_OF_FORMS, "stretches", "_sampling", "grid"}
+        found |= {"plant", "_formed", *_OF_FORMS, "stretches", "_by_availability", "grid"}
     if now.observers is not before.observers:
-        found |= {"_sampling"}
+        found |= {"_by_availability"}
         found |= _OF_FORMS if now.observers.keys() == before.observers.keys() else {*_OF_FORMS, "grid"}
     if now.measurement is not before.measurement or time:
-        found |= {"stretches", "_sampling"}
+        found |= {"stretches", "_by_availability"}
     if time or now.blocks.metrics is not before.blocks.metrics:
         found |= {"grid"}
     return found

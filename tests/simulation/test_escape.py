@@ -32,3 +32,9 @@ def test_the_plant_has_diverged_when_it_reaches_infinity(rate: str, start: float
 def test_a_plant_that_is_singular_where_it_stays_finite_has_not_diverged() -> None:
     with pytest.raises(SimulationError, match=r"no step is small enough for the plant at t = 5\.5"):
         simulated(inline({"x": "-1/x"}, "x", 1.0), SHGO, time=RUN, solver={"method": "dopri5"})
+
+
+def test_a_plant_that_overflows_has_diverged_though_long_steps_stay_behind() -> None:
+    """exp(300 t) leaves the doubles at t = 2.37; with four steps until t = 3 it would be 3e+26."""
+    with pytest.raises(SimulationError, match=r"the plant itself diverged at t = 2\.3"):
+        simulated(inline({"x": "300*x"}, "x", 1.0), SHGO, time={"end": 3, "output_step": 0.05})

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import CONTOIS, experiment, load
+from examples import CONTOIS, Block, experiment, load
 
 import hgorun
 from hgorun import ConfigError, Experiment
@@ -90,6 +90,17 @@ def test_what_has_not_changed_is_shared(base: Experiment) -> None:
     assert base.varied({"plant.initial.x1": 3}).plant.symbolic is plant.symbolic
     assert base.varied({"time.end": 2}).grid[0].size > grid[0].size
     assert base.varied({}, seed=9).blocks.seed == 9
+
+
+def test_observers_are_the_changed_ones_beside_one_whose_equations_follow_the_outputs() -> None:
+    bank: Block = {"type": "bank", "observer": {"type": "shgo"}, "thetas": [1, 2]}
+    base = experiment(CONTOIS, {"A": bank, "S": {"type": "shgo", "theta": 1}})
+    now = base.observers["A"]
+    assert base.varied({"observers.S.theta": 3}).observers["S"].model_dump()["theta"] == 3
+    assert base.varied({"observers.A.thetas.0": 1.5}).observers["A"].model_dump()["thetas"] == (1.5, 2)
+    late = base.varied({"measurement": {"delay": 0.1}})
+    assert type(late.observers["A"]) is not type(now)
+    assert type(late.varied({"measurement": {}}).observers["A"]) is type(now)
 
 
 @pytest.mark.parametrize(
