@@ -44,8 +44,7 @@ from hgorun.result.result import Result
 from hgorun.simulation.outcome import internal
 from hgorun.symbolic.evaluate import Floats
 
-_ROWS = 1 << 16  # that are written at a time
-_FIRST, _EVERY = 2, 8  # stretches that are carried out with other steps as well: the first ones, then every so many
+_ROWS = 1 << 14  # of a band that are written at a time
 
 
 def estimate_into(
@@ -259,9 +258,9 @@ class LongLog:
     def _assess(self, file: ResultInParts, evaluated: Evaluated, found: Found, j: int) -> Assessed:
         """The scores of an observer, and its band, which is written meanwhile."""
         prepared, label = self._prepared, self._prepared.run.observers[j].label
+        widths = widths_of(prepared, evaluated, j)
         with ThreadPoolExecutor(1) as pool:
             scores = pool.submit(scores_of, prepared, evaluated, j)
-            widths = widths_of(prepared, evaluated, j)
             self._write_band(file, found, label, widths)
             lower, upper = (found.all_shown(f"observers/{label}/{name}") for name in ("lower", "upper"))
             return Assessed(lower, upper, widths.reasons, scores.result())
