@@ -226,7 +226,7 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
         seen["reached"] = [one for one in reached if one is not None]
         await page.resize(1500, 1000)
         seen["beyond"] = await page.value(
-            "(({scrollWidth, parentElement}) => scrollWidth - parentElement.clientWidth)(document.querySelector('#metrics'))"
+            "(table => table.scrollWidth - table.parentElement.clientWidth)(document.querySelector('#metrics'))"
         )
         seen["head"] = await page.value("document.querySelectorAll('#metrics th')[1].textContent")
         await page.resize(320, 800)  # 1280 at 400 %
