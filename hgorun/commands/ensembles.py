@@ -20,6 +20,7 @@ from hgorun.ensemble.reading import is_sweep
 from hgorun.ensemble.refused import refusal_of, told_where
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError, SimulationError
+from hgorun.figures.page import Page
 from hgorun.process import say
 from hgorun.progress import shown as progress
 from hgorun.study.ensembles import carried_out, ensemble_of
@@ -46,6 +47,7 @@ def compare_ensembles(options: Compare) -> int:
     """
     refuse_other_kinds(options.output, DRAWING_SUFFIXES)
     style = _style(options)
+    Page.named(options.width, options.style)  # refused before anything is computed
     found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
     if options.json:
         objects = [plain_tables.as_json(one) for one in found]
@@ -123,10 +125,9 @@ def draw(found: Compared, options: Compare) -> list[Path]:
     """Draw the figures that an ensemble has the numbers for; into one file only the first of them."""
     from hgorun.figures.ensembles import figures_of
     from hgorun.figures.files import save
-    from hgorun.figures.page import on_page
 
     output = options.output or RESULTS
-    figures = ((kind, on_page(figure, options.style)) for kind, figure in figures_of(found.members, options.metrics))
+    figures = figures_of(found.members, options.metrics, page=Page.named(options.width, options.style))
     if output.suffix.lower() in DRAWING_SUFFIXES:
         return [path for _, figure in islice(figures, 1) for path in save(figure, output.with_suffix(""))]
     return [path for kind, figure in figures for path in save(figure, output / f"{found.members.name}-{kind}")]
@@ -142,12 +143,10 @@ def _style(options: Compare) -> Style:
         "--seed": options.seed is not None,
         "--run": options.run is not None,
         "--analyze": options.analyze,
-        "--width": options.width != "two",  # they have a panel for each state and axis
     }
     for option, given in refused.items():
         if given:
-            what = "single runs" if option == "--width" else "configurations"
-            raise ConfigError(f"{option} is for {what}; these are ensembles that have been carried out")
+            raise ConfigError(f"{option} is for configurations; these are ensembles that have been carried out")
     return styles[options.format]
 
 

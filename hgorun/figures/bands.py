@@ -10,7 +10,7 @@ from hgorun.ensemble.collected import Collected, Floats, Trajectories, levels, s
 from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.errors import ConfigError
 from hgorun.figures.data import MAX_POINTS, Curve, magnitude_limits, state_limits, thinned
-from hgorun.figures.ensemble import Cast, axis_label, drawable, pooled_over
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.style import TRUTH, styled
@@ -20,29 +20,36 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_WIDTH, _ROW = 7.2, 1.8
+_ROW = 1.8
 _WIDE, _NARROW = 0.13, 0.22
 POINTS = 1_000  # of a band, along time
 _FEWEST = 20  # members whose quantiles are drawn: of fewer there is no 5 %
 _TICKS = 8  # of a scale of colours
 
 
-def bands(members: Collected) -> Figure:
+def bands(members: Collected, *, width: float = WIDTH) -> Figure:
     """Every state on the left, the size of the errors on the right: medians, 50 % and 90 % of the members at each time.
 
     Of fewer than twenty members each has a line of its own in place of quantiles.
+
+    Parameters
+    ----------
+    members : Collected
+    width : float
+        Of the page in inches; on a narrow one panels stand one below the other.
 
     Raises
     ------
     ConfigError
         When no trajectories were kept.
     """
-    cast, kept = Cast(members), _kept(members)
+    cast, kept = Cast(members, width), _kept(members)
     step = max(len(kept.time) // POINTS, 1)
     time = kept.time[::step]
     one_truth = bool(np.all(kept.x == kept.x[:1]))
     with styled():
-        figure, axes = grid(2 * len(cast.states), 2, _WIDTH, _ROW * len(cast.states) + TOP, share=True)
+        count, columns = 2 * len(cast.states), cast.columns(2)
+        figure, axes = grid(count, columns, cast.width(WIDTH), _ROW * (count // columns) + TOP, share=True)
         for j, (state, left, right) in enumerate(zip(cast.states, axes[::2], axes[1::2], strict=True)):
             truth = kept.x[:, ::step, j]
             estimates, sizes = [], []
@@ -65,7 +72,7 @@ def bands(members: Collected) -> Figure:
             f"{count} members, and their median" if count < _FEWEST else f"medians, 50 % and 90 % of {count} members"
         )
         title += f" at each time{pooled_over(members, [])}"
-        return finished(figure, axes, 2, title, grow=True)
+        return finished(figure, axes, columns, title, grow=True)
 
 
 def _kept(members: Collected) -> Trajectories:
@@ -101,7 +108,9 @@ def band(ax: Axes, time: Floats, values: Floats, look: Look) -> Floats:
     return np.concatenate([q05, median, q95])
 
 
-def family(members: Collected, axis: str, *, observers: tuple[str, ...] = (), error: bool = False) -> Figure:
+def family(
+    members: Collected, axis: str, *, observers: tuple[str, ...] = (), error: bool = False, width: float = WIDTH
+) -> Figure:
     """The estimates of every member that was kept, in one panel for each state and observer, coloured by an axis.
 
     Parameters
@@ -113,22 +122,24 @@ def family(members: Collected, axis: str, *, observers: tuple[str, ...] = (), er
         Which; by default those whose estimates differ from member to member.
     error : bool
         Draw the estimate minus the truth.
+    width : float
+        Of the page in inches; on a narrow one panels stand one below the other.
 
     Raises
     ------
     ConfigError
         When no trajectories were kept.
     """
-    cast, kept = Cast(members), _kept(members)
+    cast, kept = Cast(members, width), _kept(members)
     shown_ones = observers or _different(members, kept)
     values = members.axes[axis][kept.member]
     with styled():
-        columns = len(shown_ones)
-        width = max(_WIDTH, 3.0 * columns)
-        figure, axes = grid(len(cast.states) * columns, columns, width, 2.0 * len(cast.states) + TOP, share=True)
+        each = len(shown_ones)
+        columns, count = cast.columns(each), len(cast.states) * each
+        figure, axes = grid(count, columns, cast.width(3.0 * each), 2.0 * (count // columns) + TOP, share=True)
         colours = _colours(values)
         for k, ax in enumerate(axes):
-            state, label = cast.states[k // columns], shown_ones[k % columns]
+            state, label = cast.states[k // each], shown_ones[k % each]
             i, j = members.observers.index(label), members.states.index(state)
             drawn = _family(ax, kept, i, j, values, colours, error=error)
             truth = kept.x[:, :, j]
@@ -138,18 +149,18 @@ def family(members: Collected, axis: str, *, observers: tuple[str, ...] = (), er
             ax.set_ylim(state_limits([] if error else [truth[np.isfinite(truth)]], drawn, []) or (0, 1))
             name, hat = symbol(state), symbol(state, hat=True)
             ax.set_ylabel((f"${hat} - {name}$" if error else rf"${name},\ {hat}$") + unit(members.units.get(state, "")))
-            if k < columns and len(members.observers) > 1:
+            if (k < columns or cast.narrow) and len(members.observers) > 1:
                 ax.set_title(cast.looks[label].text, loc="center")
             _time_axis(ax, members, kept)
-        _level(axes, columns)
-        _scale(figure, axes, axis_label(axis, members.units.get("time", "")), colours)
+        _level(axes, each)
+        _scale(figure, axes, axis_label(axis, members.units.get("time", "")), colours, aspect=60 if cast.narrow else 30)
         return finished(figure, axes, columns, None, grow=True)
 
 
-def _level(axes: list[Axes], columns: int) -> None:
-    """One range for the panels of a row."""
-    for start in range(0, len(axes), columns):
-        row = axes[start : start + columns]
+def _level(axes: list[Axes], each: int) -> None:
+    """One range for the panels of a state."""
+    for start in range(0, len(axes), each):
+        row = axes[start : start + each]
         ends = [ax.get_ylim() for ax in row]
         for ax in row:
             ax.set_ylim(min(low for low, _ in ends), max(high for _, high in ends))
@@ -189,8 +200,8 @@ def _colours(values: Any) -> dict[Any, Any]:
     return {v: matplotlib.colormaps["viridis"](0.92 * i / max(len(known) - 1, 1)) for i, v in enumerate(known)}
 
 
-def _scale(figure: Figure, axes: list[Axes], label: str, colours: dict[Any, Any]) -> None:
-    """What the colours mean."""
+def _scale(figure: Figure, axes: list[Axes], label: str, colours: dict[Any, Any], *, aspect: float) -> None:
+    """What the colours mean, on a bar that is so many times as high as wide."""
     from matplotlib.cm import ScalarMappable
     from matplotlib.colors import BoundaryNorm, ListedColormap
 
@@ -198,7 +209,7 @@ def _scale(figure: Figure, axes: list[Axes], label: str, colours: dict[Any, Any]
     norm = BoundaryNorm(np.arange(len(known) + 1) - 0.5, len(known))
     scale = ScalarMappable(norm, ListedColormap(list(colours.values())))
     every = -(-len(known) // _TICKS)
-    bar = figure.colorbar(scale, ax=axes, pad=0.02, aspect=30, ticks=range(0, len(known), every))
+    bar = figure.colorbar(scale, ax=axes, pad=0.02, aspect=aspect, ticks=range(0, len(known), every))
     bar.ax.set_yticklabels([shown(v) for v in known[::every]])
     bar.ax.tick_params(which="both", length=0)
     bar.ax.minorticks_off()

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.figures.actors import Actor, texts
 from hgorun.figures.looks import Look, looks
+from hgorun.figures.page import NARROW, TWO
 from hgorun.figures.scaling import measured_on, quantities
 from hgorun.figures.style import LARGEST_NUMBER
 from hgorun.result.metrics.base import unit_of
@@ -22,7 +23,7 @@ from hgorun.tables.typeset import symbol, unit, words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH, PANEL_WIDTH = 7.2, 2.4  # inches: of a figure, and of a panel at least
+WIDTH, PANEL_WIDTH = TWO, 2.4  # inches: of a figure, and of a panel at least
 MOST_STATES = 6  # side by side
 _BINS = 16  # of an axis with more values than can be told apart
 TIMES = ("period", "delay", "jitter", "start", "end", "step", "output_step")
@@ -36,9 +37,12 @@ class Cast:
     Attributes
     ----------
     members : Collected
+    page : float
+        Width of the page in inches; on a narrow one panels stand one below the other.
     """
 
     members: Collected
+    page: float = WIDTH
     _unknown: tuple[str, None] = field(default=("", None), repr=False)
 
     @cached_property
@@ -69,9 +73,22 @@ class Cast:
         return text + unit(unit_of(metric, state, self.members.units))
 
     @property
-    def width(self) -> float:
+    def narrow(self) -> bool:
+        """Whether panels stand one below the other."""
+        return self.page < NARROW
+
+    def columns(self, most: int) -> int:
+        """How many panels stand side by side, of so many that belong together."""
+        return 1 if self.narrow else most
+
+    def width(self, least: float) -> float:
+        """Of a figure in inches; what stands side by side needs at least so much."""
+        return self.page if self.narrow else max(self.page, least)
+
+    @property
+    def width_of_states(self) -> float:
         """Of a figure with a column for every state."""
-        return max(WIDTH, PANEL_WIDTH * len(self.states))
+        return self.width(PANEL_WIDTH * len(self.states))
 
 
 def quantity_label(metric: str, state: str, units: Mapping[str, str]) -> str:

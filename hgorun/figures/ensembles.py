@@ -9,6 +9,7 @@ from hgorun.ensemble.collected import Collected
 from hgorun.figures.bands import bands, family
 from hgorun.figures.fronts import front
 from hgorun.figures.maps import heat_map
+from hgorun.figures.page import LIGHT, Page, on_page
 from hgorun.figures.spread import against, boxes
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ _SHOWN = ("rmse", "hf")  # by default
 _PAID = ("hf", "settling")  # noise amplification, convergence time
 
 
-def figures_of(members: Collected, metrics: Sequence[str] = ()) -> Iterator[tuple[str, Figure]]:
+def figures_of(members: Collected, metrics: Sequence[str] = (), *, page: Page = LIGHT) -> Iterator[tuple[str, Figure]]:
     """Figures of an ensemble with their names.
 
     Parameters
@@ -26,6 +27,8 @@ def figures_of(members: Collected, metrics: Sequence[str] = ()) -> Iterator[tupl
     members : Collected
     metrics : sequence of str
         Which are shown; by default rmse and hf, or the first two.
+    page : Page
+        What they are drawn for.
 
     Yields
     ------
@@ -34,22 +37,28 @@ def figures_of(members: Collected, metrics: Sequence[str] = ()) -> Iterator[tupl
         are two axes, ``front`` of settling time and noise amplification where gains of observers were chosen; ``bands``
         and ``family-AXIS`` of the trajectories that were kept. Nothing where there are no observers, or all are lost.
     """
+    for name, figure in _figures(members, metrics, page.width):
+        yield name, on_page(figure, page.style)
+
+
+def _figures(members: Collected, metrics: Sequence[str], width: float) -> Iterator[tuple[str, Figure]]:
+    """The same on a light page."""
     if not members.observers or not members.sound.any():
         return
     chosen = [name for name in metrics or _SHOWN if name in members.metrics] or list(members.metrics)[:2]
     if not members.chosen:
-        yield "boxes", boxes(members, chosen)
+        yield "boxes", boxes(members, chosen, width=width)
     for axis in members.chosen:
-        yield f"against-{_last(axis, members)}", against(members, axis, chosen)
+        yield f"against-{_last(axis, members)}", against(members, axis, chosen, width=width)
     if len(members.chosen) == 2 and len(members) > 2:
         for name in chosen:
-            yield f"map-{name}", heat_map(members, (members.chosen[0], members.chosen[1]), name)
+            yield f"map-{name}", heat_map(members, (members.chosen[0], members.chosen[1]), name, width=width)
     if members.gains and all(name in members.metrics for name in _PAID):
-        yield "front", front(members, *_PAID)
+        yield "front", front(members, *_PAID, width=width)
     if members.trajectories is not None and len(members.trajectories.member) > 1:
-        yield "bands", bands(members)
+        yield "bands", bands(members, width=width)
         for axis in members.chosen:
-            yield f"family-{_last(axis, members)}", family(members, axis)
+            yield f"family-{_last(axis, members)}", family(members, axis, width=width)
 
 
 def _last(axis: str, members: Collected) -> str:

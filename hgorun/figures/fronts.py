@@ -12,7 +12,7 @@ from hgorun.ensemble.collected import Collected, Floats, shown
 from hgorun.ensemble.fronts import non_dominated
 from hgorun.ensemble.points import points, thinned
 from hgorun.ensemble.statistics import quantiles
-from hgorun.figures.ensemble import Cast, axis_label, drawable, limits, scale_axis
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.style import styled
 
@@ -25,7 +25,7 @@ _MOST_POINTS = 3_000
 _MOST_FRONTS = 4  # of an observer
 
 
-def front(members: Collected, x: str, y: str) -> Figure:
+def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure:
     """Two metrics against each other, a panel for each state: the smaller both are the better.
 
     A point is the median over the members that differ in random draws alone, the seed among them. Points of an observer
@@ -37,15 +37,17 @@ def front(members: Collected, x: str, y: str) -> Figure:
     members : Collected
     x, y : str
         Metrics, such as noise amplification ``hf`` and convergence time ``settling``.
+    width : float
+        Of the page in inches; on a narrow one panels stand one below the other.
     """
-    cast = Cast(members)
+    cast = Cast(members, width)
     parts = list(points(thinned(members, members.grid, _MOST_POINTS), members.grid))
     level = np.array([_level(at, members.surroundings) for at, _ in parts], dtype=object)
     joined = _some(list(dict.fromkeys(level.tolist())))
     with styled():
-        columns = min(len(cast.states), 3)
+        columns = cast.columns(min(len(cast.states), 3))
         rows = -(-len(cast.states) // columns)
-        figure, axes = grid(len(cast.states), columns, cast.width, _ROW * rows + TOP, share=False)
+        figure, axes = grid(len(cast.states), columns, cast.width_of_states, _ROW * rows + TOP, share=False)
         for ax, state in zip(axes, cast.states, strict=True):
             found = {}
             for label in cast.looks:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.statistics import quantiles
-from hgorun.figures.ensemble import Cast, axis_label, drawable, places, pooled_over
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, places, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.style import styled
 from hgorun.tables.typeset import words
@@ -26,7 +26,7 @@ _WRITTEN = 40  # cells that have room for a number
 _LOGARITHMIC = 5.0
 
 
-def heat_map(members: Collected, axes: tuple[str, str], metric: str) -> Figure:
+def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: float = WIDTH) -> Figure:
     """The median of a metric in each cell of two axes, over all that the members differ in besides.
 
     Parameters
@@ -35,37 +35,38 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str) -> Figure:
     axes : (str, str)
         The horizontal and the vertical one.
     metric : str
+    width : float
+        Of the page in inches; on a narrow one panels stand one below the other.
 
     Returns
     -------
     matplotlib.figure.Figure
-        A row of panels for each state, a column for each observer; a row has one scale of colours. Cells in which
+        A row of panels for each state, a column for each observer; a state has one scale of colours. Cells in which
         more than half of the members are lost are hatched.
     """
-    cast = Cast(members)
+    cast = Cast(members, width)
     labels = list(cast.looks)
     time = members.units.get("time", "")
     cells = [_cells(members.axes[axis]) for axis in axes]
     with styled():
-        width = max(_PANEL * len(labels) + _BAR, _LEAST)
-        figure, panels = grid(
-            len(labels) * len(cast.states), len(labels), width, _ROW * len(cast.states) + TOP, share=False
-        )
+        count, columns = len(labels) * len(cast.states), cast.columns(len(labels))
+        room = cast.page if cast.narrow else max(_PANEL * len(labels) + _BAR, _LEAST)
+        figure, panels = grid(count, columns, room, _ROW * (count // columns) + TOP, share=False)
         for j, state in enumerate(cast.states):
             row = panels[j * len(labels) : (j + 1) * len(labels)]
             medians = [_medians(*cast.column(metric, label, state), cells[0][1], cells[1][1]) for label in labels]
             norm = _norm(medians)
             for i, (ax, label, found) in enumerate(zip(row, labels, medians, strict=True)):
                 mesh = _draw(ax, found, norm)
-                _axis(ax, "x", cells[0][0], axis_label(axes[0], time) if j == len(cast.states) - 1 else "")
-                _axis(ax, "y", cells[1][0], axis_label(axes[1], time) if i == 0 else "")
-                if j == 0:
+                lowest = ax in panels[-columns:]
+                _axis(ax, "x", cells[0][0], axis_label(axes[0], time) if lowest else "")
+                _axis(ax, "y", cells[1][0], axis_label(axes[1], time) if i == 0 or cast.narrow else "")
+                if j == 0 or cast.narrow:
                     ax.set_title(words(label), loc="center")
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
             bar.set_label(cast.quantity(metric, state))
-        return finished(
-            figure, panels, len(labels), _title(members, axes, len(cells[0][0]) * len(cells[1][0])), grow=False
-        )
+        title = _title(members, axes, len(cells[0][0]) * len(cells[1][0]))
+        return finished(figure, panels, columns, title, grow=cast.narrow)
 
 
 def _title(members: Collected, axes: tuple[str, str], cells: int) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.statistics import QUANTILES, quantiles
-from hgorun.figures.ensemble import Cast, axis_label, drawable, limits, places, pooled_over, scale_axis
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, limits, places, pooled_over, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.style import PANEL, styled
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _WIDE, _NARROW = 0.13, 0.22  # how dark bands are: from q05 to q95, from q25 to q75
 
 
-def against(members: Collected, axis: str, metrics: Sequence[str]) -> Figure:
+def against(members: Collected, axis: str, metrics: Sequence[str], *, width: float = WIDTH) -> Figure:
     """Metrics against an axis: medians, with bands from q05 to q95 and from q25 to q75 over all other axes.
 
     Parameters
@@ -32,19 +32,22 @@ def against(members: Collected, axis: str, metrics: Sequence[str]) -> Figure:
     axis : str
     metrics : sequence of str
         A row of panels for each.
+    width : float
+        Of the page in inches; on a narrow one panels stand one below the other.
 
     Returns
     -------
     matplotlib.figure.Figure
         A column of panels for each state.
     """
-    cast = Cast(members)
+    cast = Cast(members, width)
     at, whose = places(members.axes[axis])
     with styled():
-        columns = len(cast.states)
-        figure, axes = grid(len(metrics) * columns, columns, cast.width, PANEL * len(metrics) + TOP, share=True)
-        for k, ax in enumerate(axes):
-            metric, state = metrics[k // columns], cast.states[k % columns]
+        shown = [(metric, state) for metric in metrics for state in cast.states]
+        columns = cast.columns(len(cast.states))
+        height = PANEL * (len(shown) // columns) + TOP
+        figure, axes = grid(len(shown), columns, cast.width_of_states, height, share=True)
+        for ax, (metric, state) in zip(axes, shown, strict=True):
             drawn = []
             for label, look in cast.looks.items():
                 values, sound = cast.column(metric, label, state)
@@ -98,7 +101,7 @@ def _ticks(ax: Axes, members: Collected, axis: str, at: Floats) -> None:
         ax.set_xlim(-0.5, len(at) - 0.5)
 
 
-def boxes(members: Collected, metrics: Sequence[str]) -> Figure:
+def boxes(members: Collected, metrics: Sequence[str], *, width: float = WIDTH) -> Figure:
     """Metrics of all members as boxes: median, quartiles, q05 and q95, with the members lost above them.
 
     Parameters
@@ -106,14 +109,16 @@ def boxes(members: Collected, metrics: Sequence[str]) -> Figure:
     members : Collected
     metrics : sequence of str
         A row of panels for each; a column for each state.
+    width : float
+        Of the page in inches; on a narrow one panels stand one below the other.
     """
-    cast = Cast(members)
+    cast = Cast(members, width)
     with styled():
-        columns = len(cast.states)
-        height = PANEL * len(metrics) + TOP
-        figure, axes = grid(len(metrics) * columns, columns, cast.width, height, share=False)
-        for k, ax in enumerate(axes):
-            metric, state = metrics[k // columns], cast.states[k % columns]
+        shown = [(metric, state) for metric in metrics for state in cast.states]
+        columns = cast.columns(len(cast.states))
+        height = PANEL * (len(shown) // columns) + TOP
+        figure, axes = grid(len(shown), columns, cast.width_of_states, height, share=False)
+        for ax, (metric, state) in zip(axes, shown, strict=True):
             drawn = [
                 _box(ax, i, *cast.column(metric, label, state), look)
                 for i, (label, look) in enumerate(cast.looks.items())

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from hgorun.figures.files import save
 from hgorun.figures.fronts import front
 from hgorun.figures.looks import family_colour
 from hgorun.figures.maps import heat_map
+from hgorun.figures.page import Page
 from hgorun.figures.spread import against, boxes
 
 THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
@@ -55,6 +57,26 @@ def made(*, lost: bool = True) -> Collected:
         planned=size,
         trajectories=Trajectories(member=followed, time=time, x=x, xhat=xhat),
     )
+
+
+def test_on_a_narrow_page_panels_stand_one_below_the_other() -> None:
+    """The same panels with the same curves, half as wide."""
+    pages = [dict(figures_of(made(), page=Page.named(width, "light"))) for width in ("two", "one")]
+    assert pages[0].keys() == pages[1].keys() >= {"against-theta", "map-rmse", "front", "bands", "family-theta"}
+    for wide, narrow in zip(pages[0].values(), pages[1].values(), strict=True):
+        assert narrow.get_figwidth() == 3.5
+        drawn = [
+            [
+                [np.asarray(line.get_ydata()).tolist() for line in ax.lines]
+                for ax in figure.axes
+                if ax.get_label() != "<colorbar>"
+            ]
+            for figure in (wide, narrow)
+        ]
+        assert repr(drawn[0]) == repr(drawn[1])
+        panels = [ax.get_position() for ax in narrow.axes if ax.get_label() != "<colorbar>"]
+        assert all(upper.y0 > lower.y1 for upper, lower in pairwise(panels))
+        assert all(0.4 < panel.width < 0.9 for panel in panels)
 
 
 def lines(figure: Figure, panel: int, text: str) -> tuple[np.ndarray, np.ndarray]:
