@@ -31,6 +31,7 @@ from hgorun.simulation.passes import Again, Pass, integrate
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.scheduling import with_events
 from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
+from hgorun.simulation.stopped import crossed
 from hgorun.simulation.why_diverged import why_diverged
 
 _AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
@@ -211,7 +212,7 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
         verdict = verdicts.get(block.label)
         if verdict is not None and verdict.status == "diverged" and verdict.reason is None:
             verdicts[block.label] = replace(verdict, reason=why_diverged(run, raw, j, again))
-    return verdicts
+    return crossed(run, raw, verdicts) if found.how.tolerance else verdicts
 
 
 def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:
@@ -241,6 +242,6 @@ def _stages(search: Search) -> Iterator[Callable[[], bool]]:
     method, limit = first
     yield lambda: search.fixed(method, limit)
     if solver.method == "auto":
-        yield lambda: search.controlled(("dopri5", "rodas5p"))
+        yield lambda: search.controlled(("dopri5", "rodas5p")) and search.across(method, limit)
         yield lambda: search.fixed(method, np.inf)
     yield lambda: search.something(method)

@@ -141,7 +141,7 @@ def look_at(run: PreparedRun, progress: Progress, *, check_step: bool) -> Look |
     if run.solver.controlled:
         best = controlled(fewer, progress)
         verdicts = {b.label: v for b, v in zip(run.observers, best.measured.verdicts, strict=True) if v != OK}
-        if any(verdict.lost for verdict in verdicts.values()):
+        if any(verdict.lost or verdict.at is not None for verdict in verdicts.values()):  # or its numbers end
             return None
         whole = replace(best.run, experiment=run.experiment)
         return Look(run=whole, how=best.how, verdicts=verdicts, integration=best.integration, of_plant=best.of_plant)

@@ -126,6 +126,10 @@ def finished(run: PreparedRun, raw: Raw, again: loss.Again, *, check_step: bool 
     """
     how = as_given(run)
     raw, verdicts = confirmed(run, raw, again)
+    if verdicts and how.tolerance:
+        from hgorun.simulation.stopped import crossed  # not for runs in which nothing is lost
+
+        verdicts = crossed(run, raw, verdicts)
     found = measured(run, raw, verdicts)
     integration = Integration(
         method=how.method,
