@@ -161,6 +161,7 @@ def look_at(run: PreparedRun, progress: Progress, *, check_step: bool) -> Look |
         rtol=how.tolerance.rtol if how.tolerance else None,
         evaluations=raw.tries * how.evaluations_of_a_step,
         error=LaterEstimate(fewer, found, finer=check_step)(),
+        longest_gap=run.longest_gap,
     )
     return Look(run=run, how=how, verdicts=verdicts, integration=integration, of_plant=OK)
 

@@ -137,6 +137,7 @@ def finished(run: PreparedRun, raw: Raw, again: loss.Again, *, check_step: bool 
         rtol=how.tolerance.rtol if how.tolerance else None,
         evaluations=raw.tries * how.evaluations_of_a_step,
         error=LaterEstimate(run, found, finer=check_step),
+        longest_gap=run.longest_gap,
     )
     return record(run, raw, found, integration)
 

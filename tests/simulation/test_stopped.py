@@ -1,4 +1,4 @@
-"""An observer whose estimate rests on a jump of its equations has not diverged, though no controlled step crosses it."""
+"""An observer whose estimate rests on a jump of its equations has not diverged: no controlled step crosses it."""
 
 from __future__ import annotations
 
