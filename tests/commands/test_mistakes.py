@@ -105,7 +105,7 @@ def test_what_is_typed_wrong(shell: Shell, arguments: tuple[str, ...], words: st
     assert (code, out, words in err) == (2, "", True), err
 
 
-@pytest.mark.parametrize("command", ["simulate", "explore", "analyze", "compare"])
+@pytest.mark.parametrize("command", ["simulate", "analyze", "compare"])
 def test_recorded_data_given_to_a_command_of_simulations(shell: Shell, command: str) -> None:
     recorded = CONFIG.replace("end: 1, output_step: 0.1", "unit: s") + "data: {file: log.csv, outputs: {x1: y}}\n"
     (shell.folder / "c.yaml").write_text(recorded)
