@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from hgorun.commands import completion
+from hgorun.commands.numbers import whole
 from hgorun.commands.options import Printing
 
 
@@ -26,7 +27,13 @@ class Reproduction(Printing):
         ),
     ] = field(default_factory=list)
     jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Number of processes (default: one per processor).")
+        int | None,
+        typer.Option(
+            "--jobs",
+            parser=whole("--jobs", 1),
+            metavar="INTEGER",
+            help="Number of processes (default: one per processor).",
+        ),
     ] = None
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from inspect import getmro
 from pathlib import Path
 from sys import modules
@@ -12,19 +12,25 @@ from typing import Any
 
 from hgorun.commands.citations import Entry, cited_in, known
 from hgorun.commands.described import reference_of
-from hgorun.commands.inputs import configuration
+from hgorun.commands.inputs import configuration, is_result
 from hgorun.commands.options import Cite
 from hgorun.commands.outputs import refuse_other_kinds, there, written
 from hgorun.config.reading import read_source
-from hgorun.config.yaml_source import Source
+from hgorun.config.tuning import TuneFile
+from hgorun.config.validation import validate
+from hgorun.config.yaml_source import Source, parse
+from hgorun.ensemble.manifest import Manifest
+from hgorun.ensemble.reading import base_of, is_sweep
 from hgorun.errors import ConfigError
 from hgorun.files import write_text
 from hgorun.noise.base import NOISE
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import PLANTS
 from hgorun.registry import Registry
+from hgorun.result.reading import read
 from hgorun.study.loading import load, load_study
 from hgorun.study.split import split
+from hgorun.study.sweep_file import load_sweep
 from hgorun.tables.layout import wrapped
 from hgorun.version import __version__
 
@@ -135,9 +141,24 @@ def uses(path: Path, run: str | None = None) -> list[Use]:
 
 
 def _runs(path: Path, run: str | None) -> list[Source]:
-    """The configurations of a file, checked unless they are about recorded data, which need not be at hand."""
+    """The configurations of a file, checked unless they are about recorded data, which need not be at hand.
+
+    Of a file with ``axes`` or ``tune`` it is its base, of a result the configuration that it was made from.
+    """
+    if is_result(path) or is_sweep(path):
+        if run is not None:
+            raise ConfigError("--run is for configurations; this is what one of them has come to", file=str(path))
+        return [_of_result(path)]
     _, source = read_source(path)
     data = source.data if isinstance(source.data, dict) else {}
+    if "base" in data and "axes" in data:
+        if run is not None:
+            raise ConfigError("--run goes with a configuration; a sweep file has the key run", file=str(path))
+        return [load_sweep(path).base.source]
+    if "base" in data and "tune" in data:
+        blocks = validate(TuneFile, data, source, ())
+        sought = {"tune": data["tune"]}
+        return [replace(one, data=one.data | sought) for one in _runs(path.parent / blocks.base, run or blocks.run)]
     if "data" not in data:
         if run is not None:
             return [load(path, run=run).source]
@@ -146,6 +167,22 @@ def _runs(path: Path, run: str | None) -> list[Source]:
     if run is not None and run not in parts:
         raise ConfigError(f"--run: the file has no run {run!r}; its runs: {', '.join(parts)}", file=str(path))
     return [one for name, (one, _) in parts.items() if run in (None, name)]
+
+
+def _of_result(path: Path) -> Source:
+    """What a result file, that of an ensemble, or the folder in which one is made says of its configuration.
+
+    The resolved configuration lacks ``reference``, which the file's own text may have.
+    """
+    where = f"{path}: config_resolved"
+    if path.is_dir():
+        return Manifest.read(path).ensemble(path).base.source
+    if is_sweep(path):
+        return parse(base_of(path), where)
+    result = read(path)
+    source, written = parse(result.config_resolved, where), parse(result.config, f"{path}: config").data
+    words = written.get("reference") if isinstance(written, dict) else None
+    return source if words is None else replace(source, data=source.data | {"reference": words})
 
 
 def _of_blocks(data: dict[str, Any]) -> Iterator[Use]:

@@ -10,9 +10,15 @@ from typing import Annotated
 import typer
 
 from hgorun.commands import completion
+from hgorun.commands.numbers import whole
 from hgorun.commands.options import Configured, Drawing, Printing, Strict
 
-Threads = Annotated[int | None, typer.Option("--jobs", min=1, help="Number of threads (default: one per processor).")]
+Threads = Annotated[
+    int | None,
+    typer.Option(
+        "--jobs", parser=whole("--jobs", 1), metavar="INTEGER", help="Number of threads (default: one per processor)."
+    ),
+]
 """Of commands that carry out many runs within this process."""
 
 
@@ -56,7 +62,13 @@ class Sweep(Printing):
         typer.Option("--scheduler", metavar="ADDRESS", help="Address of a dask scheduler (default: local workers)."),
     ] = None
     jobs: Annotated[
-        int | None, typer.Option("--jobs", min=1, help="Threads, processes or workers (default: one per processor).")
+        int | None,
+        typer.Option(
+            "--jobs",
+            parser=whole("--jobs", 1),
+            metavar="INTEGER",
+            help="Threads, processes or workers (default: one per processor).",
+        ),
     ] = None
     strict: Strict = False
 

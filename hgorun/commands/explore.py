@@ -21,6 +21,7 @@ from hgorun.explore.keeping import Keeper
 from hgorun.explore.recordings import RecordedBench
 from hgorun.explore.simulated import SimulatedBench
 from hgorun.process import until_interrupted
+from hgorun.reproduce.shipped import is_shipped
 from hgorun.study.loading import load
 
 _YAML = {".yaml", ".yml"}
@@ -66,9 +67,10 @@ def bench_of(config: Path, overrides: Sequence[str] = (), *, seed: int | None = 
 
 
 def _keeper(bench: Bench, output: Path | None) -> Keeper:
+    shipped = is_shipped(bench.path)
     if output is not None and output.suffix.lower() in _YAML:
-        return Keeper(bench, output.parent, output.name)
-    return Keeper(bench, output or RESULTS, f"{bench.name}.explored.yaml")
+        return Keeper(bench, output.parent, output.name, alone=shipped)
+    return Keeper(bench, output or RESULTS, f"{bench.name}.explored.yaml", alone=shipped)
 
 
 @contextmanager

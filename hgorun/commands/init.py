@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 from hgorun.commands.catalogue_options import Init
@@ -29,9 +30,10 @@ def init(options: Init) -> int:
     Raises
     ------
     ConfigError
-        For a name that does not exist, and options that do not go together.
+        For a name that does not exist, options that do not go together, and where another file of that name is there
+        already: then nothing is written.
     HgorunError
-        Where another file of that name is there already.
+        Where the new configuration does not run.
     """
     if options.ask or options.plant is not None:
         if options.name is not None:
@@ -61,8 +63,8 @@ def _first(options: Init) -> int:
     target = options.output or Path(f"{chosen.name}.yaml")
     if target.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"--output: expected a file .yaml, found {target}")
-    address = _schema_for(target.parent, beside=options.schema)
-    _write([(target, with_schema(chosen.text(str(target)), address))], force=options.force)
+    schema = _schema_for(target.parent, beside=options.schema)
+    _write([(target, with_schema(chosen.text(str(target)), schema.address))], schema, force=options.force)
     _try(target, chosen)
     return 0
 
@@ -86,9 +88,9 @@ def _experiment(name: str, options: Init) -> int:
         raise ConfigError(
             f"no experiment is called {name!r}.{nearest(name, known)}{plant or ' See hgorun list experiments'}"
         )
-    address = _schema_for(folder, beside=options.schema)
-    copies = [(folder / file.name, with_schema(text, address)) for file, text in _with_bases(matches[0])]
-    _write(copies, force=options.force)
+    schema = _schema_for(folder, beside=options.schema)
+    copies = [(folder / file.name, with_schema(text, schema.address)) for file, text in _with_bases(matches[0])]
+    _write(copies, schema, force=options.force)
     print(f"try: hgorun simulate {folder / matches[0].name}")
     return 0
 
@@ -97,24 +99,35 @@ def _example(name: str, options: Init) -> int:
     """Copy a configuration with its recorded data."""
     folder, files = options.folder or Path(name), examples()[name]
     copies = [(folder / file.name, file.read_text(encoding="utf-8")) for file in files]
-    address = _schema_for(folder, beside=options.schema)
-    made = [(path, with_schema(text, address) if path.suffix == ".yaml" else text) for path, text in copies]
-    _write(made, force=options.force)
+    schema = _schema_for(folder, beside=options.schema)
+    made = [(path, with_schema(text, schema.address) if path.suffix == ".yaml" else text) for path, text in copies]
+    _write(made, schema, force=options.force)
     print(f"try: hgorun estimate {folder / files[0].name}")
     return 0
 
 
-def _write(copies: Sequence[tuple[Path, str]], *, force: bool) -> None:
-    """Write texts, none of them where another one is in the way."""
+@dataclass(frozen=True)
+class _Schema:
+    """Where editors find the schema, and what has to be written for that: its file and text, or nothing."""
+
+    address: str
+    new: tuple[Path, str] | None = None
+
+
+def _write(copies: Sequence[tuple[Path, str]], schema: _Schema, *, force: bool) -> None:
+    """Write the schema and texts, none of them where another text is in the way."""
     for target, text in copies:
         if target.exists() and not force and (target.is_dir() or target.read_bytes() != text.encode()):
-            raise HgorunError(f"{target} exists and differs; --force overwrites it")
+            raise ConfigError(f"{target} exists and differs; --force overwrites it")
+    if schema.new is not None:
+        write_text(*schema.new)
+        print(f"written: {schema.new[0]} (for editors)")
     for target, text in copies:
         write_text(target, text)
         print(f"written: {target}")
 
 
-def _schema_for(folder: Path, *, beside: bool) -> str:
+def _schema_for(folder: Path, *, beside: bool) -> _Schema:
     """Where editors find the schema: that of the installed package, unless one is asked for, or stands in the folder.
 
     Plug-ins have plants and observers that the package's schema does not know: then it is written, too.
@@ -123,11 +136,10 @@ def _schema_for(folder: Path, *, beside: bool) -> str:
     if not beside and not file.exists() and installed.is_file():
         known = json.loads(installed.read_text(encoding="utf-8"))
         if made["$defs"].keys() <= known["$defs"].keys():
-            return installed.resolve().as_uri()
-    if not file.exists() or file.read_text(encoding="utf-8") != schema_text(made):
-        write_text(file, schema_text(made))
-        print(f"written: {file} (for editors)")
-    return SCHEMA_FILE
+            return _Schema(installed.resolve().as_uri())
+    text = schema_text(made)
+    stands = file.exists() and file.read_text(encoding="utf-8") == text
+    return _Schema(SCHEMA_FILE, None if stands else (file, text))
 
 
 def _with_bases(file: Path) -> Iterator[tuple[Path, str]]:

@@ -11,9 +11,16 @@ from typing import Annotated
 import typer
 
 from hgorun.commands import completion
+from hgorun.commands.numbers import not_negative, whole
 
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 3 if a status is not ok.")]
 """Of commands that find out whether all went well."""
+
+Seed = Annotated[
+    int | None,
+    typer.Option("--seed", parser=whole("--seed", 0), metavar="INTEGER", help="Override the seed in the file."),
+]
+"""Of commands that read a configuration."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -45,7 +52,7 @@ class Configured(Printing):
             autocompletion=completion.keys,
         ),
     ] = field(default_factory=list)
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Override the seed in the file.")] = None
+    seed: Seed = None
     run: Annotated[
         str | None,
         typer.Option("--run", help="Only this run of the file (default: all).", autocompletion=completion.runs),
@@ -211,13 +218,19 @@ class Explore:
             autocompletion=completion.keys,
         ),
     ] = field(default_factory=list)
-    seed: Annotated[int | None, typer.Option("--seed", min=0, help="Override the seed in the file.")] = None
+    seed: Seed = None
     run: Annotated[
         str | None,
         typer.Option("--run", help="Which run of the file, where it has several.", autocompletion=completion.runs),
     ] = None
     port: Annotated[
-        int, typer.Option("--port", min=0, max=65535, help="Port on this machine (default: any that is free).")
+        int,
+        typer.Option(
+            "--port",
+            parser=whole("--port", 0, 65535),
+            metavar="INTEGER",
+            help="Port on this machine (default: any that is free).",
+        ),
     ] = 0
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the page in the browser; else only say where it is.")
@@ -263,7 +276,12 @@ class Export(Configured):
     single: Annotated[bool, typer.Option("--float", help="Use float instead of double.")] = False
     late: Annotated[
         float,
-        typer.Option("--late", min=0, help="Largest delay of a sample (default: the delay of the configuration)."),
+        typer.Option(
+            "--late",
+            parser=not_negative("--late"),
+            metavar="TIME",
+            help="Largest delay of a sample (default: the delay of the configuration).",
+        ),
     ] = 0.0
     inputs_given: Annotated[
         bool,

@@ -31,8 +31,8 @@ def set_path(source: Source, assignment: str) -> Source:
     above = at(source.data, old)
     if new and above is not None and not isinstance(above, dict):
         raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=1)
-    if not old and len(new) == 1 and new[0] not in File.model_fields:
-        _refuse_part_of_a_path(source.data, new[0], file)
+    if not old and new[0] not in File.model_fields:
+        _refuse_part_of_a_path(source.data, tuple(new), file)
     path = (*old, *new)
     value = parse(text, file).data if text.strip() else None
     data = _replaced(source.data, path, value)
@@ -43,17 +43,20 @@ def set_path(source: Source, assignment: str) -> Source:
     return Source(data, places | created)
 
 
-def _refuse_part_of_a_path(data: Any, name: str, file: str) -> None:
-    """Where only the last key of a path is given, name the whole paths.
+def _refuse_part_of_a_path(data: Any, names: tuple[str, ...], file: str) -> None:
+    """Where only the last keys of a path are given, or what they begin with is inside another block, name the path.
 
     Raises
     ------
     ConfigError
     """
-    found = [dotted(path) for path, _ in walk(data) if len(path) > 1 and path[-1] == name]
-    if found:
-        message = f"{name!r} is no key of the top of the file. Did you mean `{sorted(map(str, found))[0]}`?"
-        raise ConfigError(message, file=file, line=1, key=name)
+    known = sorted((tuple(map(str, path)) for path, _ in walk(data)), key=".".join)
+    for length in range(len(names), 0, -1):  # what follows a known part is to be created
+        part, more = names[:length], names[length:]
+        whole = next((path for path in known if len(path) > length and path[-length:] == part), None)
+        if whole is not None:
+            message = f"{names[0]!r} is no key of the top of the file. Did you mean `{'.'.join((*whole, *more))}`?"
+            raise ConfigError(message, file=file, line=1, key=".".join(names))
 
 
 def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:

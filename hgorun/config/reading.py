@@ -22,6 +22,8 @@ def read_source(path: str | Path, overrides: Sequence[str] = (), *, seed: int | 
     ------
     ConfigError
     """
+    if isinstance(overrides, str):
+        raise ConfigError(f"overrides: expected a list, such as [{overrides!r}], found the text {overrides!r}")
     path = Path(path)
     if path.suffix.lower() in {".h5", ".hdf5", ".nc"}:
         raise ConfigError("this is a result file; hgorun compare reads it", file=str(path))

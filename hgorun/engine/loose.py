@@ -7,7 +7,7 @@ what :mod:`hgorun.engine.fixed` computes for it alone, operation by operation.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from hgorun.engine.emit import Emitted
 from hgorun.engine.lane_tables import add_act_of, add_enter, add_rows_of, own
@@ -53,7 +53,7 @@ class _Loop:
         self.k = [self.slope, *(f.slot("double", words) for _ in method.stages)]
         parts = {_part(c) for c in method.c}
         self.clock = {(flow.name, c): f.slot("double", flow.clocked * lanes) for flow in flows for c in parts}
-        self.ticked = {flow.name: f.slot("double", lanes) for flow in flows}  # when the clocked values of ends are
+        self.ticked = {key: f.slot("double", lanes) for key in self.clock}  # the times that these values are of
         for at in self.ticked.values():
             f.store(f.constant(float("nan")), at, f.real)
 
@@ -63,6 +63,10 @@ class _Loop:
 
     def holds(self, name: str) -> str:
         return self.f.compare("ogt", self.read(name), self.f.constant(0.0))
+
+    def differ(self, a: str, b: str) -> str:
+        """Where numbers are not the same to the last bit."""
+        return self.f.let(f"icmp ne {self.f.integer} {self.f.bits(a)}, {self.f.bits(b)}")
 
     def both(self, a: str, b: str) -> str:
         return self.f.let(f"and {self.f.mask} {a}, {b}")
@@ -114,43 +118,46 @@ class _Loop:
 
     def first_slope(self) -> None:
         """The slope at the start of the steps."""
-        self.flow_at(self.clocked(self.read("step")), 0.0, self.z, self.slope)
+        self.tick({0.0: self.clocked(self.read("step"))})
+        self.flow_at(0.0, self.z, self.slope)
 
-    def flow_at(self, t: str | None, c: float, z: str, target: str) -> None:
-        """z' at (t, z), c being the part of the step at which that is; None: that of the last call for this part."""
+    def tick(self, times: Mapping[float, str]) -> None:
+        """What depends on time alone, at some parts of a step one after the other: none of them waits for another."""
+        f, m = self.f, self.m
+        for number, flow in enumerate(self.flows):
+            if not flow.clocked:
+                continue
+            constants = m.constants_of(f, flow)
+            with f.when(f.any(self.in_regime(number))):
+                for c, t in times.items():
+                    tau, at = self.clock[flow.name, _part(c)], self.ticked[flow.name, _part(c)]
+                    # where a step begins, no lane needs it anew but those that come from an event
+                    with f.when(f.any(self.differ(t, f.load(at, f.real)))):
+                        flow.clock(f, t, self.p, constants, tau)
+                        f.store(t, at, f.real)
+
+    def in_regime(self, number: int) -> str:
+        """Which lanes are in a regime."""
+        return self.f.compare("oeq", self.read("regime"), self.f.constant(number))
+
+    def flow_at(self, c: float, z: str, target: str) -> None:
+        """z' at z in all lanes, c being the part of the step at which that is, with the clocked values of there."""
         f, m = self.f, self.m
         last = len(self.flows) - 1
         for number, flow in reversed(list(enumerate(self.flows))):
             constants, tau = m.constants_of(f, flow), self.clock[flow.name, _part(c)]
             if number == last == 0:
-                self.evaluate(flow, t, c, constants, tau, z, target)
+                flow.main(f, self.p, constants, tau, z, self.w, target)
                 return
-            own = f.compare("oeq", self.read("regime"), f.constant(number))
+            own = self.in_regime(number)
             with f.when(f.any(own)):
                 if number == last:  # most lanes are in it most of the time: the others are put in afterwards
-                    self.evaluate(flow, t, c, constants, tau, z, target)
+                    flow.main(f, self.p, constants, tau, z, self.w, target)
                     continue
-                self.evaluate(flow, t, c, constants, tau, z, self.found)
+                flow.main(f, self.p, constants, tau, z, self.w, self.found)
                 for i in range(self.size):
                     new, place = f.load(f.at(self.found, i * f.lanes), f.real), f.at(target, i * f.lanes)
                     f.store(f.select(own, new, f.load(place, f.real)), place, f.real)
-
-    def evaluate(self, flow: Emitted, t: str | None, c: float, constants: str, tau: str, z: str, target: str) -> None:
-        """The right-hand side of one regime, in all lanes."""
-        if t is not None and flow.clocked:
-            self.tick(flow, t, c, constants, tau)
-        flow.main(self.f, self.p, constants, tau, z, self.w, target)
-
-    def tick(self, flow: Emitted, t: str, c: float, constants: str, tau: str) -> None:
-        """What depends on time alone; where a step begins, no lane needs it anew but those that come from an event."""
-        f = self.f
-        if _part(c) != 1.0:
-            flow.clock(f, t, self.p, constants, tau)
-            return
-        before = f.load(self.ticked[flow.name], f.real)
-        with f.when(f.any(f.let(f"icmp ne {f.integer} {f.bits(t)}, {f.bits(before)}"))):
-            flow.clock(f, t, self.p, constants, tau)
-            f.store(t, self.ticked[flow.name], f.real)
 
     def add(self) -> None:
         f, m = self.f, self.m
@@ -182,12 +189,10 @@ class _Loop:
         """From z and the slope there to z at the end of the step, in the lanes that are not at their end."""
         f, method = self.f, self.method
         t, h, late = self.exact(self.read("step")), self.read("h"), self.clocked(following)
-        ticked = {0.0}
+        self.tick({c: late if c == 1.0 else f.add(t, f.mul(h, f.constant(c))) for c in dict.fromkeys(method.c[1:])})
         for c, row, target in zip(method.c[1:], method.stages, self.k[1:], strict=True):
-            at = late if c == 1.0 else f.add(t, f.mul(h, f.constant(c)))
             self.combine(row.weights, row.scale, self.stage)
-            self.flow_at(None if c in ticked else at, c, self.stage, target)
-            ticked.add(c)
+            self.flow_at(c, self.stage, target)
         self.combine(method.result.weights, method.result.scale, self.z)
 
     def combine(self, weights: tuple[float, ...], scale: float, target: str) -> None:

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import replace
 
 import numpy as np
 
-from hgorun.engine.layout import DONE
+from hgorun.engine.layout import ACTION_WORDS, ARRIVE, DONE, NOTHING, RECORD, SAVE, SET
 from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Floats, Integers, Plan
 from hgorun.engine.program import Program
@@ -59,10 +60,59 @@ class Session:
             if verdict != DONE:
                 raise SimulationError(f"the run cannot go on at t = {self._memory.real('now'):.6g}")
 
+    def happened_without(self, samples: Collection[tuple[int, int]], z: Floats, w: Floats) -> Floats:
+        """All states if what has just happened had done so without some of the samples; nothing follows from it.
+
+        Parameters
+        ----------
+        samples : collection of (channel, slot)
+        z, w : ndarray
+            The states, and what was held, before.
+        """
+        memory, here = self._memory, self._at - 1
+        kept = {name: memory.arrays[name].copy() for name in ("z", "w", "innovations", "slots", "diverged")}
+        words = {name: memory[name] for name in ("row", "ring_count")}
+        rows = memory.arrays["actions"].reshape(-1, ACTION_WORDS)[
+            self._plan.counts[here, 4] : self._plan.counts[here, 5]
+        ]
+        actions = rows.copy()
+        rows[:] = without(actions, samples, [self._program.system.held.fresh(channel) for channel, _ in samples])
+        self.z[...], self.w[...] = z, w
+        memory["segment"] = here
+        try:
+            if self._program.go_on(memory, self._at) != DONE:
+                raise SimulationError(f"the run cannot go on at t = {memory.real('now'):.6g}")
+            return self.z.copy()
+        finally:
+            rows[:] = actions
+            for name, values in kept.items():
+                memory.arrays[name][...] = values
+            for name, word in words.items():
+                memory[name] = word
+
     def finish(self) -> Raw:
         """The rest of the run, and what it has given."""
         self.advance(len(self._plan.counts))
         return self._memory.result(self._plan.steps)
+
+
+def without(actions: Integers, samples: Collection[tuple[int, int]], flags: Collection[int]) -> Integers:
+    """Rows of the action table in which some samples are noted only, and nothing is saved.
+
+    Parameters
+    ----------
+    samples : collection of (channel, slot)
+    flags : collection of int
+        The places in w that say that they arrive.
+    """
+    found = actions.copy()
+    for row in found:
+        op, place, slot = (int(word) for word in row[:3])
+        if op == ARRIVE and (place, slot) in samples:
+            row[0] = RECORD
+        elif op == SAVE or (op == SET and place in flags):
+            row[0] = NOTHING
+    return found
 
 
 def with_stops(plan: Plan, at: Integers) -> tuple[Plan, np.ndarray]:

@@ -151,17 +151,18 @@ class _Work:
         return alone
 
     def _prepared(self, which: Integers) -> None:
-        """Members that are prepared one by one, and carried out side by side as far as they have one plan."""
+        """Members that are prepared one by one, and carried out side by side; all suspects are looked at together."""
+        suspects = [np.zeros(0, dtype=np.int64)]
         for start in range(0, which.size, _PREPARED):
             some = which[start : start + _PREPARED]
             for lot in retimed_lots(self.base, self.members, some):
                 if able(lot.run):
-                    self._alone(self._lot(lot))
+                    suspects.append(self._lot(lot))
                     some = some[~np.isin(some, lot.which)]
             groups, rest = self._groups(self._runs_by_seed(some))
             self._alone(np.array([i for i, _ in rest], dtype=np.int64))
-            for lot in lots_of(list(groups.values())):
-                self._alone(self._lot(lot))
+            suspects += [self._lot(lot) for lot in lots_of(list(groups.values()))]
+        self._alone(np.concatenate(suspects))
 
     def _alone(self, which: Integers) -> None:
         """Members that are looked at one by one, their passes side by side."""

@@ -52,6 +52,18 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Collected:
     return opened(path, budget, lambda file: _Reader(file, path, budget).collected())
 
 
+def base_of(path: Path) -> str:
+    """The configuration that members vary, as YAML, as a collected file holds it.
+
+    Raises
+    ------
+    ConfigError
+        When the file is missing, damaged, or does not hold it.
+    """
+    path = file_at(path)
+    return opened(path, LARGEST, lambda file: StoredFile(file, path, LARGEST).text("config_resolved"))
+
+
 class _Reader(StoredFile):
     """A collected file, piece by piece."""
 

@@ -6,13 +6,14 @@ the last differs in a single bit, all of them are.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
 
+from hgorun.engine.plan import Plan
 from hgorun.ensemble.found import Integers
-from hgorun.ensemble.lot import Lot, Numbers
+from hgorun.ensemble.lot import Lot, Numbers, settings_of
 from hgorun.ensemble.members import Members
 from hgorun.ensemble.retimed import Retimed, is_plain
 from hgorun.errors import HgorunError, Problem
@@ -38,9 +39,12 @@ def retimed_lots(base: Experiment, members: Members, which: Integers) -> Iterato
             kinds = list(Retimed(run, seeds, *_prepared(base, changes, run)).plans())
         except (Problem, HgorunError):
             continue
-        places = list(changes)
-        for own, plans in kinds:
-            yield Lot.with_plans(own, {places[place]: plan for place, plan in plans.items()})
+        places, lots = list(changes), dict[Hashable, tuple[PreparedRun, dict[int, Plan]]]()
+        for own, plans in kinds:  # what has another number of samples alone goes through the same code
+            z0, p = own.numbers.z0.tobytes(), own.numbers.p.tobytes()
+            _, together = lots.setdefault((settings_of(own), z0, p), (own, {}))
+            together |= {places[place]: plan for place, plan in plans.items()}
+        yield from (Lot.with_plans(own, together) for own, together in lots.values())
 
 
 def _prepared(

@@ -25,7 +25,7 @@ from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 
 # what side by side a step of all lanes takes, alone it takes one; with one plan for all, and with one for each
-_ALIKE, _OWN = 2.0, 3.0
+_ALIKE, _OWN = 2.0, 2.5
 _NUMBERS = 16_000_000  # doubles of the trajectories of members that are looked at together
 
 

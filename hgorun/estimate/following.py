@@ -10,8 +10,9 @@ import numpy as np
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, TAKE
 from hgorun.engine.plan import Floats, Integers
+from hgorun.engine.session import without
 from hgorun.estimate.event import Event
-from hgorun.estimate.gated import Gate, leave_out
+from hgorun.estimate.gated import Gate, jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 
 State: TypeAlias = tuple[dict[str, Floats], bytes]  # the numbers of a run, and what is known beside them
@@ -94,6 +95,7 @@ class Following:
         live.w[fresh] = 1.0
         live.happen(self._actions(event, jumps), self.regime)
         live.w[fresh] = 0.0
+        out = dict[int, list[tuple[int, int]]]()
         for i, slot, _, used in event.samples:
             if used:
                 self.heard[i] = True
@@ -102,7 +104,27 @@ class Following:
                     self.offered[i] += 1
                     for j in self.gate.outliers(i, live.innovations[slot], event.t, z, w):
                         self.outliers[i][j] += 1
+                        out.setdefault(j, []).append((i, slot))
                         leave_out(self.system.structure.system, live, i, j, z, w)
+        for j, samples in out.items():
+            self._jump_without(event, j, samples, self._actions(event, jumps), z, w)
+
+    def _jump_without(
+        self, event: Event, j: int, samples: list[tuple[int, int]], actions: Integers, z: Floats, w: Floats
+    ) -> None:
+        """Let an observer jump by those of the samples of an event alone that are no outliers to it."""
+        live, system = self.live, self.system.structure.system
+        start, stop, _ = system.blocks[j]
+        if not jumps_by_several(system, start):
+            return
+        kept = live.state()
+        fresh = [system.held.fresh(i) for i, slot, _, used in event.samples if used and (i, slot) not in samples]
+        live.z[...], live.w[...] = z, w
+        live.w[fresh] = 1.0
+        live.happen(without(actions, samples, ()), self.regime)
+        states = live.z[start:stop].copy()
+        live.restore(kept)
+        live.z[start:stop] = states
 
     def _jumps(self, event: Event) -> tuple[int, ...]:
         """What jumps at an event: corrections whenever something arrives, steps from the second sample on."""

@@ -120,11 +120,17 @@ class _GatedRun:
         session.advance(stop + 1)
         now = session.innovations[slots]
         session.innovations[slots] = np.where(np.isnan(first), now, first)
+        system, out = self._prepared.run.structure.system, dict[int, list[tuple[int, int]]]()
         for one, innovations in zip(entering, now, strict=True):
             found = self._gate.outliers(one.output, innovations, t, z, w, one.members)
             self._used[one.used, list(one.members)] = [j not in found for j in one.members]
             for j in found:
-                leave_out(self._prepared.run.structure.system, session, one.channel, j, z, w)
+                out.setdefault(j, []).append((one.channel, one.slot))
+                leave_out(system, session, one.channel, j, z, w)
+        for j, samples in out.items():
+            start, stop, _ = system.blocks[j]
+            if jumps_by_several(system, start):
+                session.z[start:stop] = session.happened_without(samples, z, w)[start:stop]
 
 
 def _entering(prepared: PreparedEstimate) -> Iterator[tuple[int, Entering]]:
@@ -234,6 +240,11 @@ class Running(Protocol):
     def w(self) -> Floats:
         """What is held."""
         ...
+
+
+def jumps_by_several(system: HybridSystem, start: int) -> bool:
+    """Whether the observer that begins there is corrected by all samples that arrive at once, of several outputs."""
+    return any(system.jumps[number][0] == start and last - first > 1 for number, first, last in system.corrections)
 
 
 def leave_out(system: HybridSystem, live: Running, output: int, j: int, z: Floats, w: Floats) -> None:

@@ -8,6 +8,7 @@ of the integration is told from some of the stretches, each of which begins with
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -43,8 +44,7 @@ from hgorun.result.result import Result
 from hgorun.simulation.outcome import internal
 from hgorun.symbolic.evaluate import Floats
 
-_ROWS = 1 << 16  # that are written at a time
-_FIRST, _EVERY = 2, 8  # stretches that are carried out with other steps as well: the first ones, then every so many
+_ROWS = 1 << 14  # of a band that are written at a time
 
 
 def estimate_into(
@@ -256,12 +256,14 @@ class LongLog:
         return result
 
     def _assess(self, file: ResultInParts, evaluated: Evaluated, found: Found, j: int) -> Assessed:
-        """The scores of an observer, and its band, which is written."""
+        """The scores of an observer, and its band, which is written meanwhile."""
         prepared, label = self._prepared, self._prepared.run.observers[j].label
         widths = widths_of(prepared, evaluated, j)
-        self._write_band(file, found, label, widths)
-        lower, upper = (found.all_shown(f"observers/{label}/{name}") for name in ("lower", "upper"))
-        return Assessed(lower, upper, widths.reasons, scores_of(prepared, evaluated, j))
+        with ThreadPoolExecutor(1) as pool:
+            scores = pool.submit(scores_of, prepared, evaluated, j)
+            self._write_band(file, found, label, widths)
+            lower, upper = (found.all_shown(f"observers/{label}/{name}") for name in ("lower", "upper"))
+            return Assessed(lower, upper, widths.reasons, scores.result())
 
     @staticmethod
     def _write(file: ResultInParts, found: Found, path: str, rows: np.ndarray, total: int) -> None:

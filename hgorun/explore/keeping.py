@@ -12,6 +12,7 @@ from typing import Any
 from hgorun.config.paths import entries
 from hgorun.config.reading import read_source
 from hgorun.config.written import with_values
+from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.explore.bench import Bench, Shown
 from hgorun.explore.state import State
@@ -36,11 +37,15 @@ class Keeper:
         Nothing is written elsewhere.
     first : str
         What the first file is called unless the page says otherwise.
+    alone : bool
+        Files extend no other one, as they must where the configuration is part of an installation: elsewhere that
+        lies in another place.
     """
 
     bench: Bench
     folder: Path
     first: str
+    alone: bool = False
 
     def next_name(self) -> str:
         """A name that is still free."""
@@ -78,8 +83,8 @@ class Keeper:
     def text(self, shown: Shown, target: Path) -> str:
         """The configuration of a file at some place.
 
-        The file's own text where that is possible, else one that extends it; where an observer is left out, or one
-        run of several is meant, everything that decides the numbers.
+        The file's own text where that is possible, else one that extends it; where an observer is left out, one
+        run of several is meant, or the file has to stand alone and does not, everything that decides the numbers.
         """
         try:
             if self.bench.run_name is not None:
@@ -88,7 +93,8 @@ class Keeper:
             values = {".".join(map(str, place)): value for place, value in _different(before, shown.said.data)}
         except _Gone:
             return self.bench.text(shown, target)
-        return with_values(self.bench.path, values, target)
+        text = with_values(self.bench.path, values, target)
+        return self.bench.text(shown, target) if self.alone and "extends" in parse(text, str(target)).data else text
 
     @staticmethod
     def _taken(path: Path) -> bool:

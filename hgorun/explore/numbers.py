@@ -51,7 +51,7 @@ def metrics_table(result: Result) -> Table:
                 label=row.label,
                 status=row.status,
                 reason=row.observer.reason or "",
-                cells=tuple(_cell(row.value(metric, state)) for metric, state in columns),
+                cells=tuple(_cell(row.value(metric, state), row.text_of(metric, state)) for metric, state in columns),
             )
             for row in rows
         ),
@@ -77,8 +77,9 @@ def scores_table(result: Result) -> Table:
     )
 
 
-def _cell(value: float | None) -> Cell:
-    return Cell(number(value), "" if value is None else repr(value))
+def _cell(value: float | None, text: str | None = None) -> Cell:
+    """A number with all its digits, under a text that tables show in its place, if any."""
+    return Cell(number(value) if text is None else text, "" if value is None else repr(value))
 
 
 def promised_cells(promises: Mapping[str, Promise], names: Sequence[str]) -> dict[str, dict[str, dict[str, Cell]]]:

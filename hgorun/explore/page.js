@@ -155,8 +155,8 @@
     }));
   }
   function draw_metrics(picture) {
-    table("metrics", [...picture.columns, "status"], picture.rows.map((row) =>
-      [row.label, [...row.cells.map(cell), element("td", row.status, { title: row.reason })]]), [...picture.meanings, ""]);
+    table("metrics", ["status", ...picture.columns], picture.rows.map((row) =>
+      [row.label, [element("td", row.status, { title: row.reason }), ...row.cells.map(cell)]]), ["", ...picture.meanings]);
     const columns = JSON.stringify(picture.columns);
     if (byId("metrics").dataset.columns !== columns) byId("metrics").dataset.columns = columns;
     summary = picture.said.length ? picture.said.join("; ") : picture.status;

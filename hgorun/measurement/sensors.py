@@ -38,7 +38,7 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     interval = intervals.pop() if len(intervals) == 1 else None
     delays = {float(parse(s.delay).number()) if s.delay_is_constant else None for s in stretches}
     delay, amplitude = delays.pop() if len(delays) == 1 else None, _amplitude(stretches)
-    first_sample = _first(stretches)
+    first_sample, sampled = _first(stretches), not all(s.continuous for s in stretches)
     try:
         strengths = [_strength(s) for s in stretches]
         if len({one.power for one in strengths}) > 1 or len({s.multiplicative for s in stretches}) > 1:
@@ -46,7 +46,15 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
     except _Unknown as unknown:
         why, continuous = str(unknown), any(s.continuous for s in stretches)
         return Sensor(
-            None, None, interval, why=why, amplitude=amplitude, delay=delay, continuous=continuous, first=first_sample
+            None,
+            None,
+            interval,
+            why=why,
+            amplitude=amplitude,
+            delay=delay,
+            continuous=continuous,
+            first=first_sample,
+            sampled=sampled,
         )
     first = strengths[0]
     power = None if stretches[0].multiplicative else first.power
@@ -58,7 +66,7 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
         why = why or "the mean time between its samples is not known, or changes"
     multiplicative = stretches[0].multiplicative
     return Sensor(
-        variance, density, interval, multiplicative, why, amplitude, delay, power, continuous, first=first_sample
+        variance, density, interval, multiplicative, why, amplitude, delay, power, continuous, first_sample, sampled
     )
 
 

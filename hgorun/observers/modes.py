@@ -132,8 +132,9 @@ class ObserverBank(NoiseInformed, NotLinear, DecidedObserver):
     def require_continuous(self, form: CanonicalForm) -> None:
         """Refuse outputs of which some are sampled."""
         for name, sensor in zip(form.plant.outputs, self._sensors, strict=False):
-            if sensor.interval is not None:
-                message = f"{name} is sampled and others are continuous: expected outputs of one kind"
+            if sensor.sampled:
+                other = "it is continuous in other phases" if sensor.continuous else "others are continuous"
+                message = f"{name} is sampled, and {other}: expected outputs of one kind"
                 raise Problem(("type",), message)
 
     def states(self, form: CanonicalForm) -> Mapping[str, np.ndarray | Symmetric]:

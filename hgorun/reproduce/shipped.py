@@ -23,6 +23,11 @@ def experiments() -> dict[str, Path]:
     return {p.relative_to(base).with_suffix("").as_posix(): p for p in files}
 
 
+def is_shipped(path: Path) -> bool:
+    """Whether a file is one of the experiments that come with hgorun, and not a copy."""
+    return path.resolve().is_relative_to(folder().resolve())
+
+
 def examples() -> dict[str, tuple[Path, ...]]:
     """{name: its files}: configurations with recorded data, the one to begin with first."""
     base = folder("demos")

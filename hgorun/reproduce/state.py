@@ -125,7 +125,7 @@ class State:
     def why(self, kind: str, name: str, now: Ingredients) -> str | None:
         """In one phrase why an entry has to be made anew; None where it stands."""
         if name not in self.data[kind]:
-            return "not made yet"
+            return "for the first time in this folder"
         entry = self.data[kind][name]
         made_of = entry.get("made_of")
         if not isinstance(made_of, dict):

@@ -20,7 +20,7 @@ from hgorun.result import digests
 from hgorun.result.sink import Sink
 
 _PIECE = 1 << 16
-_WAITING = 16  # pieces that may wait to be written: they are memory
+_WAITING = 8  # pieces that may wait to be written: they are memory
 
 
 class Growing:
@@ -41,6 +41,7 @@ class Growing:
     def __init__(self, group: h5py.Group, name: str, rows: int, like: np.ndarray, background: Background) -> None:
         self._data = _contiguous(group, name, (rows, *like.shape[1:]), like.dtype)
         self._place: int = self._data.id.get_offset() or 0
+        background.sink.reserve(self._place, self._data.id.get_storage_size())
         self._background, self._digest = background, sha256()
         self._rows, self._given, self._passed = rows, 0, 0
 

@@ -6,6 +6,7 @@ import io
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
+from errno import EDQUOT, EFBIG, ENOSPC
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -44,6 +45,18 @@ class Sink(io.FileIO):
                 self.failed = error
                 return
             left, place = left[done:], place + done
+
+    def reserve(self, place: int, size: int) -> None:
+        """Take the room for bytes that will come: a disk that is too small says so at once, and the file ends sooner.
+
+        Without it file systems choose the place of gigabytes when the file gets its name, and that waits for the disk.
+        """
+        if size and self.failed is None and hasattr(os, "posix_fallocate"):
+            try:
+                os.posix_fallocate(self.fileno(), place, size)
+            except OSError as error:
+                if error.errno in (ENOSPC, EFBIG, EDQUOT):  # others: this file system cannot
+                    self.failed = error
 
     def truncate(self, size: int | None = None) -> int:
         try:

@@ -114,14 +114,15 @@ def _unstable_gain(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | No
         return None
     if "gain" in observer.roles(block.form).values():
         return None
-    count = len(run.grid)
-    rates = [_rate(run, block, row, raw.rows[row, : run.plant.model.n, 0]) for row in (0, count // 2, count - 1)]
-    if not all(rate > 0 for rate in rates):
-        return None
+    count, matrix, rates = len(run.grid), _error_matrix(run, block), list[float]()
+    for row in (0, count // 2, count - 1):
+        rates.append(_rate(run, block, matrix, row, raw.rows[row, : run.plant.model.n, 0]))
+        if rates[-1] <= 0:
+            return None
     return f"the gain is unstable on this plant: small errors grow like exp({min(rates):.3g} t)"
 
 
-def _rate(run: PreparedRun, block: ObserverBlock, row: int, x: Floats) -> float:
+def _rate(run: PreparedRun, block: ObserverBlock, error_matrix: ca.Function, row: int, x: Floats) -> float:
     """The largest real part of the error dynamics' eigenvalues at a true state; 0 where it is small or not known."""
     structure, model, t = run.structure, run.plant.model, run.grid[row]
     own = slice(block.start, block.stop)
@@ -134,7 +135,7 @@ def _rate(run: PreparedRun, block: ObserverBlock, row: int, x: Floats) -> float:
     except ValueError:  # the coordinates do not exist there
         return 0.0
     u = structure.inputs.along(np.array([t]), run.numbers.p, np.zeros((1, structure.system.states)))[0]
-    matrix = at(_error_matrix(run, block), t, u, z, np.zeros(len(model.outputs)), run.numbers.p)[0]
+    matrix = at(error_matrix, t, u, z, np.zeros(len(model.outputs)), run.numbers.p)[0]
     matrix = matrix.reshape(block.stop - block.start, -1)
     if not np.all(np.isfinite(matrix)):
         return 0.0

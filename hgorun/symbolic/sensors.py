@@ -29,7 +29,7 @@ class Sensor:
         By how much it is late; None where that changes.
     power : float or None
         Mean square of the noise, in y^2, of continuous outputs too; None where it is not known, or relative to h.
-    continuous : bool
+    continuous, sampled : bool
         Whether it is so in any phase.
     first : float
         When the first sample is due, counted from the start of the run; 0 where there are none.
@@ -45,3 +45,4 @@ class Sensor:
     power: float | None = None
     continuous: bool = False
     first: float = 0.0
+    sampled: bool = False

@@ -47,6 +47,28 @@ def test_what_two_observers_use_and_nothing_else(shell: Shell) -> None:
     assert "cited" not in found["gelb1974"]
 
 
+def test_a_base_is_cited_for_what_is_made_of_it(shell: Shell) -> None:
+    """Files of a sweep and of tuning, a result, and the collected file of a sweep."""
+    noisy = TWO.replace("period: 0.1}}", "period: 0.1}, noise: [{type: gaussian, std: 0.1}]}")
+    (shell.folder / "two.yaml").write_text(noisy)
+    (shell.folder / "cited.yaml").write_text('reference: "Gauthier et al. (1992)"' + noisy)
+    found = parsed(shell("cite", "cited.yaml", "--bibtex")[1])
+    (shell.folder / "sweep.yaml").write_text("base: cited.yaml\naxes: {seed: {count: 2}}\n")
+    (shell.folder / "gains.yaml").write_text(
+        "base: cited.yaml\ntune: {gains: {observers.A.Q.x1: {log: [0.1, 10]}}, minimise: 'rmse(A, x1)'}\n"
+    )
+    assert shell("simulate", "cited.yaml", "-q", "-o", "cited.h5")[0] == 0
+    assert shell("sweep", "sweep.yaml", "-q")[0] == 0
+    (collected,) = (shell.folder / "results").glob("*.h5")
+    assert parsed(shell("cite", "sweep.yaml", "--bibtex")[1]) == found
+    assert parsed(shell("cite", "cited.h5", "--bibtex")[1]) == found
+    assert parsed(shell("cite", "gains.yaml", "--bibtex")[1]).keys() == found.keys() | {"scipy"}
+    of_ensemble = parsed(shell("cite", str(collected), "--bibtex")[1])
+    assert of_ensemble.keys() == parsed(shell("cite", "two.yaml", "--bibtex")[1]).keys()
+    code, _, err = shell("cite", "cited.h5", "--run", "a")
+    assert (code, "--run is for configurations" in err) == (2, True)
+
+
 def test_what_was_not_looked_up_is_marked(shell: Shell) -> None:
     """An article without DOI, and not a book, which has none."""
     (shell.folder / "m.yaml").write_text(TWO.replace("ekf, Q: {x1: 1, x2: 1}", "levant, G: 1"))

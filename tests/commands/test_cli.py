@@ -16,7 +16,6 @@ from outside import installed
 from shell import Shell
 from waiting import wait_until_it_computes
 
-from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text
 from hgorun.files import _MACHINE
 from hgorun.observers.base import OBSERVERS
 from hgorun.observers.shgo import StandardObserver
@@ -85,7 +84,7 @@ def test_a_diverging_plant_writes_nothing(shell: Shell) -> None:
     (shell.folder / "wild.yaml").write_text(yaml.safe_dump(config))
     code, _, err = shell("simulate", "wild.yaml")
     assert code == 1
-    assert "the plant itself diverged at t = 1." in err
+    assert "the plant itself diverged at t = 1, where x1 reaches infinity" in err
     assert not (shell.folder / "results").exists()
 
 
@@ -165,11 +164,10 @@ def test_list_and_show(shell: Shell) -> None:
 
 def test_init_copies_what_runs(shell: Shell) -> None:
     assert shell("init", "contois_te050", "mine")[0] == 0
-    copies = ["_contois.yaml", "contois_te050.yaml", SCHEMA_FILE]
+    copies = ["_contois.yaml", "contois_te050.yaml"]
     assert sorted(p.name for p in (shell.folder / "mine").iterdir()) == copies
-    for name in copies[:2]:
-        assert (shell.folder / "mine" / name).read_text().startswith(f"# yaml-language-server: $schema={SCHEMA_FILE}\n")
-    assert (shell.folder / "mine" / SCHEMA_FILE).read_text() == schema_text(build_schema())
+    for name in copies:
+        assert (shell.folder / "mine" / name).read_text().startswith("# yaml-language-server: $schema=file:///")
     assert shell("init", "contois_te025", "mine")[0] == 0  # shares the base file
     (shell.folder / "mine" / "_contois.yaml").write_text("mine now\n")
     assert shell("init", "contois_te050", "mine")[0] == 1

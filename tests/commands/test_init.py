@@ -41,8 +41,11 @@ def test_a_plant_gives_a_commented_configuration_that_runs(shell: Shell) -> None
     assert (code, "FHGO" in out) == (0, True)
     assert shell("init", "--plant", "contois", "-o", "my.yaml")[0] == 0  # it is the same
     (shell.folder / "my.yaml").write_text(text + "# mine\n")
+    before = [path.name for path in shell.folder.glob("*")]
     code, _, err = shell("init", "--plant", "contois", "-o", "my.yaml")
-    assert (code, "my.yaml exists and differs; --force overwrites it" in err) == (1, True)
+    assert (code, "my.yaml exists and differs; --force overwrites it" in err) == (2, True)
+    assert shell("init", "--plant", "contois", "-o", "my.yaml", "--schema")[0] == 2
+    assert [path.name for path in shell.folder.glob("*")] == before  # no schema either
     assert shell("init", "--plant", "contois", "-o", "my.yaml", "--force")[0] == 0
 
 

@@ -105,7 +105,7 @@ def test_what_is_typed_wrong(shell: Shell, arguments: tuple[str, ...], words: st
     assert (code, out, words in err) == (2, "", True), err
 
 
-@pytest.mark.parametrize("command", ["simulate", "explore", "analyze", "compare"])
+@pytest.mark.parametrize("command", ["simulate", "analyze", "compare"])
 def test_recorded_data_given_to_a_command_of_simulations(shell: Shell, command: str) -> None:
     recorded = CONFIG.replace("end: 1, output_step: 0.1", "unit: s") + "data: {file: log.csv, outputs: {x1: y}}\n"
     (shell.folder / "c.yaml").write_text(recorded)
@@ -138,3 +138,17 @@ def test_each_command_says_what_it_takes_and_its_exit_codes(shell: Shell, comman
     code, out, _ = shell(command, "-h")
     assert (code, "Exit codes: 0 done" in out) == (0, True)
     assert out == shell(command, "--help")[1]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("simulate", "a.yaml", "--seed", "-3"), "--seed: expected an integer of at least 0, found -3"),
+        (("simulate", "a.yaml", "--seed", "1.5"), "--seed: expected an integer of at least 0, found 1.5"),
+        (("explore", "a.yaml", "--port", "99999"), "--port: expected an integer from 0 to 65535, found 99999"),
+        (("sweep", "a.yaml", "--jobs", "0"), "--jobs: expected an integer of at least 1, found 0"),
+    ],
+)
+def test_a_number_of_the_command_line_has_its_limits(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
+    (shell.folder / "a.yaml").write_text(CONFIG)
+    assert shell(*arguments) == (2, "", f"hgorun: {words}\n")

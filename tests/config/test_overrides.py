@@ -1,5 +1,6 @@
 """Configurations on top of each other: ``--set`` and ``extends``, and the positions they leave."""
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from written import EXAMPLE
 
 from hgorun.config.overrides import merge, replaced, set_path
 from hgorun.config.paths import at, walk
+from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError
 
@@ -240,3 +242,23 @@ def test_what_a_whole_block_refuses_is_told_where_the_key_was_set(tmp_path: Path
         load(tmp_path, config, assignment)
     assert caught.value.file == f"--set {assignment}"
     assert caught.value.key == key
+
+
+@pytest.mark.parametrize(
+    ("assignment", "meant"),
+    [
+        ("SHGO.theta=3", "observers.SHGO.theta"),
+        ("SHGO.new.key=3", "observers.SHGO.new.key"),
+        ("theta=3", "observers.SHGO.theta"),
+    ],
+)
+def test_the_end_of_a_path_is_no_path(assignment: str, meant: str) -> None:
+    source = parse("observers: {SHGO: {type: shgo, theta: 2}}", "c.yaml")
+    with pytest.raises(ConfigError, match=re.escape(f"Did you mean `{meant}`?")):
+        set_path(source, assignment)
+
+
+def test_a_text_in_place_of_a_list_of_changes(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(EXAMPLE)
+    with pytest.raises(ConfigError, match=r"overrides: expected a list, such as \['seed=2'\], found the text 'seed=2'"):
+        read_source(tmp_path / "a.yaml", "seed=2")

@@ -116,9 +116,11 @@ class Paper:
 class Live:
     """A session of a file, asked by keywords."""
 
-    def __init__(self, path: Path, *, run: str | None = None, query: str = "", folder: Path | None = None) -> None:
+    def __init__(
+        self, path: Path, *, run: str | None = None, query: str = "", folder: Path | None = None, alone: bool = False
+    ) -> None:
         self.bench = bench_of(path, run=run)
-        self.keeper = Keeper(self.bench, folder or path.parent / "results", f"{path.stem}.explored.yaml")
+        self.keeper = Keeper(self.bench, folder or path.parent / "results", f"{path.stem}.explored.yaml", alone)
         self.worker, self.paper = AtOnce(), Paper()
         self.session = Session(self.bench, self.keeper, self.worker, lambda job: job(), self.paper, query)
         self.number = 0

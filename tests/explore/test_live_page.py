@@ -224,6 +224,11 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
             await page.press("Tab")
             reached.append(await page.value("document.activeElement.getAttribute('data-knob')"))
         seen["reached"] = [one for one in reached if one is not None]
+        await page.resize(1500, 1000)
+        seen["beyond"] = await page.value(
+            "(table => table.scrollWidth - table.parentElement.clientWidth)(document.querySelector('#metrics'))"
+        )
+        seen["head"] = await page.value("document.querySelectorAll('#metrics th')[1].textContent")
         await page.resize(320, 800)  # 1280 at 400 %
         await asyncio.sleep(1)
         seen["width"] = await page.value("document.documentElement.scrollWidth")
@@ -237,5 +242,7 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
     assert seen["nameless"] == []
     assert (seen["figures"], seen["status"], seen["language"]) == (0, "status", "en")
     assert seen["reached"][:3] == ["0", "1", "2"]
+    assert seen["beyond"] <= 0  # the table of metrics fits into its box
+    assert seen["head"] == "status"  # in sight also where it is wider
     assert seen["width"] <= 320
     assert seen["columns"] == 1

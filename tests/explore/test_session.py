@@ -17,7 +17,9 @@ from hgorun.errors import ConfigError, HgorunError
 from hgorun.explore.keeping import Keeper
 from hgorun.explore.promises import AT_ONCE, LATER
 from hgorun.explore.simulated import Simulated
+from hgorun.reproduce.shipped import experiments, is_shipped
 from hgorun.result.result import Result
+from hgorun.tables.rows import rows_of
 
 
 @pytest.fixture
@@ -77,6 +79,35 @@ def test_a_file_that_extends_another_is_extended(file: Path, tmp_path: Path) -> 
     path = written(live)
     assert yaml.safe_load(path.read_text())["extends"] == "../../over.yaml"
     assert sorted_digits(numbers(simulate(load(path)))) == sorted_digits(live.digits)
+
+
+def test_a_file_that_has_to_stand_alone_extends_nothing(file: Path, tmp_path: Path) -> None:
+    """What is written of an experiment that lies in an installation is used elsewhere, without that."""
+    over = tmp_path / "over.yaml"
+    over.write_text("extends: a.yaml\ntitle: An oscillator\n")
+    live = Live(over, folder=tmp_path / "x", alone=True)
+    live.set("observers.F.theta", 2.5)
+    path = written(live)
+    file.unlink()
+    assert "extends" not in (said := yaml.safe_load(path.read_text()))
+    assert said["title"] == "An oscillator"
+    assert sorted_digits(numbers(simulate(load(path)))) == sorted_digits(live.digits)
+
+
+def test_what_is_written_of_a_shipped_experiment_stands_alone() -> None:
+    shipped = experiments()["robles2023/chapter3/contois_te025"]
+    assert is_shipped(shipped)
+    assert not is_shipped(Path("contois_te025.yaml"))
+
+
+def test_a_settling_time_that_noise_decides_is_never(file: Path) -> None:
+    noisy = OSCILLATOR.replace("end: 4", "end: 12").replace("std: 0.01", "std: 0.03").replace("theta: 3", "theta: 6")
+    file.write_text(noisy)
+    live = Live(file)
+    (row,) = (row for row in rows_of([simulate(load(file))]) if row.label == "S")
+    shown = dict(zip(live.begun["picture"]["columns"], live.begun["picture"]["rows"][1]["cells"], strict=True))
+    assert row.noisy("settling", "x2")
+    assert shown["settling x2"] == ["never", repr(row.value("settling", "x2"))]
 
 
 def test_observers_that_are_off_are_left_out(file: Path) -> None:

@@ -83,7 +83,7 @@ def test_latex(shell: Shell) -> None:
         (["-o", "tank.yaml"], "--output: expected a folder"),
         (["--observer", "SHGO"], "no observer is called 'SHGO'; known: FHGO"),
         (["--set", "solver.method=rodas5p"], "rodas5p solves linear equations in every step"),
-        (["--late", "-1"], "Invalid value for '--late'"),
+        (["--late", "-1"], "--late: expected a number of at least 0, found -1"),
     ],
 )
 def test_what_is_wrong(shell: Shell, arguments: list[str], message: str) -> None:

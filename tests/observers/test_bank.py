@@ -189,6 +189,14 @@ def test_what_late_continuous_outputs_cannot_be_compared_with_is_refused(
         prepare(experiment(VAN_DER_POL, {"B": {**BANK, **change}}, measurement={"delay": delay}))
 
 
+@pytest.mark.parametrize("delay", [0, 0.1])
+def test_outputs_that_are_sampled_for_a_time_are_refused(delay: float) -> None:
+    """Modes would be compared with a held innovation there, which belongs to none of them."""
+    phases = [{"until": 0.5, "sampling": {"period": 0.05}}, {"until": 1, "sampling": "continuous"}]
+    with pytest.raises(ConfigError, match="x1 is sampled, and it is continuous in other phases"):
+        prepare(experiment(VAN_DER_POL, {"B": BANK}, measurement={"delay": delay, "phases": phases}))
+
+
 def test_one_output_may_be_late_and_another_not() -> None:
     plant = inline({"a": "b", "b": "-a", "c": "-c + a"}, ["a", "c"])
     measurement = {"outputs": {"c": {"delay": 0.2, "noise": sinusoid(0.02, 9)}}}

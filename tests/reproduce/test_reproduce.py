@@ -203,7 +203,7 @@ def test_a_figure_that_is_drawn_again_says_why(tmp_path: Path, capsys: pytest.Ca
         assert figures(Figures(names=[name], output=output, json=True, jobs=1)) == 0
         return {row["figure"]: row["reason"] for row in json.loads(capsys.readouterr().out)}
 
-    assert reasons() == {"first": "not made yet", "second": "not made yet"}
+    assert reasons() == {"first": "for the first time in this folder", "second": "for the first time in this folder"}
     assert reasons() == {"first": None, "second": None}
     path.write_text("# a comment\n" + original.replace("title: study0", "title: Another title"))
     assert reasons() == {"first": None, "second": None}
@@ -217,7 +217,7 @@ def test_a_figure_that_is_drawn_again_says_why(tmp_path: Path, capsys: pytest.Ca
     state.write_text(state.read_text().replace(f'"hgorun": "{__version__}"', '"hgorun": "0.0.9"'))
     assert reasons()["first"] == f"hgorun 0.0.9 -> {__version__}"
     state.write_text(json.dumps({"figures": {"first": {"key": "0123", "files": []}}}))
-    assert reasons() == {"first": "made by another version of hgorun", "second": "not made yet"}
+    assert reasons() == {"first": "made by another version of hgorun", "second": "for the first time in this folder"}
     (output / "study0" / "first.pdf").unlink()
     assert figures(Figures(names=[name], output=output, jobs=1)) == 0
     first, second = capsys.readouterr().out.splitlines()

@@ -1,6 +1,7 @@
 """Where HDF5 writes: failures are kept, and not shown to it."""
 
 import os
+from errno import ENOSPC, EOPNOTSUPP
 from pathlib import Path
 
 import pytest
@@ -31,6 +32,27 @@ def test_a_full_disk_is_told_of_what_is_written_at_a_place() -> None:
     with Sink(Path("/dev/full")) as sink:
         sink.write_at(3, memoryview(b"abc"))
         assert isinstance(sink.failed, OSError)
+
+
+def test_room_is_taken_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("posix")
+    refused: list[OSError] = []
+
+    def fallocate(*given: int) -> None:
+        if refused:
+            raise refused[0]
+        os.truncate(*given[::2])
+
+    monkeypatch.setattr(os, "posix_fallocate", fallocate, raising=False)
+    with Sink(tmp_path / "a") as sink:
+        sink.reserve(0, 10)
+        assert (tmp_path / "a").stat().st_size == 10
+        refused.append(OSError(EOPNOTSUPP, "this file system cannot"))
+        sink.reserve(0, 20)
+        assert sink.failed is None
+        refused[0] = OSError(ENOSPC, "No space left on device")
+        sink.reserve(0, 20)
+        assert sink.failed is refused[0]
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")

@@ -139,6 +139,7 @@ def test_members_with_their_own_events_have_the_bits_of_runs_alone(changed: dict
     config = yaml.safe_load(CONFIG)
     config["measurement"] |= changed
     config["solver"]["method"] = method
+    config["plant"]["dynamics"]["x2"] += " + floor(2*t)/5"  # another value on each side of an event
     base = hgorun.Experiment(config, name="test")
     of = [prepare(base.varied({"seed": k})) for k in range(24)]
     of = [run for run in of if run.structure is of[0].structure]
@@ -152,6 +153,7 @@ def test_members_with_their_own_events_have_the_bits_of_runs_alone(changed: dict
         holds=plans[0].holds,
     )
     assert len({plan.spans.tobytes() for plan in plans}) > 1
+    assert np.any(plans[0].spans[:, 2] != plans[0].spans[:, 0])
     assert fits(of[0].structure.system, METHODS[method])
     reduction, ensemble = reduction_of(of[0]), of[0].structure.ensemble(method)
     found, kept = ensemble.run_each(plans, numbers, reduction), ensemble.run_each(plans, numbers, rows=True)

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import CONTOIS, experiment, load
+from examples import CONTOIS, Block, experiment, load
 
 import hgorun
 from hgorun import ConfigError, Experiment
@@ -93,11 +93,11 @@ def test_what_has_not_changed_is_shared(base: Experiment) -> None:
 
 
 def test_observers_are_the_changed_ones_beside_one_whose_equations_follow_the_outputs() -> None:
-    banked = {"A": {"type": "bank", "observer": {"type": "shgo"}, "thetas": [1, 2]}, "S": {"type": "shgo", "theta": 1}}
-    base = experiment(CONTOIS, banked)
+    bank: Block = {"type": "bank", "observer": {"type": "shgo"}, "thetas": [1, 2]}
+    base = experiment(CONTOIS, {"A": bank, "S": {"type": "shgo", "theta": 1}})
     now = base.observers["A"]
-    assert base.varied({"observers.S.theta": 3}).observers["S"].theta == 3
-    assert base.varied({"observers.A.thetas.0": 1.5}).observers["A"].thetas[0] == 1.5
+    assert base.varied({"observers.S.theta": 3}).observers["S"].model_dump()["theta"] == 3
+    assert base.varied({"observers.A.thetas.0": 1.5}).observers["A"].model_dump()["thetas"] == (1.5, 2)
     late = base.varied({"measurement": {"delay": 0.1}})
     assert type(late.observers["A"]) is not type(now)
     assert type(late.varied({"measurement": {}}).observers["A"]) is type(now)
