@@ -22,7 +22,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.between_steps import Missed, missed
+from hgorun.simulation.between_steps import Missed, jumping, missed
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.escape import escaped
 from hgorun.simulation.ladder import first_stage
@@ -224,10 +224,11 @@ def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:
     """What is said of numbers that have not become accurate."""
     solver = run.solver
     size = f"about {error:.1g}" if error < 1 else "of the size of the numbers themselves, or larger"
+    advice = f"; the plant's equations jump: {_ADVICE}" if PLANT in jumping(run) else ""
     return Verdict(
         "inaccurate",
         reason=f"the integration error is {size} where solver.accuracy allows {solver.accuracy:g}; "
-        f"{spent:.2g} evaluations did not make it smaller (solver.max_evaluations: {solver.max_evaluations:g})",
+        f"{spent:.2g} evaluations did not make it smaller (solver.max_evaluations: {solver.max_evaluations:g}){advice}",
     )
 
 

@@ -72,3 +72,14 @@ def test_in_a_sweep_the_same_is_said(solver: dict[str, Any]) -> None:
         found = hgorun.simulate(base.varied({"observers.S.theta": theta})).observers["S"]
         assert STATUSES[block.status[i, 0]] == found.verdict.status != "diverged"
         np.testing.assert_array_equal(block.metrics["rmse"][i, 0], found.metrics["rmse"])
+
+
+def test_of_a_plant_that_sticks_what_to_do_is_said() -> None:
+    """Friction holds it from the start; so few evaluations decide nothing."""
+    plant = FRICTION | {"dynamics": {"phi": "omega", "omega": "-24.5*sin(phi) - 50*sign(omega)"}}
+    found = hgorun.simulate(
+        experiment(plant, {}, end=END, solver={"max_evaluations": 1e4, "accuracy": 1e-9}, output_step=0.01)
+    )
+    assert found.verdict.status == "inaccurate"
+    assert found.verdict.reason is not None
+    assert "tanh(s/eps)" in found.verdict.reason
