@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Iterator
 
@@ -42,11 +43,18 @@ def coarse(result: Result) -> Iterator[str]:
 
 
 def _better(how: Integration, error: float) -> str:
-    """What would make the error a thousandth, as far as can be told."""
+    """What would make the error a thousandth, as far as can be told: of steps, shorter ones than were made."""
     if how.step is None:
         return f"give smaller tolerances than rtol {how.rtol:g}"
     shorter = min(max((error / _FINE) ** (1 / METHODS[how.method or "rk4"].order), 2.0), 100.0)
-    return f"give a step of {how.step / shorter:.1g}"
+    made = min(how.step, how.longest_gap or how.step)
+    return f"give a step of {_rounded_down(made / shorter):.1g}"
+
+
+def _rounded_down(value: float) -> float:
+    """To one digit."""
+    unit: float = 10.0 ** math.floor(math.log10(value * (1 + 1e-9)))
+    return unit * math.floor(value / unit * (1 + 1e-9))
 
 
 def _with_a_given_step(result: Result, experiment: Experiment | None) -> Iterator[str]:

@@ -113,7 +113,7 @@ class Clock(Block):
         if self.format is not None and "%" not in self.format and self.format not in ("iso", "unix", "excel"):
             raise ValueError(f"format is iso, unix, excel or a pattern with %Y, found {describe(self.format)}")
         if self.unit is not None and self.format is not None and self.format != "unix":
-            raise ValueError(f"format {self.format} has no unit")
+            raise ValueError(f"format {self.format} has no unit: leave out unit, dates are converted by themselves")
         return self
 
 

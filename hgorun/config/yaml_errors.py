@@ -26,6 +26,7 @@ _START = "a value cannot start with `{}`: put it in quotes"
 _COLON = "a `:` too many on this line, or wrong indentation; text with `: ` in it needs quotes"
 _KEY = "this line has no `:` after its key (write `key: value`, with a space behind the colon; a comment begins with #)"
 _BRACKET = "the bracket opened on line {} is not closed, or a comma or a value is missing"
+_INSIDE = "text with a bracket or a comma needs quotes inside { } and [ ]; between entries there is a comma"
 _NO_VALUE = "`{0}:` has no value: write `{0}: value`"
 _SIGN = "`- ` with a space begins a list entry, which cannot stand inside brackets: write a sign without it, as in -1"
 _DIRECTIVE = "a line that starts with `%` is a directive, which has no use here; a comment begins with #"
@@ -101,9 +102,18 @@ def explain(error: yaml.YAMLError, text: str, bracket: int | None) -> tuple[str,
         return _unfinished(began, problem)
     if bracket is not None and _LIST_ENTRY.match(problem.text, problem.index):
         return _SIGN, problem.line + 1
+    if bracket is not None and _after_text(problem):
+        return _INSIDE, problem.line + 1
     if bracket is not None:  # at the end of the text its own line tells more
         return _BRACKET.format(bracket), problem.line + 1 if problem.char else bracket
     return _unfitting(problem), problem.line + 1
+
+
+def _after_text(problem: _Place) -> bool:
+    """Whether a bracket opens behind text without quotes, as in ``{column: level [m]}``."""
+    line = problem.text[problem.starts[problem.line] : problem.index]
+    before = line.rstrip()[-1:]
+    return problem.char in ("[", "{") and before != "" and before not in ",:[]{}\"'"
 
 
 def _without_colon(problem: _Place) -> int | None:

@@ -229,7 +229,8 @@ class _Builder:
         here = (*path, key)
         if key in parent:
             first = self.positions[here][1]
-            raise self.error(f"`{key}` is given twice, on line {first} and on line {line}", line, here)
+            lines = f" on line {line}" if first == line else f", on line {first} and on line {line}"
+            raise self.error(f"`{key}` is given twice{lines}", line, here)
         self.key = key
         self.positions[here] = self.file, line
 

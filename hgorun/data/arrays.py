@@ -82,6 +82,10 @@ class ArrayFile:
         """The unit that the file states."""
         return printable(self._columns[column].unit)
 
+    def hint(self, column: str) -> str:
+        """Nothing is known of columns that are not there."""
+        return ""
+
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it.
 

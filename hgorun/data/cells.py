@@ -69,7 +69,8 @@ def _no_number(text: str, decimal: str, thousands: str | None) -> str:
     other = "," if decimal == "." else "."
     said = f"expected a number, found {describe(text)}"
     if _NUMBER[other].fullmatch(text):
-        return f'{said}; for a decimal {"comma" if other == "," else "point"}: csv: {{decimal: "{other}"}}'
+        taken, found = ("point", "comma") if other == "," else ("comma", "point")
+        return f'{said}; decimals have a {taken} here; where all have a {found}: csv: {{decimal: "{other}"}}'
     signs = [sign for sign in _BETWEEN if sign != decimal and _grouped(sign, decimal).fullmatch(text)]
     if signs and thousands is None:
         return f'{said}; for signs between thousands: csv: {{thousands: "{signs[0]}"}}'

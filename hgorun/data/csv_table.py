@@ -19,6 +19,7 @@ from hgorun.data.text import Block, blocks
 from hgorun.errors import ConfigError
 
 _SEARCHED = 1_000_000  # rows in which the first value of a column is looked for
+_ABOVE = 50  # lines in which a header is looked for
 _SMALL = 1 << 24  # bytes of a file of which nothing is read ahead
 _AHEAD = 4  # blocks that are
 _MANY = 10_000  # lines that are read one by one before plain ones are tried again
@@ -58,6 +59,13 @@ class CsvFile:
         units = self.dialect.units
         place = self.dialect.names.index(column)
         return units[place].strip("[]() ") if place < len(units) else ""
+
+    def hint(self, column: str) -> str:
+        """How many lines stand above the header, where a line below that which was taken for it has the column."""
+        lines = next(blocks(self._path, self._told.encoding)).text.split(b"\n", _ABOVE)[:_ABOVE]
+        found = (skip for skip, line in enumerate(lines) if column.strip() and column.strip().encode() in line)
+        above = next((skip for skip in found if skip > self._told.skip), None)
+        return "" if above is None else f" Line {above + 1} has it: if that is the header, csv: {{skip: {above}}}."
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it.

@@ -6,6 +6,7 @@ import csv
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from pathlib import Path
 
 from hgorun.config.data import Csv
@@ -190,9 +191,11 @@ def _decimal(rows: Sequence[Sequence[str]], separator: str, path: Path, line: in
         When a comma may stand between digits or between thousands.
     """
     texts = {text.strip() for row in rows for text in row}
-    commas = {text for text in texts if "," in text and _COMMA.fullmatch(text)}
-    if not commas or any("." in text and _NUMBER.fullmatch(text) for text in texts):
+    commas = {text for text in texts if _has_comma(text)}
+    if not commas:
         return "."
+    if any(map(_has_point, texts)):
+        return "," if _mostly_commas(rows) else "."
     if all(_THOUSANDS.fullmatch(text) for text in commas):
         message = (
             f'{min(commas)!r} may be a number with thousands or with decimals: say which, csv: {{decimal: ","}} '
@@ -200,3 +203,28 @@ def _decimal(rows: Sequence[Sequence[str]], separator: str, path: Path, line: in
         )
         raise ConfigError(message, file=str(path), line=line)
     return ","
+
+
+def _has_comma(text: str) -> bool:
+    return "," in text and bool(_COMMA.fullmatch(text))
+
+
+def _has_point(text: str) -> bool:
+    return "." in text and bool(_NUMBER.fullmatch(text))
+
+
+def _mostly_commas(rows: Sequence[Sequence[str]]) -> bool:
+    """Whether points are slips among decimal commas: most numbers have a comma, and no column has points alone.
+
+    With points alone a column may be one that is wanted, beside remarks with commas that nobody wants.
+    """
+    total = 0
+    for column in zip_longest(*rows, fillvalue=""):
+        texts = [text.strip() for text in column]
+        commas, points = sum(map(_has_comma, texts)), sum(map(_has_point, texts))
+        if points and not commas:
+            return False
+        if commas and all(_THOUSANDS.fullmatch(text) for text in texts if _has_comma(text)):
+            return False
+        total += commas - points
+    return total > 0

@@ -11,11 +11,12 @@ import numpy as np
 from hgorun.config.data import Beside, Column, Data, Measured, Recorded
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
+from hgorun.data.named_units import another_unit, convertible_in_name, time_in_name
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Sources, Wanted
-from hgorun.data.units import alike, converted
+from hgorun.data.units import alike, alike_times, converted
 from hgorun.errors import ConfigError, Problem
 
 _LONG = 1 << 18  # samples from which threads pay
@@ -151,10 +152,15 @@ class _Reader:
 
     def _unit_of_clock(self, file: LogFile, clock: ClockColumn) -> Iterator[Note]:
         """What a file says of the unit of its stamps, where it is another one than the run's."""
-        said = file.table.unit(clock.cells.column).partition(" since ")[0]
-        if said and not clock.absolute and clock.clock.unit is None and said != self._unit:
-            message = f"the file says {said}, the run counts in {self._unit}: taken as they are; unit: {said} converts"
-            yield Note(kind="clock", signal=clock.cells.column, file=str(file.path), message=message)
+        column = clock.cells.column
+        said, source = file.table.unit(column).partition(" since ")[0], "the file"
+        if not said:
+            said, source = time_in_name(column), "its name"
+        taken = clock.clock.unit or self._unit
+        if not said or clock.absolute or alike_times(said, taken):
+            return
+        told = another_unit(column, source, said, f"the run counts in {taken}", clock.clock.unit)
+        yield Note(kind="clock", signal=".".join(map(str, clock.path)), file=str(file.path), message=told)
 
     def _other_clock(self, beside: Origin, clock: ClockColumn) -> tuple[int | None, bool]:
         """Numbers beside a log with dates count from the origin that is stated; else nothing relates the clocks."""
@@ -206,11 +212,15 @@ class _Reader:
         """Values in the unit of the model."""
         said, wanted = signal.block.unit, self._units.get(signal.name, "")
         file = signal.parts[0].file
-        in_file = file.table.unit(signal.block.column)
+        column = signal.block.column
+        in_file, source = file.table.unit(column), "the file"
+        taken = said or wanted
+        if not in_file and taken:
+            in_file, source = convertible_in_name(column, taken), "its name"
+        if in_file and taken and not alike(in_file, taken):
+            told = another_unit(column, source, in_file, f"the model has {taken}", said)
+            self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=told))
         if said is None:
-            if in_file and wanted and not alike(in_file, wanted):
-                message = f"the file says {in_file}, the model {wanted}: taken as they are; unit: {in_file} converts"
-                self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
             return values
         if not wanted:
             message = f"the model has no unit for {signal.name}: taken in {said} as they are"

@@ -11,6 +11,7 @@ from hgorun.config.expressions import nearest
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, clock_column
 from hgorun.data.files import open_table
+from hgorun.data.named_units import without_unit
 from hgorun.data.table import Table, TableFile
 from hgorun.errors import KeyPath, Problem
 
@@ -149,7 +150,8 @@ class Sources:
         if count > 1:
             raise Problem(path, f"{file.path} has {count} columns called {column!r}")
         shown = ", ".join(known[:20]) + (", ..." if len(known) > 20 else "")
-        raise Problem(path, f"{file.path} has no column {column!r}.{nearest(column, known)} It has: {shown}")
+        hint = file.table.hint(column) or _meant(column, known)
+        raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has: {shown}")
 
     def tables(self) -> dict[LogFile, Table]:
         """What is wanted of every file.
@@ -166,3 +168,9 @@ class Sources:
                 budget -= table.lines.nbytes + sum(column.nbytes for column in table.columns.values())
                 found[file] = table
         return found
+
+
+def _meant(column: str, known: Sequence[str]) -> str:
+    """The column that is called so with its unit behind it, or the most similar one."""
+    called = [name for name in known if without_unit(name).casefold() == column.strip().casefold()]
+    return f" Did you mean `{called[0]}`?" if called else nearest(column, known)

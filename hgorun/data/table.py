@@ -44,6 +44,9 @@ class TableFile(Protocol):
     def unit(self, column: str) -> str:
         """The unit that the file states; empty where it does not."""
 
+    def hint(self, column: str) -> str:
+        """Why a column may not be among the names, as a sentence; empty where nothing is known."""
+
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it, within some bytes of memory."""
 

@@ -34,6 +34,29 @@ _NAMES = {
     "d": ("day", "days"),
 }
 _SHORT = {name: unit for unit, names in _NAMES.items() for name in names}
+_COMMON = (
+    *(
+        "mg/L",
+        "g/L",
+        "ug/L",
+        "kg/m^3",
+        "mol/L",
+        "mmol/L",
+        "mol/m^3",
+        "g",
+        "kg",
+        "mg",
+        "mol",
+        "mL",
+        "L",
+        "m^3",
+        "m",
+        "cm",
+    ),
+    *("mm", "km", "m/s", "m/s^2", "km/h", "rad", "deg", "rad/s", "deg/s", "rpm", "1/s", "1/min", "1/h", "1/d", "Hz"),
+    *("L/h", "L/min", "mL/min", "m^3/h", "m^3/s", "kg/h", "kg/s", "g/h", "degC", "degF", "K", "Pa", "kPa", "mbar"),
+    *("bar", "V", "mV", "A", "mA", "W", "kW", "J", "kJ", "N", "percent", "s", "min", "h", "d", "ms"),
+)  # that may be meant
 # pint calculates with what it is given: no powers of powers, and few digits
 _FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
@@ -73,11 +96,23 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     from pint.errors import DimensionalityError
 
     registry = _registry()
-    found, target = (_parsed(registry, text, path) for text in (unit, wanted))
+    target = _parsed(registry, wanted, path)
+    found = _parsed(registry, unit, path, target)
     try:
         return np.asarray(registry.Quantity(values, found).to(target).magnitude, dtype=float)
-    except DimensionalityError as error:
-        raise Problem(path, f"{unit} cannot be converted to the model's {wanted}: {error}") from None
+    except DimensionalityError:
+        message = f"{unit} cannot be converted to the model's {wanted}: it is of another kind.{_meant(unit, target)}"
+        raise Problem(path, message) from None
+
+
+def is_time(unit: str) -> bool:
+    """Whether it is a unit of time."""
+    return _SHORT.get(unit, unit) in _SECONDS
+
+
+def alike_times(unit: str, other: str) -> bool:
+    """Whether two texts mean the same unit of time, as h and hours do; not where one is unknown."""
+    return unit == other or (is_time(unit) and _SHORT.get(unit, unit) == _SHORT.get(other, other))
 
 
 def alike(unit: str, other: str) -> bool:
@@ -96,12 +131,21 @@ def _registry() -> pint.UnitRegistry[float]:
     return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
 
 
-def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath) -> pint.Unit:
+def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted: pint.Unit | None = None) -> pint.Unit:
+    """A unit; of one that is not known it is said what may be meant, if the kind that is wanted is known."""
     if not _UNIT.fullmatch(text):
-        raise Problem(path, f"{text!r} cannot be a unit")
+        raise Problem(path, f"{text!r} cannot be a unit{_meant(text, wanted, '.')}")
     try:
         return registry.Unit(text.replace("°C", "degC").replace("°F", "degF"))
-    except Exception as error:  # whatever its parser stumbles over
-        raise Problem(
-            path, f"{text!r} is no known unit ({error}); without the key the numbers are taken as they are"
-        ) from None
+    except Exception:  # whatever its parser stumbles over
+        meant = _meant(text, wanted)
+        hint = f".{meant}" if meant else "; without the key the numbers are taken as they are"
+        raise Problem(path, f"{text!r} is no known unit{hint}") from None
+
+
+def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
+    """The most similar of common units of a kind, as a question; empty where none is."""
+    if wanted is None:
+        return ""
+    close = nearest(text, [unit for unit in _COMMON if _registry().Unit(unit).is_compatible_with(wanted)])
+    return before + close if close else ""

@@ -13,6 +13,7 @@ from hgorun.estimate.assessed import assess
 from hgorun.estimate.completed import completed, known_later
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
 from hgorun.result.data import Integration, Measurements
 from hgorun.result.observer import ObserverResult
@@ -192,7 +193,7 @@ def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
     lost = float(found.carried.raw.diverged[j, 0])
     origin = prepared.run.origin
     if np.isfinite(lost):
-        return Verdict("diverged", origin + lost)
+        return Verdict("diverged", origin + lost, why_left(prepared, j, lost, found.carried.step))
     if np.isfinite(found.undefined[j]):
         return Verdict("undefined", origin + float(found.undefined[j]))
     solver = prepared.run.solver

@@ -87,6 +87,8 @@ class Integration:
         Of the right-hand side, over all passes but that which is made for the estimate alone.
     error : mapping of str to float, or callable
         For ``plant`` and every observer the estimated error, or what makes it when it is asked for.
+    longest_gap : float or None
+        The longest time between two events, at which steps end; None where that is not known, as of files.
     """
 
     method: str | None
@@ -94,9 +96,10 @@ class Integration:
     rtol: float | None
     evaluations: int | None
     error: Mapping[str, float] | Callable[[], Mapping[str, float]] = field(repr=False)
+    longest_gap: float | None = None
 
     def told(self) -> dict[str, str | float | int | None]:
-        """Everything but the error, for files."""
+        """What files keep of it besides the error."""
         return {"method": self.method, "step": self.step, "rtol": self.rtol, "evaluations": self.evaluations}
 
 

@@ -60,7 +60,12 @@ class Missed:
 
 def may_jump(run: PreparedRun) -> bool:
     """Whether equations are not continuous somewhere in the space of states."""
-    return any(feature.jump for own in _features_of(run).values() for feature in own)
+    return bool(jumping(run))
+
+
+def jumping(run: PreparedRun) -> frozenset[str]:
+    """Whose equations are not continuous somewhere in the space of states: the plant, and observers."""
+    return frozenset(label for label, own in _features_of(run).items() if any(feature.jump for feature in own))
 
 
 def _features_of(run: PreparedRun) -> dict[str, tuple[Feature, ...]]:

@@ -22,7 +22,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.between_steps import Missed, missed
+from hgorun.simulation.between_steps import Missed, jumping, missed
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.escape import escaped
 from hgorun.simulation.ladder import first_stage
@@ -31,10 +31,12 @@ from hgorun.simulation.passes import Again, Pass, integrate
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.scheduling import with_events
 from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
+from hgorun.simulation.stopped import SMOOTH, crossed
 from hgorun.simulation.why_diverged import why_diverged
 
 _AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
 _MOST_EVENTS = 5_000
+_ADVICE = f"write {SMOOTH}, or compare with a run of a given, shorter solver.step"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -189,13 +191,17 @@ def _passed(run: PreparedRun, found: Missed) -> dict[str, Verdict]:
     """What is said of the plant and of observers that pass features between steps."""
     labels = [PLANT, *(block.label for block in run.observers)]
     if found.countless:
-        reason = "there are too many jumps or kinks in its equations to tell whether its steps see all of them"
+        reason = (
+            f"there are too many jumps or kinks in its equations to tell whether its steps see all of them: {_ADVICE}"
+        )
         return dict.fromkeys(labels, Verdict("inaccurate", reason=reason))
     reason = "at t = {:.6g} its steps pass over a part of the equations that is narrow in a state, which may matter"
     first = {label: float(np.min(times)) for label, times in found.narrow.items()}
     first |= {label: min(first[PLANT], first.get(label, np.inf)) for label in labels if PLANT in first}
     said = {label: Verdict("inaccurate", reason=reason.format(run.origin + when)) for label, when in first.items()}
-    reason = "its equations jump at t = {:.6g} shortly before or after those of the plant, within one step"
+    reason = (
+        f"its equations jump at t = {{:.6g}} shortly before or after those of the plant, within one step: {_ADVICE}"
+    )
     lagging = {label: run.origin + float(np.min(times)) for label, times in found.lagging.items()}
     return {label: Verdict("inaccurate", reason=reason.format(when)) for label, when in lagging.items()} | said
 
@@ -211,17 +217,18 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
         verdict = verdicts.get(block.label)
         if verdict is not None and verdict.status == "diverged" and verdict.reason is None:
             verdicts[block.label] = replace(verdict, reason=why_diverged(run, raw, j, again))
-    return verdicts
+    return crossed(run, raw, verdicts) if found.how.tolerance else verdicts
 
 
 def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:
     """What is said of numbers that have not become accurate."""
     solver = run.solver
     size = f"about {error:.1g}" if error < 1 else "of the size of the numbers themselves, or larger"
+    advice = f"; the plant's equations jump: {_ADVICE}" if PLANT in jumping(run) else ""
     return Verdict(
         "inaccurate",
         reason=f"the integration error is {size} where solver.accuracy allows {solver.accuracy:g}; "
-        f"{spent:.2g} evaluations did not make it smaller (solver.max_evaluations: {solver.max_evaluations:g})",
+        f"{spent:.2g} evaluations did not make it smaller (solver.max_evaluations: {solver.max_evaluations:g}){advice}",
     )
 
 
@@ -241,6 +248,6 @@ def _stages(search: Search) -> Iterator[Callable[[], bool]]:
     method, limit = first
     yield lambda: search.fixed(method, limit)
     if solver.method == "auto":
-        yield lambda: search.controlled(("dopri5", "rodas5p"))
+        yield lambda: search.controlled(("dopri5", "rodas5p")) and search.across(method, limit)
         yield lambda: search.fixed(method, np.inf)
     yield lambda: search.something(method)

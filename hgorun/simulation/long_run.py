@@ -141,7 +141,7 @@ def look_at(run: PreparedRun, progress: Progress, *, check_step: bool) -> Look |
     if run.solver.controlled:
         best = controlled(fewer, progress)
         verdicts = {b.label: v for b, v in zip(run.observers, best.measured.verdicts, strict=True) if v != OK}
-        if any(verdict.lost for verdict in verdicts.values()):
+        if any(verdict.lost or verdict.at is not None for verdict in verdicts.values()):  # or its numbers end
             return None
         whole = replace(best.run, experiment=run.experiment)
         return Look(run=whole, how=best.how, verdicts=verdicts, integration=best.integration, of_plant=best.of_plant)
@@ -161,6 +161,7 @@ def look_at(run: PreparedRun, progress: Progress, *, check_step: bool) -> Look |
         rtol=how.tolerance.rtol if how.tolerance else None,
         evaluations=raw.tries * how.evaluations_of_a_step,
         error=LaterEstimate(fewer, found, finer=check_step)(),
+        longest_gap=run.longest_gap,
     )
     return Look(run=run, how=how, verdicts=verdicts, integration=integration, of_plant=OK)
 

@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from hgorun.config.models import Time
+from hgorun.config.paths import dotted
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.extremes import Unknown
@@ -132,7 +133,7 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
         for label, design in experiment.designs.items()
         for remark in design.observer.remarks(design.form)
     ]
-    of_all = dict.fromkeys([*sum(found, of_plant), *_never_held(experiment)])
+    of_all = dict.fromkeys([*sum(found, of_plant), *_never_held(experiment), *_sampled_once(experiment)])
     return (*of_all, *of_observers, *_uneven(experiment), *sign_remarks(experiment.source))
 
 
@@ -146,6 +147,18 @@ def _uneven(experiment: Experiment) -> list[str]:
         "polynomials"
         for label, observer in experiment.observers.items()
         if isinstance(observer, RobustExactDifferentiator) and observer.implicit and experiment.plant.model.n > 2
+    ]
+
+
+def _sampled_once(experiment: Experiment) -> list[str]:
+    """Of outputs with a period that is longer than the run: what they measure at its start is all."""
+    time = experiment.time
+    periods = [(s.period, s.paths["sampling"]) for one in experiment.stretches for s in one if s.period is not None]
+    return [
+        f"{dotted((*path, 'period'))}: {period:g} is longer than the run, {time.end - time.start:g}, so that there "
+        "is no second sample"
+        for period, path in periods
+        if period > time.end - time.start
     ]
 
 

@@ -28,6 +28,7 @@ from hgorun.simulation.ladder import (
 from hgorun.simulation.measured import Measured, measured
 from hgorun.simulation.passes import Pass, integrate, part_of_error
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.stopped import stopped
 
 Progress = Callable[[float], None] | None
 
@@ -176,6 +177,19 @@ class Search:
         errors = {label: part * gap for label, gap in differences(self.run, finished.measured, beside.measured).items()}
         self.best = Attempt(finished, errors)
         return self.best.worst
+
+    def across(self, method: Method, limit: float) -> bool:
+        """Where controlled steps give up an observer whose equations jump: with fixed steps, which cross a jump.
+
+        What controlled steps gave is kept where so many fixed ones are not accurate, or lose an observer as well.
+        """
+        kept = self.best
+        if kept is None or not kept.worst <= self.accuracy:
+            return False
+        if not stopped(self.run, kept.finished.raw, kept.finished.verdicts) or self.fixed(method, limit):
+            return True
+        self.best = kept
+        return True
 
     def controlled(self, methods: tuple[Method, ...]) -> bool:
         """With controlled steps; whether that was enough."""

@@ -126,6 +126,10 @@ def finished(run: PreparedRun, raw: Raw, again: loss.Again, *, check_step: bool 
     """
     how = as_given(run)
     raw, verdicts = confirmed(run, raw, again)
+    if verdicts and how.tolerance:
+        from hgorun.simulation.stopped import crossed  # not for runs in which nothing is lost
+
+        verdicts = crossed(run, raw, verdicts)
     found = measured(run, raw, verdicts)
     integration = Integration(
         method=how.method,
@@ -133,6 +137,7 @@ def finished(run: PreparedRun, raw: Raw, again: loss.Again, *, check_step: bool 
         rtol=how.tolerance.rtol if how.tolerance else None,
         evaluations=raw.tries * how.evaluations_of_a_step,
         error=LaterEstimate(run, found, finer=check_step),
+        longest_gap=run.longest_gap,
     )
     return record(run, raw, found, integration)
 

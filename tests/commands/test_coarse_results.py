@@ -12,9 +12,9 @@ from hgorun.commands.remarks import coarse
 from hgorun.result.result import Result
 
 
-def _result(**solver: object) -> Result:
-    observers = {"S": {"type": "shgo", "theta": 2}}
-    return hgorun.simulate(experiment(VAN_DER_POL, observers, solver=solver, time={"end": 4, "output_step": 0.1}))
+def _result(measurement: dict[str, object] | None = None, **solver: object) -> Result:
+    observers, time = {"S": {"type": "shgo", "theta": 2}}, {"end": 4, "output_step": 0.1}
+    return hgorun.simulate(experiment(VAN_DER_POL, observers, solver=solver, time=time, measurement=measurement or {}))
 
 
 def _with_error(result: Result, error: float) -> Result:
@@ -32,6 +32,12 @@ def rough() -> Result:
 def test_a_step_that_is_too_long_is_told_with_a_better_one(rough: Result) -> None:
     (told,) = coarse(_with_error(rough, 0.05))
     assert told.startswith("observer S: the integration error is about 0.05; give a step of 0.0004")  # 1/50 of it
+
+
+def test_it_is_shorter_than_steps_that_end_at_samples() -> None:
+    """Steps of 4 of which none is made, since samples are 0.19 apart: half of that, rounded down."""
+    told = list(coarse(_with_error(_result({"sampling": {"period": 0.19}}, step=4), 0.012)))
+    assert told == ["observer S: the integration error is about 0.01; give a step of 0.09, or leave it out"]
 
 
 def test_numbers_that_are_wrong_altogether_are_told(rough: Result) -> None:

@@ -85,7 +85,7 @@ def test_labelled_columns_of_a_result(tmp_path: Path) -> None:
     block = {"file": "run.h5", "time": "time", "outputs": {"y": "plant/x/x2"}}
     recording = read(Data.model_validate(block), tmp_path, units={"y": "kg"})
     np.testing.assert_array_equal(recording.outputs["y"].values, -VALUES)
-    assert "the file says g, the model kg" in str(recording.notes[0])
+    assert "the file says g, the model has kg" in str(recording.notes[0])
 
 
 @pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from logs import noisy, recorded, table
 
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, Problem
 
 TIMES, VALUES = noisy(60)
 
@@ -146,8 +146,18 @@ def test_replicates_of_late_samples_by_arrival(tmp_path: Path) -> None:
     ("content", "told", "message"),
     [
         ('t;glucose\n0;"1,234"\n1;"2,500"\n', {}, r":2: '1,234' may be a number with thousands or with decimals"),
-        ("t;glucose\n0;1.5\n1;2,5\n", {"decimal": "."}, r":3: glucose: .*for a decimal comma"),
-        ("t;glucose\n0;1.5\n1;2,5\n", {"decimal": ","}, r":2: glucose: .*for a decimal point"),
+        ("t;glucose\n0,0;1,0\n0,1;1,1\n0,2;1.2\n0,3;1,1\n", {}, r":4: glucose: .*decimals have a comma here"),
+        ("t;glucose;note\n0;1.5;2,5\n1;2.5;2,5\n2;2,5;1.5\n3;2.5;2,5\n", {}, r":4: glucose: .*decimals have a point"),
+        (
+            "t;glucose\n0;1.5\n1;2,5\n",
+            {"decimal": "."},
+            r":3: glucose: .*decimals have a point here; where all have a comma",
+        ),
+        (
+            "t;glucose\n0;1.5\n1;2,5\n",
+            {"decimal": ","},
+            r":2: glucose: .*decimals have a comma here; where all have a point",
+        ),
         ("0,1.5\n1,2.5\n", {}, r":1: expected a line with the names of the columns"),
         ("#a\n0,1.5\n1,2.5\n", {}, r":2: expected a line with the names of the columns"),
         ("t,glucose\n0,2024-05-31\n1,2\n", {}, r":2: glucose: .*dates are read with format: iso"),
@@ -181,3 +191,16 @@ def test_lines_above_the_header(tmp_path: Path) -> None:
 def test_names_that_stand_twice(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="2 columns called 'glucose'"):
         recorded(tmp_path, "t,glucose,glucose\n0,1,2\n1,2,3\n")
+
+
+@pytest.mark.parametrize(
+    ("content", "column", "message"),
+    [
+        ("Messung 3;\nt;glucose [g/L]\n0;1.5\n1;2.5\n", "glucose [g/L]", r"csv: {skip: 1}"),
+        ("Messung 3\n\nam 3.5.\nt,glucose\n0,1.5\n1,2.5\n", "glucose", r"csv: {skip: 3}"),
+        ("t;glucose [g/L]\n0;1.5\n1;2.5\n", "Glucose", r"Did you mean `glucose \[g/L\]`"),
+    ],
+)
+def test_a_column_that_is_not_found_is_looked_for(tmp_path: Path, content: str, column: str, message: str) -> None:
+    with pytest.raises(Problem, match=message):
+        recorded(tmp_path, content, {"outputs": {"S": column}})

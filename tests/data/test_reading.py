@@ -192,7 +192,7 @@ def test_a_unit_of_the_file_that_is_not_the_models_is_told(tmp_path: Path) -> No
     content = PLAIN.replace("glucose\n", "glucose\n[s],[mg/L]\n")
     (note,) = recorded(tmp_path, content, units={"S": "g/L"}).notes
     assert note.kind == "units"
-    assert "the file says mg/L, the model g/L" in str(note)
+    assert "the file says mg/L, the model has g/L" in str(note)
 
 
 @pytest.mark.parametrize(
@@ -247,3 +247,72 @@ def test_what_it_takes_is_bounded(tmp_path: Path) -> None:
 def test_decimal_commas_between_commas(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="4 cells, where the header has 2; decimal commas in a file separated by"):
         recorded(tmp_path, "t,glucose\n0,0,20,1\n0,1,20,2\n")
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "told"),
+    [
+        (
+            "S [mg/L]",
+            None,
+            "column 'S [mg/L]': its name says mg/L, the model has g/L: taken as they are; unit: mg/L converts",
+        ),
+        ("S (mg/L)", None, "its name says mg/L"),
+        ("S in mg/L", None, "its name says mg/L"),
+        ("S [mg/L]", "g/L", "its name says mg/L, the configuration unit: g/L, which is taken; is it mg/L?"),
+        ("S [mg/L]", "mg/l", None),
+        ("S [g/l]", None, None),
+        ("S (A)", None, None),  # a place, and not ampere
+        ("S (2)", None, None),
+        ("S [raw]", None, None),
+        ("[mg/L]", None, None),
+        ("growth in vessel", None, None),
+    ],
+)
+def test_a_unit_in_the_name_of_a_column_is_told_where_another_is_taken(
+    tmp_path: Path, column: str, unit: str | None, told: str | None
+) -> None:
+    changes = {"outputs": {"S": {"column": column} | ({"unit": unit} if unit else {})}}
+    notes = recorded(tmp_path, PLAIN.replace("glucose", column), changes, units={"S": "g/L"}).notes
+    assert [note.kind for note in notes] == ["units"] * (told is not None)
+    assert told is None or told in str(notes[0])
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "told"),
+    [
+        ("Zeit [min]", "h", "column 'Zeit [min]': its name says min, the configuration unit: h, which is taken"),
+        ("Zeit [min]", None, "its name says min, the run counts in h: taken as they are; unit: min converts"),
+        ("Zeit (minutes)", "min", None),
+        ("Zeit [h]", None, None),
+        ("Zeit [local]", None, None),
+    ],
+)
+def test_so_is_one_of_the_time(tmp_path: Path, column: str, unit: str | None, told: str | None) -> None:
+    changes = {"time": {"column": column} | ({"unit": unit} if unit else {})}
+    notes = recorded(tmp_path, PLAIN.replace("t,", column + ",", 1), changes, time_unit="h").notes
+    assert [note.kind for note in notes] == ["clock"] * (told is not None)
+    assert told is None or told in str(notes[0])
+
+
+@pytest.mark.parametrize(("column", "told"), [("T [C]", None), ("T [F]", "says degF, the model has degC")])
+def test_degrees_are_no_coulombs(tmp_path: Path, column: str, told: str | None) -> None:
+    changes = {"outputs": {"S": column}}
+    notes = recorded(tmp_path, PLAIN.replace("glucose", column), changes, units={"S": "degC"}).notes
+    assert (told is None) is (notes == ())
+    assert told is None or told in str(notes[0])
+
+
+@pytest.mark.parametrize(
+    ("unit", "message"),
+    [
+        ("mgl", "'mgl' is no known unit. Did you mean `mg/L`?"),
+        ("mL", "mL cannot be converted to the model's g/L: it is of another kind. Did you mean `mg/L`?"),
+        ("xyzzy", "'xyzzy' is no known unit; without the key"),
+    ],
+)
+def test_a_unit_that_does_not_fit_suggests_one_that_does(tmp_path: Path, unit: str, message: str) -> None:
+    changes = {"outputs": {"S": {"column": "glucose", "unit": unit}}}
+    with pytest.raises(Problem) as caught:
+        recorded(tmp_path, PLAIN, changes, units={"S": "g/L"})
+    assert message in caught.value.message

@@ -284,3 +284,27 @@ def test_what_the_first_samples_do_not_say_is_asked_for() -> None:
     block: Block = {"type": "shgo", "theta": 1, "poles": -1}
     with pytest.raises(ConfigError, match="states without an initial value start at 0: give initial of high"):
         estimate(source({"plant": plant, "observers": {"o": block}}), log)
+
+
+@pytest.mark.parametrize(
+    ("slope", "theta", "bound", "said"),
+    [
+        ("-sin(a) - 0.1*b", 2.0, 0.9, "its estimate of a grew until a = "),
+        ("5*b", 0.1, 1e8, "its estimate of b grew until a = "),  # a gain that is too small for this model
+    ],
+)
+def test_who_diverges_on_a_recording_says_what_left_its_bound(
+    slope: str, theta: float, bound: float, said: str
+) -> None:
+    taken = np.arange(0, 8, 0.1)
+    blocks = {"o": {"type": "shgo", "theta": theta, "initial": {"a": 0.1, "b": 0.1}}}
+    text = {
+        "plant": inline({"a": "b", "b": slope}, "a"),
+        "observers": blocks,
+        "solver": {"step": 0.002, "divergence": bound},
+    }
+    found = estimate(source(text), recording(signal("a", taken, np.sin(taken))), sensitivity=False)
+    (trouble,) = found.troubles()
+    assert said in trouble
+    assert f"the bound is {bound:.3g} (solver.divergence)" in trouble
+    assert "look at its initial values" in trouble

@@ -133,6 +133,7 @@ def test_what_cannot_be_followed_is_said() -> None:
     assert result.status == "inaccurate"
     assert result.verdict.reason is not None
     assert "too many jumps" in result.verdict.reason
+    assert "tanh(s/eps)" in result.verdict.reason  # what to do
 
 
 def test_with_a_chosen_method_it_is_met_or_said() -> None:

@@ -1,0 +1,92 @@
+"""Why an observer of recorded data is lost, as far as its own numbers tell: no truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.estimate.carrying import estimates, one_pass
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.symbolic.evaluate import Floats
+
+_ROWS = 512  # of the grid that are looked at
+_CLOSER = 64  # times between the last point of the grid and the loss
+_GROWN = 1e3  # times what it mostly was on the grid
+_NEARLY = 0.1  # of the bound
+_MOST = 100_000  # samples up to which the run is made again to look closer
+_LOOK = "look at its initial values, its gains and the units of the columns"
+
+
+@dataclass(frozen=True, eq=False)
+class _Followed:
+    """Numbers of an observer, all finite.
+
+    Attributes
+    ----------
+    times : ndarray, shape (k,)
+        Counted from the start of the run.
+    xhat : ndarray, shape (k, n)
+    rest : ndarray, shape (k, r)
+        Its other states.
+    """
+
+    times: Floats
+    xhat: Floats
+    rest: Floats
+
+
+def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> str:
+    """What of an observer grew on the way beyond the bound, and its last estimates.
+
+    The run is made again for it, so that a log that is followed in parts is told the same; of long ones only the
+    bound is said.
+
+    Parameters
+    ----------
+    j : int
+        An observer that has diverged.
+    lost : float
+        When, counted from the start of the run.
+    step : float
+        The longest step of the run.
+    """
+    bound = f"{prepared.bound:.3g} (solver.divergence): {_LOOK}"
+    beyond = f"its numbers passed the bound of {bound}"
+    if sum(one.values.size for one in prepared.samples) > _MOST:
+        return beyond
+    grid = prepared.experiment.grid[0]
+    early = grid[grid < lost]
+    before = _followed(prepared, j, early[:: -(early.size // _ROWS + 1)][::-1], step)
+    if not before.times.size:
+        return beyond
+    closer = _followed(prepared, j, np.linspace(before.times[-1], lost, _CLOSER), step)
+    last = closer if closer.times.size else before
+    when = f"t = {prepared.run.origin + last.times[-1]:.6g}"
+    return f"{_grown(prepared.run.plant.model.states, before, last, when, prepared.bound)}, the bound is {bound}"
+
+
+def _followed(prepared: PreparedEstimate, j: int, times: Floats, step: float) -> _Followed:
+    """An observer at some times, as far as all of its numbers are finite."""
+    block = prepared.run.observers[j]
+    own = block.states["xhat"]
+    rest = [k for k in range(block.start, block.stop) if not own.start <= k < own.start + own.size]
+    with np.errstate(all="ignore"):
+        raw, _ = one_pass(prepared, times, step)
+        xhat, rows = estimates(prepared, times, raw)[j], raw.rows[:, rest, 0]
+        there = np.all(np.isfinite(xhat), axis=1) & np.all(np.isfinite(rows), axis=1)
+    return _Followed(times[there], xhat[there], rows[there])
+
+
+def _grown(names: Sequence[str], before: _Followed, last: _Followed, when: str, bound: float) -> str:
+    """What grew, and the estimates then."""
+    shown = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, last.xhat[-1], strict=True))
+    size, usual = np.abs(last.xhat[-1]), np.maximum(np.median(np.abs(before.xhat), axis=0), 1e-3)
+    if np.any((size > _GROWN * usual) | (size > _NEARLY * bound)):
+        k = int(np.argmax(size / usual))
+        return f"its estimate of {names[k]} grew until {shown} at {when}"
+    own = float(np.max(np.abs(last.rest[-1]), initial=0.0))
+    if own > _GROWN * np.median(np.max(np.abs(before.rest), axis=1, initial=1e-3)) or own > _NEARLY * bound:
+        return f"its own states (its gain, P) grew to {own:.3g} while it estimated {shown} at {when}"
+    return f"its numbers grew within one step from the estimates {shown} at {when}"
