@@ -170,7 +170,7 @@ def test_init_copies_what_runs(shell: Shell) -> None:
         assert (shell.folder / "mine" / name).read_text().startswith("# yaml-language-server: $schema=file:///")
     assert shell("init", "contois_te025", "mine")[0] == 0  # shares the base file
     (shell.folder / "mine" / "_contois.yaml").write_text("mine now\n")
-    assert shell("init", "contois_te050", "mine")[0] == 1
+    assert shell("init", "contois_te050", "mine")[0] == 2
     assert (shell.folder / "mine" / "_contois.yaml").read_text() == "mine now\n"
     assert shell("init", "contois_te050", "mine", "--force")[0] == 0
     code, out, _ = shell("simulate", "mine/contois_te050.yaml", "--set", "time.end=1", "--set", "metrics={}")

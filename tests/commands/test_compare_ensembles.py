@@ -9,6 +9,7 @@ import h5py
 import numpy as np
 import pytest
 from collected_files import write
+from matplotlib.image import imread
 from shell import Shell
 
 THETA = "observers.F.theta"
@@ -42,6 +43,8 @@ def test_figures_and_tables_are_written(shell: Shell) -> None:
     assert out.splitlines()[-1].startswith("written: figures/a-against-theta.png")
     assert shell("compare", "a.sweep.h5", "-o", "one.png", "-q")[0] == 0
     assert (shell.folder / "one.png").is_file()
+    assert shell("compare", "a.sweep.h5", "-o", "narrow.png", "-q", "--width", "one", "--style", "dark")[0] == 0
+    assert imread(shell.folder / "narrow.png").shape[1] == pytest.approx(3.5 * 300, abs=1)
 
 
 def test_a_point_of_an_axis(shell: Shell) -> None:
@@ -67,6 +70,7 @@ def test_all_members_together(shell: Shell) -> None:
         (["--metric", "rsme"], "Did you mean"),
         (["--seed", "3"], "is for configurations"),
         (["--set", "seed=3"], "is for configurations"),
+        (["--width", "three"], "--width: expected one of one, two"),
         (["--format", "xml"], "expected one of text, csv, latex"),
         (["-o", "a.yaml"], "--output: expected a file"),
     ],

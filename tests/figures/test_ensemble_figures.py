@@ -65,16 +65,10 @@ def test_on_a_narrow_page_panels_stand_one_below_the_other() -> None:
     assert pages[0].keys() == pages[1].keys() >= {"against-theta", "map-rmse", "front", "bands", "family-theta"}
     for wide, narrow in zip(pages[0].values(), pages[1].values(), strict=True):
         assert narrow.get_figwidth() == 3.5
-        drawn = [
-            [
-                [np.asarray(line.get_ydata()).tolist() for line in ax.lines]
-                for ax in figure.axes
-                if ax.get_label() != "<colorbar>"
-            ]
-            for figure in (wide, narrow)
-        ]
+        axes = [[ax for ax in figure.axes if ax.get_label() != "<colorbar>"] for figure in (wide, narrow)]
+        drawn = [[[np.asarray(line.get_ydata()).tolist() for line in ax.lines] for ax in page] for page in axes]
         assert repr(drawn[0]) == repr(drawn[1])
-        panels = [ax.get_position() for ax in narrow.axes if ax.get_label() != "<colorbar>"]
+        panels = [ax.get_position() for ax in axes[1]]
         assert all(upper.y0 > lower.y1 for upper, lower in pairwise(panels))
         assert all(0.4 < panel.width < 0.9 for panel in panels)
 
