@@ -20,8 +20,8 @@ _LOOK = "look at its initial values, its gains and the units of the columns"
 
 
 @dataclass(frozen=True, eq=False)
-class _Followed:
-    """Numbers of an observer, all finite.
+class Followed:
+    """Numbers of an observer at some times, all finite.
 
     Attributes
     ----------
@@ -64,10 +64,10 @@ def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> st
     closer = _followed(prepared, j, np.linspace(before.times[-1], lost, _CLOSER), step)
     last = closer if closer.times.size else before
     when = f"t = {prepared.run.origin + last.times[-1]:.6g}"
-    return f"{_grown(prepared.run.plant.model.states, before, last, when, prepared.bound)}, the bound is {bound}"
+    return f"{grown(prepared.run.plant.model.states, before, last, when, prepared.bound)}, the bound is {bound}"
 
 
-def _followed(prepared: PreparedEstimate, j: int, times: Floats, step: float) -> _Followed:
+def _followed(prepared: PreparedEstimate, j: int, times: Floats, step: float) -> Followed:
     """An observer at some times, as far as all of its numbers are finite."""
     block = prepared.run.observers[j]
     own = block.states["xhat"]
@@ -76,10 +76,10 @@ def _followed(prepared: PreparedEstimate, j: int, times: Floats, step: float) ->
         raw, _ = one_pass(prepared, times, step)
         xhat, rows = estimates(prepared, times, raw)[j], raw.rows[:, rest, 0]
         there = np.all(np.isfinite(xhat), axis=1) & np.all(np.isfinite(rows), axis=1)
-    return _Followed(times[there], xhat[there], rows[there])
+    return Followed(times[there], xhat[there], rows[there])
 
 
-def _grown(names: Sequence[str], before: _Followed, last: _Followed, when: str, bound: float) -> str:
+def grown(names: Sequence[str], before: Followed, last: Followed, when: str, bound: float) -> str:
     """What grew, and the estimates then."""
     shown = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, last.xhat[-1], strict=True))
     size, usual = np.abs(last.xhat[-1]), np.maximum(np.median(np.abs(before.xhat), axis=0), 1e-3)
