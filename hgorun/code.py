@@ -34,6 +34,7 @@ RUN = (
     "native",
     "noise",
     "observers",
+    "places.py",
     "plants",
     "result",
     "simulation",

@@ -23,28 +23,17 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
-_WITH_A_FILE_A_CASE = {"observers", "testing", "estimate"}
-"""Folders whose tests have observers as their cases, each of which is a file of its own."""
-
-
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--one-case", action="store_true", help="of each test that has several cases, the last one only")
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Other versions of Python or of libraries are found out by calls, of which every case of a test makes the same.
-
-    Which lines are run is found out likewise, since coverage doubles the time of a test.
-    """
-    last = {item.nodeid.partition("[")[0]: item for item in items}
-    others = [item for item in items if last[item.nodeid.partition("[")[0]] is not item]
+    """Other versions of Python or of libraries are found out by calls, of which every case of a test makes the same."""
     if config.getoption("--one-case"):
-        config.hook.pytest_deselected(items=others)
-        items[:] = last.values()
-    elif config.getoption("--cov", None):
-        for item in others:
-            if not _WITH_A_FILE_A_CASE & set(item.path.parts):
-                item.add_marker("no_cover")
+        last = {item.nodeid.partition("[")[0]: item for item in items}
+        kept = list(last.values())
+        config.hook.pytest_deselected(items=[item for item in items if last[item.nodeid.partition("[")[0]] is not item])
+        items[:] = kept
 
 
 def pytest_collection_finish() -> None:
