@@ -68,8 +68,8 @@ class SimulationError(HgorunError):
     """The run could not be finished, for instance because the plant itself diverged."""
 
 
-class PlantDiverged(SimulationError):
-    """The state of the plant is infinite or not a number, with the steps that were made.
+class PlantEnded(SimulationError):
+    """The plant cannot be followed beyond some time.
 
     Attributes
     ----------
@@ -82,18 +82,12 @@ class PlantDiverged(SimulationError):
         self.at = at
 
 
-class NoStep(SimulationError):
-    """No step is small enough for the plant.
+class PlantDiverged(PlantEnded):
+    """The state of the plant is infinite or not a number, with the steps that were made."""
 
-    Attributes
-    ----------
-    at : float
-        When, counted from the start of the run.
-    """
 
-    def __init__(self, message: str, at: float = float("nan")) -> None:
-        super().__init__(message)
-        self.at = at
+class NoStep(PlantEnded):
+    """No step is small enough for the plant."""
 
 
 class PluginError(HgorunError):

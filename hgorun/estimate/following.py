@@ -93,7 +93,8 @@ class Following:
         z, w = (live.z.copy(), live.w.copy()) if gated else (live.z, live.w)
         fresh = [layout.fresh(i) for i, _, _, used in event.samples if used and layout.flags]
         live.w[fresh] = 1.0
-        live.happen(self._actions(event, jumps), self.regime)
+        actions = self._actions(event, jumps)
+        live.happen(actions, self.regime)
         live.w[fresh] = 0.0
         out = dict[int, list[tuple[int, int]]]()
         for i, slot, _, used in event.samples:
@@ -107,7 +108,7 @@ class Following:
                         out.setdefault(j, []).append((i, slot))
                         leave_out(self.system.structure.system, live, i, j, z, w)
         for j, samples in out.items():
-            self._jump_without(event, j, samples, self._actions(event, jumps), z, w)
+            self._jump_without(event, j, samples, actions, z, w)
 
     def _jump_without(
         self, event: Event, j: int, samples: list[tuple[int, int]], actions: Integers, z: Floats, w: Floats

@@ -6,8 +6,10 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 
 import numpy as np
+import pendulum_filter
 import pytest
 from examples import Block, experiment
+from pendulum_filter import corrected
 from recordings import NOISE, PENDULUM, START, assessed_of, recorded_of, recording, signal, source
 
 from hgorun.data.recording import Recording
@@ -50,22 +52,8 @@ def used(result: Result) -> np.ndarray:
     return np.sort(one.taken[one.used[:, 0]])
 
 
-def flow(z: np.ndarray) -> np.ndarray:
-    """Estimate and P of the filter between samples."""
-    a, b, p, q, r = z
-    c = np.cos(a)
-    return np.array([b, -np.sin(a) - 0.1 * b, 2 * q, r - c * p - 0.1 * q, 2 * (-c * q - 0.1 * r) + 0.1])
-
-
 def flown(z: np.ndarray, span: float) -> np.ndarray:
-    steps = max(round(span / 0.01), 1)
-    h = span / steps
-    for _ in range(steps):
-        k1 = flow(z)
-        k2 = flow(z + h / 2 * k1)
-        k3 = flow(z + h / 2 * k2)
-        z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + flow(z + h * k3))
-    return z
+    return pendulum_filter.flown(z, span, 0.01)
 
 
 def filtered(samples: Sequence[tuple[float, float]], t: float) -> tuple[np.ndarray, list[float]]:
@@ -73,12 +61,10 @@ def filtered(samples: Sequence[tuple[float, float]], t: float) -> tuple[np.ndarr
     z, now, outliers = np.array([0.0, 1, 1, 0, 1]), 0.0, []
     for taken, y in samples:
         z, now = flown(z, taken - now), taken
-        a, b, p, q, r = z
-        if abs(y - a) > GATE * np.sqrt(p + 0.01):
+        if abs(y - z[0]) > GATE * np.sqrt(z[2] + 0.01):
             outliers.append(taken)
         else:
-            k, m = p / (p + 0.01), q / (p + 0.01)
-            z = np.array([a + k * (y - a), b + m * (y - a), p - k * p, q - k * q, r - m * q])
+            z = corrected(z, y)
     return flown(z, t - now) if t > now + 1e-9 else z, outliers
 
 

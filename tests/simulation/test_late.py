@@ -6,8 +6,10 @@ from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
+import pendulum_filter
 import pytest
 from examples import Block, chain, experiment, findings, inline, said, simulated
+from pendulum_filter import corrected
 
 import hgorun
 from hgorun import Result
@@ -31,28 +33,8 @@ def run(observers: dict[str, Block], delay: str, **more: object) -> Result:
     return simulated(PENDULUM, observers, end=4, output_step=0.05, step=STEP, measurement=late(delay), **more)
 
 
-def flow(z: np.ndarray) -> np.ndarray:
-    """Estimate and P of the filter between samples."""
-    a, b, p, q, r = z
-    c = np.cos(a)
-    return np.array([b, -np.sin(a) - 0.1 * b, 2 * q, r - c * p - 0.1 * q, 2 * (-c * q - 0.1 * r) + 0.1])
-
-
 def flown(z: np.ndarray, span: float) -> np.ndarray:
-    steps = max(round(span / 0.00625), 1)
-    h = span / steps
-    for _ in range(steps):
-        k1 = flow(z)
-        k2 = flow(z + h / 2 * k1)
-        k3 = flow(z + h / 2 * k2)
-        z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + flow(z + h * k3))
-    return z
-
-
-def corrected(z: np.ndarray, y: float) -> np.ndarray:
-    a, b, p, q, r = z
-    k, m = p / (p + 0.01), q / (p + 0.01)
-    return np.array([a + k * (y - a), b + m * (y - a), p - k * p, q - k * q, r - m * q])
+    return pendulum_filter.flown(z, span, 0.00625)
 
 
 def filtered(samples: Sequence[tuple[float, float, float]], t: float) -> np.ndarray:
