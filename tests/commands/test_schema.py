@@ -121,7 +121,22 @@ def test_the_line_is_written_once_and_says_nothing_of_the_experiment(tmp_path: P
     assert resolved[0] == resolved[1]
 
 
-WRONG: tuple[Any, ...] = (None, True, -1, 0, 2, 0.5, "x", "1/2", [], [1, 2], ["x"], {}, {"x1": 1}, {"type": "shgo", "theta": 2})
+WRONG: tuple[Any, ...] = (
+    None,
+    True,
+    -1,
+    0,
+    2,
+    0.5,
+    "x",
+    "1/2",
+    [],
+    [1, 2],
+    ["x"],
+    {},
+    {"x1": 1},
+    {"type": "shgo", "theta": 2},
+)
 
 
 def places(part: Any) -> list[tuple[Any, Any]]:
