@@ -36,10 +36,7 @@ def compact(schema: Schema) -> Schema:
         With ``$defs``; it stays as it is.
     """
     top = _each(schema, _shorter)
-    named = {f"#/$defs/{name}" for name in top["$defs"]}
     shared = _shared(top["$defs"])
-    if clash := named & {place["$ref"] for place in shared.values()}:
-        raise ValueError(f"definitions have names that are kept for shared keys: {sorted(clash)}")
     definitions = {name: _with_references(one, shared) for name, one in top["$defs"].items()}
     keys = {place["$ref"].removeprefix("#/$defs/"): json.loads(text) for text, place in shared.items()}
     return {**top, "$defs": definitions | keys}
@@ -98,7 +95,7 @@ def _shared(definitions: Mapping[str, Schema]) -> dict[str, dict[str, str]]:
         if count[text] > 1 and len(text) > _WORTH and text not in shared:
             used[name] += 1
             number = f"-{used[name]}" if used[name] > 1 else ""
-            shared[text] = {"$ref": f"#/$defs/key-{name}{number}"}
+            shared[text] = {"$ref": f"#/$defs/key-{name}{number}"}  # no class has such a name
     return shared
 
 
