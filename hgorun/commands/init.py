@@ -11,7 +11,7 @@ from hgorun.commands.catalogue_options import Init
 from hgorun.commands.first import first_of
 from hgorun.commands.questions import ask
 from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
-from hgorun.commands.trial import FOLLOWS, Found, Unfit, followed
+from hgorun.commands.trial import FOLLOWS, Found, followed
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError, HgorunError
@@ -82,22 +82,22 @@ def _fitting(name: str, plant: type[Plant], observers: Sequence[str]) -> Found:
     ConfigError
         Where none is found that runs.
     """
-    try:
-        return followed(first_of(name, plant, observers))
-    except Unfit as error:
-        own = first_of(name, plant).start.observers
-        others = ", ".join(sorted({str(keys["type"]) for keys in own.values()}))
-        advice = "" if "observers for this plant are" in str(error) else f"; this plant is mostly run with {others}"
-        raise ConfigError(f"--observer: {error}{advice}") from None
+    found = followed(first_of(name, plant, observers))
+    if not found.trouble:
+        return found
+    usual = ", ".join(sorted({str(keys["type"]) for keys in first_of(name, plant).start.observers.values()}))
+    advice = "" if "observers for this plant are" in found.trouble else f"; this plant is mostly run with {usual}"
+    types = ", ".join(observers)
+    raise ConfigError(
+        f"--observer: no configuration of {name} with {types} was found that runs: {found.trouble}{advice}"
+    )
 
 
 def _answered() -> Found:
-    """What follows from answers; it is written though it may not run, since a plant of one's own may be the reason."""
+    """What follows from answers; it is written though it may not run, since a plant of your own may be the reason."""
     chosen = ask()
-    try:
-        return followed(chosen)
-    except Unfit:
-        return Found(0, chosen)
+    found = followed(chosen)
+    return Found(0, chosen) if found.trouble else found
 
 
 def _try(target: Path) -> None:

@@ -50,26 +50,26 @@ class Outcome:
         return self.trouble is None and self.error < FOLLOWS
 
 
-class Unfit(ConfigError):
-    """No configuration with an observer was found that runs."""
-
-
 @dataclass(frozen=True)
 class Found:
-    """A configuration, and the error of the observer that follows worst in it."""
+    """A configuration, and the error of the observer that follows worst in it.
+
+    Attributes
+    ----------
+    error : float
+        As in an outcome; infinite where an observer does not run.
+    first : First
+    trouble : str
+        What kept the first try from running, if nothing runs.
+    """
 
     error: float
     first: First
+    trouble: str = ""
 
 
 def followed(first: First) -> Found:
-    """The configuration, with what each observer needs: other gains, a better first guess, less noise, all times.
-
-    Raises
-    ------
-    Unfit
-        For an observer with which nothing of that runs; the message says why.
-    """
+    """The configuration, with what each observer needs: other gains, a better first guess, less noise, all times."""
     best, why, first = Found(np.inf, first), "", _with_boxes(first)
     for sampled in dict.fromkeys((first.sampled, False)):
         for share in _QUIETER:
@@ -79,14 +79,10 @@ def followed(first: First) -> Found:
             best = min(best, made, key=lambda found: found.error)
             if best.error < FOLLOWS:
                 return best
-            troubles = [outcome for outcome, _ in chosen if outcome.trouble is not None]
-            why = why or next((f"{outcome.trouble}" for outcome in troubles), "")
-            if any(outcome.refused for outcome in troubles):
+            why = why or next((outcome.trouble for outcome, _ in chosen if outcome.trouble), "")
+            if any(outcome.refused for outcome, _ in chosen):
                 break  # whatever the noise
-    if best.error == np.inf:
-        types = ", ".join(str(keys["type"]) for keys in first.start.observers.values())
-        raise Unfit(f"no configuration of {first.name} with {types} was found that runs: {why}")
-    return best
+    return replace(best, trouble=why or "its estimate is not finite") if best.error == np.inf else best
 
 
 def _with_boxes(first: First) -> First:
@@ -148,7 +144,8 @@ def _error(result: Result) -> float:
     late = result.time >= result.time[-1] - (result.time[-1] - result.time[0]) / 3
     error = np.sqrt(np.mean((observer.xhat - result.x)[late] ** 2, axis=0))
     moved = np.maximum(np.ptp(result.x, axis=0), 0.05 * np.max(np.abs(result.x), axis=0))
-    return float(np.max((error / np.maximum(moved, np.finfo(float).tiny))[known]))
+    largest = float(np.max((error / np.maximum(moved, np.finfo(float).tiny))[known]))
+    return largest if np.isfinite(largest) else np.inf
 
 
 def _together(scene: First, alone: Sequence[First]) -> First:

@@ -15,7 +15,7 @@ from shell import Shell
 
 from hgorun.commands import init, trial
 from hgorun.commands.first import first_of
-from hgorun.commands.trial import FOLLOWS, Unfit, followed
+from hgorun.commands.trial import FOLLOWS, followed
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import PLANTS
 from hgorun.plants.contois import Contois
@@ -74,9 +74,8 @@ def test_observers_may_be_named(shell: Shell) -> None:
 
 def follows(plant: str, observer: str, folder: Path) -> bool:
     """Whether what ``init`` writes for the two runs, by the file alone; True where it refuses."""
-    try:
-        found = followed(first_of(plant, PLANTS.find(plant), [observer]))
-    except Unfit:
+    found = followed(first_of(plant, PLANTS.find(plant), [observer]))
+    if found.trouble:
         return True
     path = folder / f"{plant}-{observer}.yaml"
     path.write_text(found.first.text(path.name))
