@@ -219,8 +219,8 @@ def _check(quantity: Quantity, experiment: Experiment, place: KeyPath) -> None:
     if quantity.function not in known or quantity.window is not None:
         raise Problem(place, f"{quantity}: only metrics without a window can be tuned: {', '.join(known)}")
     if label not in experiment.observers:
-        near = nearest(label, experiment.observers)
+        near = nearest(label or "", experiment.observers)
         raise Problem(place, f"no observer is called {label!r}.{near} Known: {', '.join(experiment.observers)}")
     if quantity.state not in states:
-        near = nearest(quantity.state, states)
+        near = nearest(quantity.state or "", states)
         raise Problem(place, f"the plant has no state {quantity.state!r}.{near} Known: {', '.join(states)}")

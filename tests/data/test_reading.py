@@ -215,7 +215,11 @@ def test_a_unit_of_the_file_that_is_not_the_models_is_told(tmp_path: Path) -> No
             ("data", "outputs", "S", "unit"),
             "cannot be converted",
         ),
-        ({"outputs": {"S": {"column": "glucose", "unit": "wug"}}}, ("data", "outputs", "S", "unit"), "no known unit"),
+        (
+            {"outputs": {"S": {"column": "glucose", "unit": "wug"}}},
+            ("data", "outputs", "S", "unit"),
+            "not a known unit",
+        ),
         (
             {"outputs": {"S": {"column": "glucose", "unit": "m**9**9**9"}}},
             ("data", "outputs", "S", "unit"),
