@@ -1,4 +1,4 @@
-"""What the page of the analysis shows of the command is what it prints, and its example of bounds and limits is right."""
+"""What the page of the analysis shows of the command is what it prints; its bounds and limits are right."""
 
 from __future__ import annotations
 
