@@ -35,7 +35,7 @@ def test_the_example_prints_what_the_readme_says(
     with pytest.raises(SystemExit) as stop:
         main()
     assert stop.value.code == 0
-    shown = re.search(r"\$ hgorun simulate bioreactor.yaml\n(.*?)\n\nNothing", README, re.DOTALL)
+    shown = re.search(r"\$ hgorun simulate bioreactor.yaml\n(.*?)\n\nYou did not have", README, re.DOTALL)
     assert shown is not None
     expected = [line.strip() for line in shown[1].splitlines()]
     assert [line.strip() for line in capsys.readouterr().out.strip().splitlines()] == expected

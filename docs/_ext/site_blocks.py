@@ -22,10 +22,10 @@ from hgorun.plants.inline import InlinePlant
 
 BLOCKS: tuple[tuple[str, type[BaseModel], str], ...] = (
     ("time", Time, ""),
-    ("plant", Plant, "Those of every plant; [its page](plants.md) says which others a built-in one has."),
+    ("plant", Plant, "The keys of every plant. [The page of a built-in plant](plants.md) has its own keys."),
     ("plant, written in place", InlinePlant, ""),
     ("measurement", Measurement, "Kinds of noise are on [a page of their own](noise.md)."),
-    ("observers", Keys, "Those of every observer; [its page](observers.md) says which others it has."),
+    ("observers", Keys, "The keys of every observer. [The page of an observer](observers.md) has its own keys."),
     ("controller", Controller, "Explained in [closed loops](../closed_loop.md)."),
     ("data", Data, "Explained in [recordings](../recordings.md)."),
     ("solver", Solver, "Explained in [how a run is computed](../numerics.md)."),
@@ -39,8 +39,8 @@ BLOCKS: tuple[tuple[str, type[BaseModel], str], ...] = (
 )
 _HEAD = """# Configuration reference
 
-Every key of every block, made from the models that check a configuration. [Configuration](../configuration.md) explains
-them. Keys of mappings inside a block are written with a dot."""
+Every key of every block, with its default and range, made from the models that check a configuration.
+[Configuration](../configuration.md) explains the keys. Keys of mappings inside a block are written with a dot."""
 
 
 def reference_page() -> str:

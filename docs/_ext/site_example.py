@@ -127,7 +127,7 @@ def of_plant(name: str, cls: type[Plant]) -> Example:
     inputs = {"inputs": dict.fromkeys(cls.known_inputs, 0.1)} if cls.known_inputs else {}
     keys: dict[str, Any] = {"type": name, **inputs, **cls.example()}
     states = cls.model_validate(keys).state_names
-    between = np.linspace(0.5, 1.0, len(states)).tolist()
+    between = np.linspace(0.5, 1.0, len(states)).round(2).tolist()
     keys["initial"] = {**dict(zip(states, between, strict=True)), **keys.get("initial", {})}
     block = cls.model_validate(keys)
     watched = {"type": "kalman_bucy", "Q": dict.fromkeys(states, 1.0), "R": 0.1, "initial": keys["initial"]}
@@ -149,10 +149,10 @@ def _of_model(block: Plant) -> str:
     model = build_plant(block).model
     function = ca.Function("f", [model.t, model.x, model.u, model.p], [model.dynamics, model.output])
     groups = ((1, model.states), (2, model.inputs), (3, model.parameters))
-    names = {(0, 0): "t"} | {(i, k): symbol(name) for i, of in groups for k, name in enumerate(of)}
+    names = {(0, 0): "t"} | {(i, k): _letter(name) for i, of in groups for k, name in enumerate(of)}
     found = written(function, names, "a")
     lines = [
-        f"{dotted(symbol(state))} &= {formula.text} \\\\"
+        f"{_derivative(state)} &= {formula.text} \\\\"
         for state, formula in zip(model.states, found.formulas["o0"], strict=True)
     ]
     lines += [
@@ -161,6 +161,17 @@ def _of_model(block: Plant) -> str:
     ]
     lines += [f"{name} &= {formula.text} \\\\" for name, formula in found.abbreviations]
     return displayed("\n".join(lines).removesuffix(r" \\"))
+
+
+def _letter(name: str) -> str:
+    """theta_dot is the derivative of theta."""
+    base = name.removesuffix("_dot")
+    return symbol(name) if base == name else rf"\dot{{{symbol(base)}}}"
+
+
+def _derivative(state: str) -> str:
+    base = state.removesuffix("_dot")
+    return dotted(symbol(state)) if base == state else rf"\ddot{{{symbol(base)}}}"
 
 
 def _outputs(names: Sequence[str], states: Sequence[str]) -> list[str]:

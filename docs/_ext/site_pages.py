@@ -51,12 +51,12 @@ MEASUREMENTS: tuple[tuple[type, str], ...] = (
     (object, "continuous, sampled and late outputs, each output at times of its own"),
 )
 REMARKS: tuple[tuple[type, str], ...] = (
-    (Differentiator, "It does without the plant's equations."),
+    (Differentiator, "It does not use the plant's equations."),
     (SlidingMode, "Its right-hand side jumps where the error is zero: no linear theory applies."),
     (Switching, "It needs a given `solver.step`, which is a part of its definition."),
     (Averaged, "It follows the mean of the plant's field over points around the estimate."),
     (NotLinear, "Linear theory may not apply, however small the error is."),
-    (Punctual, "What is late is refused, or replayed where the text above says so."),
+    (Punctual, "Late outputs are refused, unless the text above says that they are replayed."),
     (NoiseInformed, "Its design takes the noise from the block `measurement`, if its own keys do not say it."),
 )
 
@@ -82,12 +82,13 @@ def pages(choice: Mapping[str, tuple[str, str]]) -> Iterator[tuple[str, str]]:
 
 
 _COMMON = (
-    "A page for each observer that comes with hgorun, made from its class. "
-    " `hgorun list observers` and `hgorun show NAME` say the same in a terminal, also of observers of your own."
+    "Every observer that comes with hgorun has a page: equations, class of plants, keys, references, and errors in the "
+    "printed source. [Which observer to take](../choosing.md) compares them. In a terminal `hgorun list observers` and "
+    "`hgorun show NAME` say the same, also of your own observers."
 )
 _OWN = (
-    "A page for each plant that comes with hgorun. A plant of your own needs no Python: its equations "
-    "are written into the configuration."
+    "A page for each plant that comes with hgorun. A plant of your own needs no Python: "
+    "[write its equations into the configuration](../configuration.md#plant)."
 )
 
 
@@ -111,11 +112,11 @@ def observer_page(name: str, cls: type[AnyObserver], choice: tuple[str, str] | N
         parts += [
             "## When to take it",
             f"Take it when: {symbols(choice[0])}.",
-            f"Another one when: {symbols(choice[1])}.",
+            f"Take another one when: {symbols(choice[1])}.",
         ]
     parts += ["## Keys", keys_table(own, words=readable) if own else "It has no keys of its own."]
     parts.append("All observers also have [the common keys](../../configuration.md#observers).")
-    parts += _shown(of_observer(name, cls), "keys of an example, which are not tuned")
+    parts += _shown(of_observer(name, cls), "A short run. Its gains are not tuned:")
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -130,7 +131,8 @@ def plant_page(name: str, cls: type[Plant]) -> str:
     """Its equations, parameters and a run of it alone."""
     found = of_class(name, "plant", cls)
     example = of_plant(name, cls)
-    parts = [*_head(name, found), "## Equations", example.equations, f"Valid: {readable(found['valid'])}."]
+    parts = [*_head(name, found), "## Equations as they are computed", example.equations]
+    parts.append(f"Valid: {readable(found['valid'])}.")
     units = found["units"]
     if found["states"]:
         names = [(f"`{state}`", plain(units.get(state, ""))) for state in found["states"]]
@@ -146,7 +148,7 @@ def plant_page(name: str, cls: type[Plant]) -> str:
     own = [key for key in found["keys"] if key["key"] not in Plant.model_fields]
     parts += ["## Keys of its own", keys_table(own, words=readable)] if own else []
     parts.append("All plants also have [the common keys](../../configuration.md#plant).")
-    parts += _shown(Example(example.config, example.drawing, ""), "every start between 0.5 and 1, inputs of 0.1")
+    parts += _shown(Example(example.config, example.drawing, ""), "A short run, with inputs of 0.1:")
     return "\n\n".join(part for part in parts if part) + "\n"
 
 
@@ -166,16 +168,19 @@ def _head(name: str, found: Description) -> list[str]:
 def _shown(example: Example | None, how: str) -> list[str]:
     if example is None:
         return []
-    parts = ["## Example", f"The run below has {how}:", f"```yaml\n{example.text}```"]
+    parts = ["## Example", how, f"```yaml\n{example.text}```"]
     parts.append(f"```{{raw}} html\n{example.drawing}\n```")
     if example.equations:
-        parts += ["In this example, all numbers written out:", example.equations]
+        parts += ["The equations of this example with all numbers:", example.equations]
     return parts
 
 
 def noise_page() -> str:
     """Every kind of noise with its keys."""
-    parts = ["# Noise", "Kinds of noise for [the block measurement](../configuration.md#measurement)."]
+    parts = [
+        "# Noise",
+        "The kinds of noise that [the block `measurement`](../configuration.md#measurement) can have, with their keys.",
+    ]
     for name, cls in NOISE.all().items():
         found = of_class(name, "noise", cls)
         parts += [f"## {name}", without_errata(found["description"])[0], keys_table(found["keys"], words=readable)]
@@ -188,9 +193,9 @@ def quantities_page() -> str:
     findings = [(f"`{f.name}`", plain(f.unit or ""), _marked(f.meaning)) for f in all_findings()]
     parts = [
         "# Metrics and findings",
-        "What is measured of every run, and what [analyze](../analysis.md) says of it.",
+        "What hgorun computes: metrics of every run, and the findings of [`hgorun analyze`](../analysis.md).",
         "## Metrics",
-        "[The block metrics](../configuration.md#metrics) has the windows, the part of the peak and the moving mean.",
+        "[The block `metrics`](../configuration.md#metrics) sets windows, the part of the peak and the moving mean.",
         table(("name", "unit", "meaning"), metrics),
         "## Findings",
         table(("name", "unit", "meaning"), findings),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -36,6 +36,10 @@ class First:
     start : Start
     sampled : bool
         Whether the output is known at samples only.
+    noise : float
+        Times that of ``start``: less than 1 for observers that it would swamp.
+    estimates : mapping of str to mapping
+        First guesses of observers that need another one than that of ``start``, by label.
     parameters, inputs : mapping
         Those of the plant, with units and meanings.
     """
@@ -45,6 +49,8 @@ class First:
     plant: Sequence[str]
     start: Start
     sampled: bool = True
+    noise: float = 1
+    estimates: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
     inputs: Mapping[str, Input] = field(default_factory=dict)
 
@@ -71,6 +77,12 @@ class First:
             self._solver(),
         ]
         return "\n\n".join("\n".join(block) for block in blocks) + "\n"
+
+    def with_observer(self, label: str, keys: Mapping[str, object], estimate: Mapping[str, float] | None) -> First:
+        """The same with other keys of an observer, and another first guess where one is given."""
+        observers = {**self.start.observers, label: keys}
+        estimates = self.estimates if estimate is None else {**self.estimates, label: estimate}
+        return replace(self, start=replace(self.start, observers=observers), estimates=estimates)
 
     def _solver(self) -> list[str]:
         """The method, which is chosen unless an observer has no solution to which shorter steps would lead."""
@@ -105,14 +117,15 @@ class First:
         return [*lines, f"  initial: {_mapping(self.start.initial)}  # the true state, which observers do not know"]
 
     def _measurement(self) -> list[str]:
-        period, noise = _number(self.start.period), _number(self.start.noise)
+        period, noise = _number(self.start.period), _number(self.start.noise * self.noise)
+        little = "" if self.noise == 1 else "  # little, since an observer below takes it for the signal"
         hold = "" if self.sampled else f", hold: {period}"
         return [
             "# What observers get of the plant. Without sampling the output is known at all times.",
             "measurement:",
             f"  {'' if self.sampled else '# '}sampling: {{period: {period}}}",
             f"  # delay: {period}  # samples that come late",
-            f"  noise: [{{type: gaussian, std: {noise}{hold}}}]",
+            f"  noise: [{{type: gaussian, std: {noise}{hold}}}]{little}",
         ]
 
     def _observers(self) -> list[str]:
@@ -121,7 +134,7 @@ class First:
         for label, keys in self.start.observers.items():
             lines += [f"  {_text(label)}:", _beside(f"    type: {keys['type']}", _meaning(str(keys["type"])))]
             lines += [f"    {key}: {_value(value)}" for key, value in keys.items() if key not in ("type", "initial")]
-            lines.append(f"    initial: {_mapping(self.start.estimate)}  # the first guess")
+            lines.append(f"    initial: {_mapping(self.estimates.get(label, self.start.estimate))}  # the first guess")
         return lines
 
 
@@ -165,7 +178,7 @@ def with_observers(start: Start, types: Sequence[str]) -> Start:
         gain = cls.model_fields.get("theta")
         theta = {"theta": 5} if gain is not None and gain.is_required() else {}
         blocks[name.upper()] = dict(known) if known is not None else {"type": name, **theta, **example}
-    return Start(**{**vars(start), "observers": blocks})
+    return replace(start, observers=blocks)
 
 
 def _guessed(cls: type[Plant]) -> Start:

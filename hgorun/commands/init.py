@@ -8,14 +8,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hgorun.commands.catalogue_options import Init
-from hgorun.commands.first import First, first_of
+from hgorun.commands.first import first_of
 from hgorun.commands.questions import ask
 from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
+from hgorun.commands.trial import FOLLOWS, Found, followed
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
-from hgorun.plants.base import PLANTS
+from hgorun.plants.base import PLANTS, Plant
 from hgorun.reproduce.shipped import examples, experiments
 from hgorun.reproduce.shipped import folder as experiments_folder
 from hgorun.simulation.simulate import prepare
@@ -57,19 +58,49 @@ def _first(options: Init) -> int:
         except KeyError:
             hint = nearest(options.plant, PLANTS.names())
             raise ConfigError(f"--plant: no plant is called {options.plant!r}.{hint} See hgorun list plants") from None
-        chosen = first_of(options.plant, plant, options.observers)
+        found = Found(0, first_of(options.plant, plant))
+        if options.observers:
+            found = _fitting(options.plant, plant, options.observers)
     else:
-        chosen = ask()
-    target = options.output or Path(f"{chosen.name}.yaml")
+        found = _answered()
+    target = options.output or Path(f"{found.first.name}.yaml")
     if target.suffix.lower() not in (".yaml", ".yml"):
         raise ConfigError(f"--output: expected a file .yaml, found {target}")
     schema = _schema_for(target.parent, beside=options.schema)
-    _write([(target, with_schema(chosen.text(str(target)), schema.address))], schema, force=options.force)
-    _try(target, chosen)
+    _write([(target, with_schema(found.first.text(str(target)), schema.address))], schema, force=options.force)
+    if found.error > FOLLOWS:
+        print(f"note: an estimate misses its state by {found.error:.0%} of what that moves through: try other gains")
+    _try(target)
     return 0
 
 
-def _try(target: Path, chosen: First) -> None:
+def _fitting(name: str, plant: type[Plant], observers: Sequence[str]) -> Found:
+    """A configuration with these observers, which has been tried.
+
+    Raises
+    ------
+    ConfigError
+        Where none is found that runs.
+    """
+    found = followed(first_of(name, plant, observers))
+    if not found.trouble:
+        return found
+    usual = ", ".join(sorted({str(keys["type"]) for keys in first_of(name, plant).start.observers.values()}))
+    advice = "" if "observers for this plant are" in found.trouble else f"; this plant is mostly run with {usual}"
+    types = ", ".join(observers)
+    raise ConfigError(
+        f"--observer: no configuration of {name} with {types} was found that runs: {found.trouble}{advice}"
+    )
+
+
+def _answered() -> Found:
+    """What follows from answers; it is written though it may not run, since a plant of your own may be the reason."""
+    chosen = ask()
+    found = followed(chosen)
+    return Found(0, chosen) if found.trouble else found
+
+
+def _try(target: Path) -> None:
     """Say what to do next, or what keeps the configuration from running."""
     try:
         prepare(load(target))

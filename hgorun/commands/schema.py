@@ -9,6 +9,8 @@ from typing import Any
 from pydantic import BaseModel
 
 from hgorun.commands.catalogue_options import Schema
+from hgorun.commands.compact_schema import compact
+from hgorun.commands.described import own_doc
 from hgorun.config.benchmark import BenchmarkFile
 from hgorun.config.models import File
 from hgorun.config.sweeps import SweepFile
@@ -54,22 +56,22 @@ def with_schema(text: str, address: str) -> str:
 
 def sweep_schema() -> dict[str, Any]:
     """The schema of sweep files, whose base may be a whole configuration."""
-    top, base = SweepFile.model_json_schema(), build_schema()
+    top, base = SweepFile.model_json_schema(), full_schema()
     definitions = top.pop("$defs", {}) | base.pop("$defs")
     base.pop("$schema")
     description = top["properties"]["base"]["description"]
     whole = {"$ref": "#/$defs/Configuration"}
     top["properties"]["base"] = {"anyOf": [{"type": "string"}, whole], "description": description}
-    return {"$schema": DIALECT, **top, "$defs": definitions | {"Configuration": base}}
+    return compact({"$schema": DIALECT, **top, "$defs": definitions | {"Configuration": base}})
 
 
 def benchmark_schema() -> dict[str, Any]:
     """The schema of benchmark files, whose contestants are observers."""
-    top, observers = BenchmarkFile.model_json_schema(), build_schema()
+    top, observers = BenchmarkFile.model_json_schema(), full_schema()
     block = top["$defs"]["Contestant"]["properties"]["block"]
     blocks = observers["properties"]["observers"]["additionalProperties"]
     top["$defs"]["Contestant"]["properties"]["block"] = {"description": block["description"], **blocks}
-    return {"$schema": DIALECT, **top, "$defs": _used(top["$defs"], observers["$defs"] | top["$defs"])}
+    return compact({"$schema": DIALECT, **top, "$defs": _used(top["$defs"], observers["$defs"] | top["$defs"])})
 
 
 def _used(wanted: dict[str, Any], every: dict[str, Any]) -> dict[str, Any]:
@@ -85,7 +87,12 @@ def _used(wanted: dict[str, Any], every: dict[str, Any]) -> dict[str, Any]:
 
 
 def build_schema() -> dict[str, Any]:
-    """The schema of configurations."""
+    """The schema of configurations, in as few words as possible."""
+    return compact(full_schema())
+
+
+def full_schema() -> dict[str, Any]:
+    """The schema of configurations, every block written out in full."""
     top = File.model_json_schema()
     definitions = top.setdefault("$defs", {})
 
@@ -96,19 +103,21 @@ def build_schema() -> dict[str, Any]:
             own.pop("required", None)
         if constant is not None:
             own["properties"]["type"] = {"const": constant}
+            own["description"] = _in_a_line(model, constant)
         definitions[name] = own
         return {"$ref": f"#/$defs/{name}"}
 
     plants = [add(cls, f"plant-{name}", name) for name, cls in PLANTS.all().items()]
     observers = [add(cls, f"observer-{name}", name) for name, cls in OBSERVERS.all().items()]
-    top["properties"]["plant"] = {"anyOf": [*plants, add(InlinePlant, "plant-inline", "inline")]}
-    definitions["plant-inline"]["properties"]["output"] = {
-        "anyOf": [
-            {"type": "string"},
-            {"type": "array", "items": {"type": "string"}},
-            definitions["plant-inline"]["properties"]["output"],
-        ]
+    inline = add(InlinePlant, "plant-inline", "inline")
+    top["properties"]["plant"] = {
+        "description": top["properties"]["plant"]["description"],
+        "anyOf": [*plants, inline],
     }
+    of_inline = definitions["plant-inline"]["properties"]
+    named = of_inline["output"]
+    unnamed = [{"type": "string"}, {"type": "array", "items": {"type": "string"}}]
+    of_inline["output"] = {"description": named.pop("description"), "anyOf": [*unnamed, named]}
     top["properties"]["observers"]["additionalProperties"] = {"anyOf": observers}
     top["properties"]["measurement"] = add(Measurement, "Measurement")
     definitions["Scaling"]["properties"]["of"]["examples"] = list(quantities())
@@ -116,6 +125,12 @@ def build_schema() -> dict[str, Any]:
     for incomplete in (top, *(definitions[name] for name in _outside_lists(top, definitions))):
         incomplete.pop("required", None)
     return {"$schema": DIALECT, **top}
+
+
+def _in_a_line(model: type[BaseModel], name: str) -> str:
+    """What an editor shows of a plant or an observer: the rest of its page is long."""
+    first = own_doc(model).split("\n\n")[0].replace("\n", " ")
+    return f"{first} More: hgorun show {name}" if first else f"See hgorun show {name}"
 
 
 def _outside_lists(top: dict[str, Any], definitions: dict[str, Any]) -> set[str]:

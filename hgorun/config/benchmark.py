@@ -104,7 +104,7 @@ class Tries(Block):
 class BenchmarkFile(Block):
     """Plants x scenarios x contestants."""
 
-    title: str = ""
+    title: str = Field(default="", description="free text, above tables and figures")
     plants: Annotated[dict[str, Venue], NonEmpty] = Field(description="name: plant")
     scenarios: Annotated[tuple[str, ...], NonEmpty] = Field(description="the runs that every plant's file has")
     observers: Annotated[dict[str, Contestant], NonEmpty] = Field(description="label: contestant")

@@ -123,7 +123,7 @@ ClockKey = Annotated[Clock, BeforeValidator(_column), _OrText()]
 class Quality(Block):
     """A column that says which values are good."""
 
-    column: str
+    column: str = Field(description="its name in the file")
     good: Annotated[tuple[Number | str, ...], NonEmpty] = Field(description="what it holds beside good values")
 
 

@@ -53,7 +53,7 @@ class Panel(Block):
     window: Window | None = Field(default=None, description="time shown (default: the whole run)")
     limits: Window | None = Field(default=None, description="range of the vertical axis")
     inset: Inset | None = Field(default=None, description="a detail, enlarged inside the panel")
-    title: str | None = None
+    title: str | None = Field(default=None, description="above the panel")
 
     @property
     def subject(self) -> str:
@@ -88,8 +88,8 @@ Width = Annotated[
 class Figure(Block):
     """A figure: panels one below the other, or in columns."""
 
-    title: str | None = None
-    panels: Annotated[tuple[Panel, ...], NonEmpty]
+    title: str | None = Field(default=None, description="above the figure")
+    panels: Annotated[tuple[Panel, ...], NonEmpty] = Field(description="one below the other, or in columns")
     columns: Annotated[int, Field(ge=1, le=6, strict=True)] = Field(
         default=1, description="panels side by side; filled row by row"
     )

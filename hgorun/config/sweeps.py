@@ -271,7 +271,7 @@ def _base(value: object) -> Any:
 class SweepFile(SweepBlocks):
     """A sweep file: a base configuration, axes along which it is varied, and what is kept of every member."""
 
-    title: str = ""
+    title: str = Field(default="", description="free text, above figures and in lists")
     base: Annotated[str | dict[str, Any], BeforeValidator(_base)] = Field(
         description="the configuration that members vary: a file, as seen from this one, or written here"
     )

@@ -16,8 +16,8 @@ from hgorun.noise.base import NOISE, Noise
 class Periodic(Block):
     """Samples at start + offset + k period, each moved by jitter or lost by chance."""
 
-    period: Positive
-    offset: NonNegative = 0.0
+    period: Positive = Field(description="time between two samples")
+    offset: NonNegative = Field(default=0.0, description="time from the start of the phase to its first sample")
     jitter: NonNegative = Field(default=0.0, description="uniform on +-jitter")
     dropout: Annotated[NonNegative, Field(le=1)] = Field(default=0.0, description="probability that a sample is lost")
 
@@ -25,7 +25,7 @@ class Periodic(Block):
 class Times(Block):
     """Samples at the given times."""
 
-    times: Annotated[tuple[Number, ...], NonEmpty]
+    times: Annotated[tuple[Number, ...], NonEmpty] = Field(description="times of the samples, increasing")
 
     @model_validator(mode="after")
     def _increasing(self) -> Times:
@@ -110,7 +110,7 @@ class Phase(Availability):
     """A stretch of time with its own availability."""
 
     until: Number = Field(description="end of the phase")
-    outputs: dict[Name, Availability] = Field(default_factory=dict)
+    outputs: dict[Name, Availability] = Field(default_factory=dict, description="overrides for single outputs")
 
 
 class Measurement(Availability):

@@ -17,9 +17,9 @@ from hgorun.noise.base import Spectrum, TimeFunction, Wave, noise
 class Term(Block):
     """One sinusoid: amplitude * sin(omega t + phase)."""
 
-    amplitude: Number
+    amplitude: Number = Field(description="in the unit of the output; relative with multiplicative noise")
     omega: Number = Field(description="angular frequency, rad per time unit")
-    phase: Number = 0.0
+    phase: Number = Field(default=0.0, description="rad")
 
 
 @noise("sinusoids")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import ClassVar
 
 import numpy as np
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from hgorun.config.types import Number
 from hgorun.noise.base import DrawnInParts, Draws, Spectrum, noise
@@ -18,8 +18,8 @@ class UniformNoise(DrawnInParts):
 
     bounded: ClassVar[bool] = True
 
-    low: Number
-    high: Number
+    low: Number = Field(description="least value")
+    high: Number = Field(description="largest value, above low")
 
     @model_validator(mode="after")
     def _order(self) -> UniformNoise:

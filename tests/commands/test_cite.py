@@ -71,13 +71,13 @@ def test_a_base_is_cited_for_what_is_made_of_it(shell: Shell) -> None:
 
 def test_what_was_not_looked_up_is_marked(shell: Shell) -> None:
     """An article without DOI, and not a book, which has none."""
-    (shell.folder / "m.yaml").write_text(TWO.replace("ekf, Q: {x1: 1, x2: 1}", "levant, G: 1"))
+    (shell.folder / "m.yaml").write_text(TWO.replace("ekf, Q: {x1: 1, x2: 1}", "stubborn, theta: 2"))
     out = shell("cite", "m.yaml", "--bibtex")[1]
-    assert "% levant2003: not verified, compare it with the publication\n@article{levant2003," in out
+    assert "% astolfi2021stubborn: not verified, compare it with the publication\n@article{astolfi2021stubborn," in out
     assert "% savitzky1964" not in out
-    assert {"levant2003", "savitzky1964"} <= set(parsed(out))
+    assert {"astolfi2021stubborn", "savitzky1964"} <= set(parsed(out))
     shown = shell("cite", "m.yaml")[1]
-    assert "[levant2003]* " in shown
+    assert "[astolfi2021stubborn]* " in shown
     assert "[savitzky1964] " in shown
     assert all(entry.verified for entry in known().values() if entry.kind == "book")
 
@@ -177,3 +177,10 @@ def test_keys_are_unique_and_stay() -> None:
 )
 def test_words_and_the_publications_that_they_name(words: str, keys: list[str]) -> None:
     assert [entry.key for entry in cited_in(words)] == keys
+
+
+def test_the_page_of_gaps_counts_what_was_looked_up() -> None:
+    articles = [entry for entry in known().values() if entry.kind in ("article", "inproceedings")]
+    gaps = (Path(__file__).parents[2] / "docs" / "gaps.md").read_text()
+    assert f"Of the {len(articles)} articles" in gaps
+    assert f"{sum(entry.verified for entry in articles)} have a DOI" in gaps

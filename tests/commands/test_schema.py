@@ -1,18 +1,29 @@
 """The JSON schemas for editors: they are those of the program, and every file that comes with it keeps to its own."""
 
+import copy
 import json
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import jsonschema
+import numpy as np
 import pytest
 import yaml
 
 import hgorun
-from hgorun.commands.schema import benchmark_schema, build_schema, schema_text, with_schema
+from hgorun.commands.compact_schema import compact
+from hgorun.commands.schema import (
+    benchmark_schema,
+    build_schema,
+    full_schema,
+    schema_text,
+    sweep_schema,
+    with_schema,
+)
 from hgorun.config.tuning import Tune
 
 ROOT = Path(__file__).parents[2]
@@ -108,3 +119,76 @@ def test_the_line_is_written_once_and_says_nothing_of_the_experiment(tmp_path: P
         (tmp_path / name).write_text(content)
         resolved.append(hgorun.load(tmp_path / name).resolved_text)
     assert resolved[0] == resolved[1]
+
+
+WRONG: tuple[Any, ...] = (
+    None,
+    True,
+    -1,
+    0,
+    2,
+    0.5,
+    "x",
+    "1/2",
+    [],
+    [1, 2],
+    ["x"],
+    {},
+    {"x1": 1},
+    {"type": "shgo", "theta": 2},
+)
+
+
+def places(part: Any) -> list[tuple[Any, Any]]:
+    """Every (mapping or list, key) of a document."""
+    inner = part.items() if isinstance(part, dict) else enumerate(part) if isinstance(part, list) else ()
+    return [place for key, value in inner for place in [(part, key), *places(value)]]
+
+
+def mutated(document: dict[str, Any], random: np.random.Generator) -> dict[str, Any]:
+    """The document with a value replaced, a key left out, or a key misspelt."""
+    changed = copy.deepcopy(document)
+    known = places(changed)
+    part, key = known[random.integers(len(known))]
+    how = random.integers(4)
+    if how == 0:
+        del part[key]
+    elif how == 1 and isinstance(part, dict):
+        part[f"{key}s"] = part.pop(key)
+    else:
+        part[key] = copy.deepcopy(WRONG[random.integers(len(WRONG))])
+    return changed
+
+
+@pytest.fixture(scope="module")
+def full_and_compact() -> tuple[jsonschema.protocols.Validator, jsonschema.protocols.Validator]:
+    full = full_schema()
+    return jsonschema.Draft202012Validator(full), jsonschema.Draft202012Validator(compact(full))
+
+
+@pytest.mark.parametrize(("share", "changes"), [(8, 1), pytest.param(1, 12, marks=pytest.mark.slow)])
+def test_the_compact_schema_takes_and_refuses_what_the_full_one_does(
+    full_and_compact: tuple[jsonschema.protocols.Validator, jsonschema.protocols.Validator], share: int, changes: int
+) -> None:
+    full, short = full_and_compact
+    random, refused = np.random.default_rng(1), 0
+    files = [file for file in FILES if named_schema(file).name == "hgorun.schema.json"][::share]
+    for file in files:
+        document = yaml.safe_load(file.read_text())
+        for one in (document, *(mutated(document, random) for _ in range(changes))):
+            valid = full.is_valid(one)
+            assert short.is_valid(one) == valid, (file, one)
+            refused += not valid
+    assert refused > len(files) * changes / 4  # not for lack of faults
+
+
+@pytest.mark.parametrize("made", [build_schema, sweep_schema, benchmark_schema])
+def test_the_schema_is_small_and_says_what_every_key_means(made: Callable[[], dict[str, Any]]) -> None:
+    schema = made()
+    assert len(schema_text(schema)) < 120_000
+    assert compact(schema) == schema  # nothing is left to do
+    for name, block in schema["$defs"].items():
+        for key, one in block.get("properties", {}).items():
+            while "description" not in one and "$ref" in one:
+                one = schema["$defs"][one["$ref"].removeprefix("#/$defs/")]
+            assert "description" in one or "const" in one, f"{name}.{key}"

@@ -49,7 +49,7 @@ def test_the_page_of_an_observer_has_its_keys_source_errata_and_choice(fhgo2: st
 def test_the_page_of_an_observer_that_refuses_late_outputs_says_so() -> None:
     page = observer_page("super_twisting", OBSERVERS.find("super_twisting"), None)
     assert "continuous and sampled outputs" in page
-    assert "What is late is refused" in page
+    assert "Late outputs are refused" in page
 
 
 def test_the_example_of_a_page_is_a_configuration_that_runs(fhgo2: str) -> None:
