@@ -18,6 +18,8 @@ from types import FrameType
 from typing import NoReturn
 
 INTERRUPTED, TERMINATED, CLOSED_PIPE = 130, 143, 141
+_TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENAS = -1, -3, -8  # parameters of glibc's mallopt
+_PIECES, _KEPT = 2**25, 2**28  # bytes of an array that may take another one's place, and of what is free for that
 _PATIENCE = 0.8  # seconds that Python code has to answer a signal, before the process ends without it
 INTERRUPTION_SAID = "hgorun: interrupted; no file is left half-written"
 TERMINATION_SAID = "hgorun: terminated; no file is left half-written"
@@ -65,6 +67,20 @@ def _leave(code: int) -> NoReturn:
 def processors() -> int:
     """How many things run at once: the processors that this process may use."""
     return len(os.sched_getaffinity(0)) if sys.platform == "linux" else os.cpu_count() or 1
+
+
+def keep_memory() -> None:
+    """Let arrays of some megabytes take the place of those that are gone, from now on, in all threads.
+
+    As a rule the C library gives such memory back at once and asks for other, which the system has to fill with zeros:
+    for whoever goes through gigabytes piece by piece that takes longer than to compute with them.
+    """
+    import ctypes
+
+    allocator = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
+    if allocator is not None:  # other libraries have other ways
+        for parameter, value in ((_MMAP_THRESHOLD, _PIECES), (_TRIM_THRESHOLD, _KEPT), (_ARENAS, 1)):
+            allocator(parameter, value)
 
 
 def _tidy() -> None:

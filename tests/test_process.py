@@ -162,3 +162,32 @@ def test_processors_are_counted(monkeypatch: pytest.MonkeyPatch) -> None:
     assert processors() == 3
     monkeypatch.setattr(sys, "platform", "darwin")
     assert processors() == 1
+
+
+FAULTS = """
+import resource, sys, threading
+import numpy as np
+from hgorun.process import keep_memory
+
+if sys.argv[1] == "kept":
+    keep_memory()
+
+def work():
+    for _ in range(20):
+        [np.ones(250_000) for _ in range(10)]
+
+thread = threading.Thread(target=work)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+thread.start()
+thread.join()
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere memory is kept as it is")
+def test_memory_that_is_kept_is_not_asked_for_again() -> None:
+    kept, given_back = (
+        int(subprocess.run([sys.executable, "-c", FAULTS, how], capture_output=True, text=True, check=True).stdout)
+        for how in ("kept", "given back")
+    )
+    assert kept < given_back / 2

@@ -22,6 +22,7 @@ from hgorun.estimate.log import Log, log_of
 from hgorun.estimate.long_log import estimate_into
 from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
+from hgorun.process import keep_memory
 from hgorun.result.result import Result
 from hgorun.study.split import split
 
@@ -50,6 +51,7 @@ def estimate(options: Estimate) -> int:
     if options.export_samples is not None:
         with source.located():
             return export_samples(log.read(), log.all_files, options.export_samples, quiet=not options.text)
+    keep_memory()
     target = _target(options, name)
     _refuse_to_overwrite(options, log, target)
     with source.located():

@@ -79,7 +79,7 @@ class Found:
     def begin(cls, m: int, n: int, samples: Sequence[Sampled], keys: Iterable[Key]) -> Found:
         """Nothing has been seen yet, of m observers and n states."""
         return cls(
-            predicted=[np.full((m, one.taken.size), np.nan) for one in samples],
+            predicted=[np.empty((m, one.taken.size)) for one in samples],  # all are told by the last stretch
             compared={key: [] for key in keys},
             sizes=np.zeros((m, n)),
             gaps=np.zeros((m, n)),

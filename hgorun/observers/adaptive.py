@@ -45,14 +45,14 @@ class AdaptiveObserver(ConstantGain):
     p_max, which the trace does not exceed. ``internal: {P: 0}`` never adapts: ``shgo`` with the parameters ``internal:
     {rho: ...}``.
 
-    Noise reaches x_i with theta^i, and rho with theta^(n+1) where Psi is in the last equation. Several outputs have one
-    Upsilon, P and rho between them. Where nothing is known of the missing term but its place take ``extended``, which
-    needs no excitation and follows one unknown function for each output; take this where the term is a sum of known
-    functions, which it then knows without lag. Sampled and late outputs enter by the common innovation; there is no
-    theorem for them.
+    Noise reaches x_i with theta^i, and rho with theta^(n+1) where Psi is in the last equation. Several outputs have
+    one Upsilon, P and rho between them. If only the place of the missing term is known, take ``extended``, which
+    needs no excitation and follows one unknown function for each output; take this observer if the term is a sum of
+    known functions, which it then estimates without lag. Sampled and late outputs enter by the common innovation;
+    there is no theorem for them.
 
-    Derived here (the identity for eta is a law in the tests), after the structure of the publication, which was not at
-    hand; that forgetting ceases by and by near p_max, and P can fall from there, is our own.
+    Derived here (the identity for eta is a law in the tests), after the structure of the publication, which was not
+    at hand; that forgetting stops gradually near p_max, and P can fall from there, is our own.
     """
 
     lacks = {"extend": "an unknown input could not be told from the unknown constants of Psi: take one of the two"}

@@ -63,7 +63,9 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
         jumps = found.update == "jump"
         unused = "window" if jumps else "interval"
         if getattr(found, unused) is not None:
-            raise Problem((unused,), f"{unused} is no key of update: {found.update}" + ("; d = N T" if jumps else ""))
+            raise Problem(
+                (unused,), f"{unused} is not a key of update: {found.update}" + ("; d = N T" if jumps else "")
+            )
         if not jumps or isinstance(found, CorrectedObserver):
             return found
         return with_unknown_inputs(SampledAdaptiveFilter.model_construct(found.model_fields_set, **dict(found)))
@@ -185,11 +187,11 @@ class AdaptiveKalmanFilter(AdaptiveFilter, DecidedObserver[Form, ScaledCopy]):
     J, J' = |y - yhat|^2, is I, which is held until the next one is done; before the first is done I = 0. Copies begin
     at the ends of the solver's steps: a step that divides d/N keeps d exact, longer ones than d/N are refused.
 
-    theta_1: half the theta that one would take as a constant. m: 3 to 5 times what the noise alone costs, sigma^2 d,
-    4 by default. beta m >= 5, since with less theta sits above 1 without any innovation. dT: how fast theta grows
-    (0.01 to 0.1). lam: slow against the plant; at I = 0 theta sits at about 1 + mu(0)/(lam dT). Choose it over
-    ``hg_ekf`` where the noise matters and large errors are rare; the copies cost N times the plant. A copy that runs
-    away within d makes the observer diverge: shorten d.
+    theta_1: half of a suitable constant theta. m: 3 to 5 times what the noise alone costs, sigma^2 d, 4 by default.
+    beta m >= 5, since with less theta sits above 1 without any innovation. dT: how fast theta grows (0.01 to 0.1).
+    lam: slow against the plant; at I = 0 theta sits at about 1 + mu(0)/(lam dT). Choose it over ``hg_ekf`` where the
+    noise matters and large errors are rare; the copies cost N times the plant. A copy that diverges within d makes
+    the observer diverge: shorten d.
 
     Samples and late outputs enter by the common innovation e, J' with y = h(xhat) - e. ``update: jump`` corrects and
     begins copies at samples of a constant period T: d = N T, J = T sum |y - yhat|^2 over N samples, with the

@@ -21,9 +21,9 @@ from hgorun.symbolic.symbols import Symbols
 class ContinuousBank(BySampling, ByLateness, ObserverBank):
     """Hybrid multi-observer: observers of one kind with different gains side by side, of which the best is shown.
 
-    Mode 0 is the nominal observer, the one with the theorem; the others, k = 1, 2, ..., have any other gains, also zero
-    or unstable ones. With r_k = y - h(xhat_k), the cost of every mode is what its innovation, and what it corrects,
-    have been lately,
+    Mode 0 is the nominal observer, the one with the theorem; the others, k = 1, 2, ..., have any other gains, also
+    zero or unstable ones. With r_k = y - h(xhat_k), the cost of every mode is an integral of its squared innovation
+    and correction that forgets the past,
 
         eta_k' = -nu eta_k + lam1 |r_k|^2 + lam2 |L_k r_k|^2,    eta_k(0) = 1
 

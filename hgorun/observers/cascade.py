@@ -21,7 +21,7 @@ from hgorun.symbolic.symbols import Symbols
 class CascadeObserver(Differentiator, LocallyLinear, HighGain, ContinuousObserver[DerivativeForm, DerivativeCopy]):
     """Cascade high-gain observer, for lower triangular plants with one output, n >= 2.
 
-    It knows nothing of the plant but bounds of its states. With x_i the derivatives of the output,
+    It uses no model of the plant, only bounds of its states. With x_i the derivatives of the output,
 
         xhat_1' = w + theta alpha_1 (y - xhat_1),    w' = theta^2 alpha_2 (y - xhat_1),    xhat_2 = sat_(M_1)(w)
         z_i'    = -q_i,    q_i = alpha_i theta (z_i + xhat_(i-1)),    xhat_i = sat_(M_(i-1))(q_i),    i >= 3
@@ -33,10 +33,10 @@ class CascadeObserver(Differentiator, LocallyLinear, HighGain, ContinuousObserve
 
         xhat_i - x_i = -(alpha_1/alpha_2 + sum_(j=3..i) 1/alpha_j) x_i'/theta.
 
-    Choose it where there is no model, or where what the estimate drives must not see its peaks; take ``low_power``
-    with ``saturate`` where the model is known, since the error of this one does not go to zero. On plants that are
-    not chains of integrators the estimate is the state that belongs to these derivatives; ``initial`` gives those at
-    the start with the inputs at zero.
+    Choose it if there is no model, or if the estimate must not peak; take ``low_power`` with ``saturate`` if the
+    model is known, since the error of this one does not go to zero. On plants that are not chains of integrators the
+    estimate is the state that belongs to these derivatives; ``initial`` gives those at the start with the inputs at
+    zero.
     """
 
     lacks = NO_MODEL

@@ -14,9 +14,9 @@ from hgorun.observers.nested import clipped
 
 @observer("dead_zone")
 class DeadZoneObserver(InnovationZone):
-    """High-gain observer with a dead zone as wide as the innovation has been, against noise that persists.
+    """High-gain observer with a dead zone as wide as the innovation has been lately, against persistent noise.
 
-    For uniformly observable plants. With dz_w(e) what of the innovation is beyond +-w,
+    For uniformly observable plants. With dz_w(e) the part of the innovation beyond +-w,
 
         xhat'  = A_n xhat + phi^s(u, xhat) - theta Delta_n^-1(theta) G dz_w(e),    w = sqrt(sigma)
         sigma' = -lam sigma + rho e^2
@@ -27,8 +27,8 @@ class DeadZoneObserver(InnovationZone):
     (A - K C) + (A - K C)^T P <= -2 mu P, k = |P^(1/2) K|, c_0 = |C P^(-1/2)|^2 at theta = 1, which is proved and
     conservative: rho/lam < 0.019 for n = 2 and 0.0021 for n = 3; in simulations it does so at rho/lam = 0.9. Samples
     and late outputs come through the common innovation, which sigma' reads between samples, too; there is no theorem
-    for them. Choose it for noise that goes on, and ``stubborn`` for outliers. Its estimate is the less disturbed, the
-    slower the plant: within the zone nothing holds the copy of the plant but its own dynamics.
+    for them. Choose it for persistent noise, and ``stubborn`` for outliers. It is best for slow plants: within the
+    zone the copy of the plant is not corrected.
     """
 
     reference = "Alessandri, Zaccarian 2018; Astolfi, Alessandri, Zaccarian 2021, quoted from memory"

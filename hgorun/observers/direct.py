@@ -25,8 +25,8 @@ class DirectObserver(HighGain, Switching, OutputInjection):
         w     = exp(-mu (y - yhat)^2),   Gamma = Theta l c + (phi/2) I,   x^d = Phi(z_0, z_1, ..., u, u', ...)
 
     Theta = diag(theta, ..., theta^n), c = (dh/dx_1, 0, ..., 0), and z the derivatives of y from Levant's
-    differentiator (see `levant`), which runs inside. Far from the measurement the estimate is drawn to x^d,
-    which is there soon but noisy; near it the high-gain observer (3) takes over. Phi is derived from the
+    differentiator (see `levant`), which runs inside. If the output error is large, the estimate is drawn to x^d,
+    which converges fast but is noisy; if it is small, the high-gain observer (3) takes over. Phi is derived from the
     plant. With sampled or late outputs yhat - y is the innovation.
 
     theta > 0 must be so large that (3) converges for this l (or poles, at theta = 1, of a plant with slopes

@@ -25,8 +25,8 @@ class DynamicGainObserver(DynamicGain):
 
         Q (A - l c) + (A - l c)^T Q <= -a Q,    -b Q <= Q Delta + Delta Q <= b Q
 
-    which ``hgorun.analysis.papers.lmi.certificate(l, a, b, q)`` finds or denies, with proof. Take `direct` with mu = 0
-    where one theta will do.
+    which ``hgorun.analysis.papers.lmi.certificate(l, a, b, q)`` finds, or proves not to exist. Take `direct` with mu
+    = 0 if a constant theta is enough.
 
     The paper's constants, l = (2, 1), a = 1.17, b = 2.3, q = 0.15, are said to fulfil (9): no Q does; with b
     = 2.42, or a = 1.06, there is one. The observer runs with any.

@@ -29,15 +29,15 @@ class ExtendedKalmanFilter(KalmanFilter, CorrectedObserver[Form, ModelCopy]):
         xhat+ = xhat + K (y - h(xhat))
         P+    = (I - K H) P (I - K H)^T + K R K^T
 
-    Outputs may be sampled at different times, and samples may be missing: of y, h, H and R the rows of those
-    outputs are taken that have a new sample. They enter together, at one estimate and one P; since their noise is
-    independent, that is carried out one after the other, with the remaining innovation of the linearised output,
-    and needs no inverse.
+    Outputs may be sampled at different times, and samples may be missing: of y, h, H and R the rows of those outputs
+    are taken that have a new sample. They enter together, at one estimate and one P; since their noise is
+    independent, they are processed one after the other, with the remaining innovation of the linearised output,
+    without an inverse.
 
     Q is given in the plant's coordinates and units, [x_i x_j/time]. Or, for plants that are chains of integrators or
-    become some by their observability map: ``q``, the density at the end of each chain, or ``theta``, with
-    q = R T theta^(2n) and T the mean time between samples: for phi = 0 and short periods that is the high-gain observer
-    ``shgo`` with this theta and Butterworth poles. Without any process noise the filter would cease to listen.
+    become chains through their observability map: ``q``, the density at the end of each chain, or ``theta``, with q =
+    R T theta^(2n) and T the mean time between samples: for phi = 0 and short periods that is the high-gain observer
+    ``shgo`` with this theta and Butterworth poles. Without process noise the gain would go to zero.
 
     R, in [y^2], follows from the noise of the measurement: the variance of random noise, half the squared amplitude
     of sinusoids; noise in proportion to the output has the variance R h(xhat)^2. P(0) has units: give

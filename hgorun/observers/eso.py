@@ -20,8 +20,8 @@ from hgorun.symbolic.symbols import Symbols
 class LinearExtendedStateObserver(PlacedGain, ExtendedState):
     """Gao's linear extended-state observer, for lower triangular plants with one output.
 
-    Of the plant it knows how the input enters, about, and takes all else for a disturbance sigma of the n-th derivative
-    of the output. With e = z_1 - y, the innovation,
+    It knows approximately how the input enters the plant, and treats everything else as a disturbance sigma of the
+    n-th derivative of the output. With e = z_1 - y, the innovation,
 
         z_i'   = z_(i+1) - omega_o^i g_i e,    i < n
         z_n'   = sigma + b_0 u - omega_o^n g_n e

@@ -18,10 +18,10 @@ from hgorun.symbolic.triangular import TriangularCopy, TriangularForm
 class FilteredObserver1(FilterCascade, RiccatiGain):
     """Filtered high-gain observer with a filter as long as the plant (FHGO I), for triangular plants.
 
-    For triangular plants that need not be uniformly observable, with one or several outputs:
-    x = (x^(1), ..., x^(q)), y = x^(1) = C x in R^(n_1), and F = F(u, xhat) has the blocks
-    d f^(k) / d x^(k+1) on its superdiagonal. The innovation e passes through a chain of q first-order
-    filters, and block k is corrected with what the k-th one gives,
+    For triangular plants that need not be uniformly observable, with one or several outputs: x = (x^(1), ..., x^(q)),
+    y = x^(1) = C x in R^(n_1), and F = F(u, xhat) has the blocks d f^(k) / d x^(k+1) on its superdiagonal. The
+    innovation e passes through a chain of q first-order filters, and block k is corrected with the output of the k-th
+    one,
 
         xhat' = F xhat + phi(u, xhat) - theta K(t) eta,         K = diag(K^(1), ..., K^(q))
         eta'  = delta theta (-eta + theta A_q^T eta + C_q^T e),   eta(0) = 0
@@ -36,9 +36,9 @@ class FilteredObserver1(FilterCascade, RiccatiGain):
     delta the standard observer (shgo_riccati), with its noise. fhgo2_nuos filters the first component more
     strongly, with a filter of any order.
 
-    With sampled outputs (2.75) prints two expressions for alpha', equal only for delta = 1; the first,
-    -theta K^(1) eta^(1) without delta, is what xhat_1 is corrected with, and with the second the observer is
-    lost at the sampling periods that the first one bears. (2.36) prints C_qn for the q n_1 columns of C_q.
+    With sampled outputs (2.75) prints two expressions for alpha', equal only for delta = 1; the first, -theta K^(1)
+    eta^(1) without delta, is what xhat_1 is corrected with, and with the second the observer diverges at sampling
+    periods for which it converges with the first one. (2.36) prints C_qn for the q n_1 columns of C_q.
     """
 
     reference = "Robles Magdaleno 2023, (2.36)-(2.39), (2.75)"

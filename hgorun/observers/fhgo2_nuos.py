@@ -42,11 +42,10 @@ class FilteredObserver2TimeVarying(FilterOrder, RiccatiGain):
         P'    = theta (P + F P + P F^T - P U^T C_r^T C_r U P),                    P(0) = I
         K_r   = b + U P U^T C_r^T,    K_n = P U^T C_r^T,    b = S_1inf^-1 C_r^T
 
-    b the binomial coefficients of order r. r = 0 is the standard observer, shgo_riccati; on the chain A_n the
-    gain tends to that of fhgo2 with its poles at -1: choose that one for plants that are uniformly
-    observable. theta >= 1 buys speed; each r is one more power of theta/omega in what reaches the estimate
-    of noise of frequency omega, and one more lag. The excitation has to last: where F stays zero P grows like
-    exp(theta t). Choose fhgo1 for several outputs.
+    b the binomial coefficients of order r. r = 0 is the standard observer, shgo_riccati; on the chain A_n the gain
+    tends to that of fhgo2 with its poles at -1: choose that one for plants that are uniformly observable. A larger
+    theta >= 1 is faster. Each r attenuates noise of frequency omega by one more factor theta/omega, and adds one more
+    lag. The excitation has to last: where F stays zero P grows like exp(theta t). Choose fhgo1 for several outputs.
 
     (3.119) prints C_r^T C_r outside theta, against (3.99). (3.133) prints S_1^-1 for S_1inf^-1 in U'. The
     text counts (n+r)(n+r)/2 equations for S, half a diagonal too few.

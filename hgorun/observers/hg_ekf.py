@@ -76,8 +76,8 @@ class HighGainKalmanFilter(HighGainFilter):
     """High-gain extended Kalman filter, for plants that are chains or triangular block by block.
 
     A Kalman filter whose process noise is scaled with theta in the coordinates z = Phi(x) of the chains, so that its
-    error decays as fast as one likes from any start once theta is large, as that of a high-gain observer does, while
-    its gain stays that of a filter. With F = df/dx, the whole Jacobian at the estimate, H = dh/dx and the innovation e,
+    error decays at a chosen rate from any start if theta is large enough, as with a high-gain observer, while its
+    gain stays that of a filter. With F = df/dx, the whole Jacobian at the estimate, H = dh/dx and the innovation e,
 
         xhat' = f(xhat, u) - P H^T R_theta^-1 e
         P'    = F P + P F^T + Q_theta - P H^T R_theta^-1 H P,    P(0) = I
@@ -97,9 +97,9 @@ class HighGainKalmanFilter(HighGainFilter):
     units, and a large one asks for short steps. Choose it over ``shgo`` where poles that follow the plant's slopes
     give less noise, and over ``kalman_bucy`` or ``ekf`` where a wrong start makes these diverge.
 
-    Samples and late outputs enter by the common innovation. ``update: jump`` takes them in when they arrive, as ``ekf``
-    does, P growing with Q_theta in between: a sample has the variance R/(theta T), T the mean time between samples, and
-    late samples are replayed. For short T both are the same; the jump bears any T.
+    Samples and late outputs enter by the common innovation. ``update: jump`` takes them in when they arrive, as
+    ``ekf`` does, P growing with Q_theta in between: a sample has the variance R/(theta T), T the mean time between
+    samples, and late samples are replayed. For short T both are the same; the jump is stable for any T.
 
     The scaling is quoted from memory of the publications, which differ in a factor theta; the identities here are
     derived and tested.

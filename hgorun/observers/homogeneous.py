@@ -37,9 +37,10 @@ class HomogeneousObserver(NotLinear, Extendable, ConstantGain):
     The innovation is in the units of the output, and errors of 1 are neither small nor large: scale the output. The
     correction has an infinite slope at e = 0 for d0 < 0: explicit steps h leave a ripple of the size h^(1/(1-a_1)),
     and noise is amplified more than by the linear correction of the same theta where it is small, so choose this
-    observer for clean outputs and far starts. Samples and late outputs come through the common innovation; there is
-    no theorem for them. Two powers a state at every evaluation cost time: for a chain of three a run takes about five
-    times as long as with ``shgo``, and a member of a sweep nine times (in C, with its library, over ten and twenty).
+    observer for clean outputs and large initial errors. Samples and late outputs come through the common innovation;
+    there is no theorem for them. Two powers a state at every evaluation cost time: for a chain of three a run takes
+    about five times as long as with ``shgo``, and a member of a sweep nine times (in C, with its library, over ten
+    and twenty).
     """
 
     reference = "Andrieu, Praly, Astolfi 2008, nested form, quoted from memory; the factor 1/2 is our own"

@@ -37,9 +37,9 @@ class HybridDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
 
     It is a recursion of samples as ``red`` is, by Euler steps (``discretisation: explicit``) or with the Taylor terms
     of the chain (``proper``); what uses the sample y_k is the estimate of t_(k+1). A continuous output is measured at
-    the ends of the solver's steps. Euler steps of the linear part are stable for h M < 0.5, 0.14, 0.025 at n = 1, 2, 3.
-    Late outputs are refused: a relay with a delay ends in a limit cycle. Choose it over ``red`` where the start is far
-    off; against noise, which the linear part passes on too, choose ``filtering``.
+    the ends of the solver's steps. Euler steps of the linear part are stable for h M < 0.5, 0.14, 0.025 at n = 1, 2,
+    3. Late outputs are refused: a relay with a delay ends in a limit cycle. Choose it over ``red`` if the initial
+    error is large; against noise, which the linear part also passes, choose ``filtering``.
 
     The default of M is for outputs of order one: with it both parts of w_1 are of one size where |z_0 - y| is
     (lambda_n/(2 mu_n))^(n+1) units of y, 1/16 of one at n = 1, and L does not tell how large y is. The same signal in

@@ -38,8 +38,8 @@ class ImpulsiveRiccatiObserver(HighGain, Extendable[Form, ScaledCopy], Corrected
 
     For samples of a constant period K tends to that gain whatever r > 0, which only weighs P(0) and, with several
     outputs, these against each other. The error of a chain falls as exp(-theta t), up to powers of t, whatever the
-    times. theta buys speed and amplifies noise; while F vanishes, or samples are missing, P grows as exp(theta t).
-    Where the noise is known ``ekf`` has the smaller error; this needs one number.
+    times. A larger theta is faster and amplifies noise; while F vanishes, or samples are missing, P grows as
+    exp(theta t). Where the noise is known ``ekf`` has the smaller error; this needs one number.
 
     The jump is made in z with ``coordinates: canonical``. In the plant's coordinates, the default, J^-1 K e is its
     first order. P is in z, or in the coordinates where the plant is triangular. Late samples are replayed.

@@ -20,19 +20,18 @@ class KalmanBucyFilter(KalmanFilter):
         xhat' = f(xhat, u) - P H^T R_c^-1 e
         P'    = F P + P F^T + Q - P H^T R_c^-1 H P,    P(0) = I
 
-    Q is given in the plant's coordinates and units, [x_i x_j/time]. Or, for plants that are chains of integrators
-    or become some by their observability map: ``q``, the density at the end of each chain, or ``theta``, with
-    q = R_c theta^(2n). For phi = 0 and t -> infinity that is the high-gain observer ``shgo`` with this theta and
+    Q is given in the plant's coordinates and units, [x_i x_j/time]. Or, for plants that are chains of integrators or
+    become chains through their observability map: ``q``, the density at the end of each chain, or ``theta``, with q =
+    R_c theta^(2n). For phi = 0 and t -> infinity that is the high-gain observer ``shgo`` with this theta and
     Butterworth poles: gains (1.4142, 1), (2, 2, 1), (2.6131, 3.4142, 2.6131, 1).
 
     R_c, in [y^2 time], follows from noise that is drawn anew every dt: variance times dt. P(0) has units, so give
-    ``internal: {P: ...}``: a large one listens to the first measurements, and asks for short steps then.
+    ``internal: {P: ...}``: with a large one the first measurements count most, and short steps are needed for them.
 
     Samples and late outputs come through the common innovation, for which the gain is not optimal: a large P(0), or a
-    delay that is long against 1/theta, makes the error grow. Take ``ekf`` for samples, or a high-gain observer, whose
-    error bounds hold with them. Where the plant is linear and the noise is
-    white, no observer has a smaller error. Elsewhere it may diverge from a start that is far off, where high-gain
-    observers do not.
+    delay that is long compared with 1/theta, makes the error grow. Take ``ekf`` for samples, or a high-gain observer,
+    whose error bounds hold with them. Where the plant is linear and the noise is white, no observer has a smaller
+    error. Otherwise it may diverge from a poor initial estimate, from which high-gain observers converge.
     """
 
     reference = "Kalman, Bucy 1961; Gelb 1974, 6.1"

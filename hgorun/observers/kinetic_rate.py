@@ -26,9 +26,9 @@ _SINGULAR = 1e-12  # of the measured species' yields
 class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserver[SmoothForm, SmoothCopy]):
     """High-gain observer of unknown reaction rates, for stirred tanks with known yields.
 
-    The mass balances are xi' = K r - D xi + F_in: the rates r (n_r) are unknown functions of everything, the yields
-    K (n_x x n_r), the dilution rate D and the feed F_in are known. As many species xi_a as there are rates are
-    measured, and their rows K_a of K are invertible. With e = xihat_a - y the innovation,
+    The mass balances are xi' = K r - D xi + F_in: the rates r (n_r) are unknown functions, the yields K (n_x x n_r),
+    the dilution rate D and the feed F_in are known. As many species xi_a as there are rates are measured, and their
+    rows K_a of K are invertible. With e = xihat_a - y the innovation,
 
         xihat_a' = K_a r - D xihat_a + F_in,a - theta g_1 e
         r'       = -theta^2 g_2 K_a^-1 e
@@ -36,11 +36,11 @@ class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserv
 
     G = (g_1, g_2) gives each measured species the two poles (2, 1 by default), so that it is an extended observer of
     order one, whose unknown input is the rate. Nothing of the plant is used but the names of its states, inputs and
-    parameters and which of its states are measured: the observer does not know the plant's kinetics. The species
-    that are not measured are followed by their balances: their errors decay like exp(-int D) only, and not at all
-    in a batch, where what counts is how well ``initial`` is known. Figures leave
-    states out that are not measured and in neither ``yields`` nor ``feed``: such have no balance here. Of what is only
-    washed out the yields are 0.
+    parameters and which of its states are measured: the observer does not know the plant's kinetics. The species that
+    are not measured are followed by their balances: their errors decay like exp(-int D) only, and not at all in a
+    batch, where what counts is how well ``initial`` is known. Figures leave out states that are not measured and are
+    in neither ``yields`` nor ``feed``, since they have no balance here. A state that is only washed out has yields of
+    0.
 
     A rate that grows like s t is followed with the error -(g_1 theta + D) s / (g_2 theta^2). Noise reaches the
     measured species with theta and the rates with theta^2 / K_a. Where the kinetics are known, an observer that

@@ -30,28 +30,29 @@ _UNEVEN = 1e-6  # of a period
 
 @observer("kkl")
 class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, SmoothCopy]):
-    """Kazantzis-Kravaris/Luenberger observer, for any smooth plant that moves by itself, and for linear ones.
+    """Kazantzis-Kravaris/Luenberger observer, for any smooth plant without inputs, and for linear ones.
 
-    A linear filter of the output, larger than the plant, and the inverse of the map T that it comes to follow:
+    A linear filter of the output with more states than the plant, and the inverse of the map T that it converges to:
 
         z' = Lam z + Gam y,    xhat = T^inv(z),    Lam = -theta diag(lam_1, ..., lam_m),    Gam = (1, ..., 1)
         T(x) = int_0^inf e^(Lam s) Gam h(X(x, -s)) ds,    dT/dx f = Lam T + Gam h
 
-    X(x, -s) where the plant has come from. z - T(x) decays as e^(Lam t), whatever the plant does and however far the
-    estimate is away; several outputs have a z each. z(0) = T(xhat(0)). T has an inverse for nearly all n + 1 complex
-    eigenvalues (Andrieu, Praly), 2n + 1 real ones (Brivadis et al.), which is what m is by default; m >= n is needed.
+    X(x, -s) is the state of the plant a time s before x. z - T(x) decays as e^(Lam t), whatever the plant does and
+    however large the initial error is; several outputs have a z each. z(0) = T(xhat(0)). T has an inverse for nearly
+    all n + 1 complex eigenvalues (Andrieu, Praly), 2n + 1 real ones (Brivadis et al.), which is what m is by default;
+    m >= n is needed.
 
     A linear plant x' = A x + g(t, u): T A - Lam T = Gam C (Sylvester), exactly, xhat = T^+ z; T g is added to z', which
     is for continuous outputs only: with sampled ones the plant must be free of time and inputs, linear or not.
     With m = n and one output this is Luenberger's observer with L = T^-1 Gam and the poles -theta lam.
 
     Other plants: T is known at points of ``box``, by integrating the plant backwards until e^(-20) is left, and T^inv
-    is a polynomial of ``degree`` in the standardised z, by least squares. Its error is what the estimate keeps:
+    is a polynomial of ``degree`` in the standardised z, by least squares. Its error remains in the estimate:
     ``analyze`` gives it at the points of the fit and at others (``inverse_error``), and the largest coefficient. The
-    fit knows nothing of noise: where coefficients are large an accurate inverse amplifies noise and model errors; take
-    ``ridge``, a lower degree or a smaller m then. theta scales the bandwidth. A plant that runs away backwards in time
-    on the box is refused; with ``outside: saturate`` it is clipped to the box there, and T is right where the past has
-    been inside. Inputs of a nonlinear plant are refused: T would be another one for each.
+    fit knows nothing of noise: where coefficients are large an accurate inverse amplifies noise and model errors;
+    take ``ridge``, a lower degree or a smaller m then. theta scales the bandwidth. A plant that diverges backwards in
+    time on the box is refused; with ``outside: saturate`` it is clipped to the box there, and T is right where the
+    past has been inside. Inputs of a nonlinear plant are refused, since each would need another T.
 
     Sampled outputs, all with one period T_s, have a T of their own, in which nothing is neglected:
 
@@ -59,10 +60,10 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
 
     z_(k+1) belongs to the next sample, when xhat = T^inv(z_(k+1)); in between xhat follows f. The first z belongs to
     the first sample, at t_1: it is T(xhat(t_1)), where f has carried the initial estimate by then, so that a right
-    start stays right. t_1 is that of the configuration, of the recording, or of the first sample of a stream. A linear
-    plant with constant terms takes a box, like nonlinear ones. Late outputs are refused:
-    z lives in the time when outputs were taken, and nothing of the plant's is integrated that would lead from there
-    to now. Take it for plants that no chain fits; where one does, ``shgo`` needs no map and no box.
+    start stays right. t_1 is that of the configuration, of the recording, or of the first sample of a stream. A
+    linear plant with constant terms takes a box, like nonlinear ones. Late outputs are refused: z belongs to the time
+    when outputs were taken, and no copy of the plant is integrated from there to now. Choose it for plants that are
+    not chains; for chains ``shgo`` needs no map and no box.
     """
 
     def estimate(self, s: Symbols, k: Symbols) -> ca.SX:
@@ -144,7 +145,7 @@ class SampledKkl(BeginsWithASample, KklObserver, HybridObserver[DriftForm, Smoot
         except kkl_map.Escaped as escaped:
             raise Problem(
                 ("initial",),
-                f"the first sample comes at {self._first:.6g}, and the estimate has run away before, after "
+                f"the first sample comes at {self._first:.6g}, and the estimate is lost before that, after "
                 f"{escaped.after:.4g}",
             ) from None
 

@@ -41,12 +41,12 @@ class MovingHorizonEstimator(RecallsInputs, NotExported, NotLinear, KalmanFilter
     At the first sample xbar is the initial estimate, carried there by f, and Pbar is P(0) (``internal: {P: ...}``, the
     identity by default). Between samples xhat follows f, and P, the covariance of the newest state, F P + P F^T + Q.
 
-    On a linear plant this is the Kalman filter with the noise Qd, whatever N and with one iteration. On others a longer
-    window corrects linearisations that were wrong, at N times the cost of ``ekf``, and more than N times the time to
-    compile: choose it for a wrong start or strong curvature, and N a few time constants. Outputs may be sampled at
-    different times, and samples may be missing. Late samples are replayed. Qd = Q T by default, T the time between the
-    samples; Q or q or theta, R as for ``ekf``. Inputs have to be functions of time: not of
-    a law, and not recorded.
+    On a linear plant this is the Kalman filter with the noise Qd, whatever N and with one iteration. On others a
+    longer window corrects linearisations that were wrong, at N times the cost of ``ekf``, and more than N times the
+    time to compile: choose it for a wrong start or strong curvature, and N a few time constants. Outputs may be
+    sampled at different times, and samples may be missing. Late samples are replayed. Qd = Q T by default, T the time
+    between the samples; Q or q or theta, R as for ``ekf``. Inputs have to be functions of time; a law or recorded
+    inputs are refused.
     """
 
     reference = "Rao, Rawlings, Mayne 2003; arrival cost in the filtering form: textbook"

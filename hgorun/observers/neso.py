@@ -31,15 +31,15 @@ class NonlinearExtendedStateObserver(NoiseThreshold, LocallyLinear, ExtendedStat
         sigma' = -beta_(n+1) fal(e, alpha_(n+1), delta)
         fal    = e/delta^(1-alpha) for |e| <= delta, else |e|^alpha sign(e)
 
-    alpha_i in (0, 1], by default 1, 1/2, 1/4, ..., so that the first correction is linear. For |e| <= delta, and where
-    all alpha are 1, it is ``eso`` with the gains beta_i delta^(alpha_i-1), whose eigenvalues ``fastest_rate`` and
-    ``analyze`` speak of. delta in the units of the output has to exceed the noise, by default by the factor 1.5: below
-    it the slope of fal is largest. beta_i > 0 are given, or ``omega_o``, with which beta_i = binom(n+1, i) omega_o^i.
-    That small errors decay does not follow from either, and a remark says where they do not; for larger errors there is
-    no proof here.
+    alpha_i in (0, 1], by default 1, 1/2, 1/4, ..., so that the first correction is linear. For |e| <= delta, and
+    where all alpha are 1, it is ``eso`` with the gains beta_i delta^(alpha_i-1), whose eigenvalues ``fastest_rate``
+    and ``analyze`` give. delta in the units of the output has to exceed the noise, by default by the factor 1.5:
+    below it the slope of fal is largest. beta_i > 0 are given, or ``omega_o``, with which beta_i = binom(n+1, i)
+    omega_o^i. That small errors decay does not follow from either, and a remark says where they do not; for larger
+    errors there is no proof here.
 
-    Choose it over ``eso`` where the start is far off and the noise is known; its gains have to be tuned with the size
-    of the errors in view, since e is in the units of the output. Samples come through the common innovation. Late
+    Choose it over ``eso`` if the initial error is large and the noise is known; its gains have to be tuned for the
+    size of the errors, since e is in the units of the output. Samples come through the common innovation. Late
     outputs are refused, as by ``eso``, and the estimate is the state that belongs to the derivatives z.
 
     The form is quoted from memory of the publications; beta from omega_o is our own choice.

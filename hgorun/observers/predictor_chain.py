@@ -26,9 +26,9 @@ _MOST = 50  # copies
 class PredictorChain(NoiseInformed, Extendable, ConstantGain, RecallingObserver[CanonicalForm, PlantCopy]):
     """Chain of high-gain predictors, for uniformly observable plants whose outputs are late by a constant time d.
 
-    A single observer bears theta d up to about 1. A longer delay is crossed in m steps of delta = d/m: of m + 1 copies
-    of the plant, copy j follows x(t - d + j delta), with the inputs of that time. Copy 0 is ``shgo`` on what arrives,
-    which in its own time is not late, and each other observes the copy before:
+    A single observer is stable up to theta d of about 1. A longer delay is divided into m steps of delta = d/m: of m
+    + 1 copies of the plant, copy j follows x(t - d + j delta), with the inputs of that time. Copy 0 is ``shgo`` on
+    the arriving outputs, which are not late in its own time, and each other copy observes the one before:
 
         x_0' = f(x_0, u) - theta Delta^-1 G e_0,    e_0 = C x_0 - y(t - d)
         x_j' = f(x_j, u) - theta Delta^-1 G e_j,    alpha_j' = -theta g_1 e_j
@@ -44,10 +44,10 @@ class PredictorChain(NoiseInformed, Extendable, ConstantGain, RecallingObserver[
     ...). Near it every copy amplifies: by default m is the smallest number with theta d/m up to 0.6 of the limit. Where
     the plant itself is fast or unstable, take more copies or a smaller theta.
 
-    Without delay m = 0, and it is ``shgo``; copies with no delay to cross would observe each other. A delay that
-    changes is refused, since it changes the time in which each copy lives: take its largest value and buffer the
-    output. Every copy costs n states and alpha, and noise passes through all of them: for short delays choose ``shgo``.
-    Among given steps, one that divides delta keeps the order of the solver while kinks of the start come back.
+    Without delay m = 0, and it is ``shgo``. A delay that changes is refused, since it changes the time that each copy
+    belongs to: take its largest value and buffer the output. Every copy costs n states and alpha, and noise passes
+    through all of them: for short delays choose ``shgo``. Among given steps, one that divides delta keeps the order
+    of the solver while kinks of the start come back.
 
     The structure is quoted from memory of the publications; with alpha in it the form is our own. Limits are derived.
     """
@@ -94,7 +94,7 @@ class PredictorChain(NoiseInformed, Extendable, ConstantGain, RecallingObserver[
             raise Problem(
                 ("type",),
                 "the delay changes, and with it the time in which each copy lives: buffer the output up to the longest "
-                "delay, or take shgo, whose innovation bears a delay that changes, or ekf",
+                "delay, or take shgo, whose innovation takes a delay that changes, or ekf",
             )
         return d
 

@@ -19,7 +19,7 @@ from hgorun.symbolic.symbols import Symbols
 
 @observer("prescribed_time")
 class PrescribedTimeObserver(Punctual, Extendable):
-    """High-gain observer whose gain grows such that the error has vanished at a time given beforehand.
+    """High-gain observer whose gain grows so that the error vanishes at a prescribed time T.
 
     For uniformly observable plants. In the coordinates of the chain it subtracts
 

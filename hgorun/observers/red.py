@@ -53,12 +53,13 @@ class RobustExactDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
     z_j, j >= 2, and what M adds to the others are off by a part of y^(j) that is of the order of the unevenness of h;
     a remark says so for n >= 2.
 
-    Choose it where there is no model but a bound of the highest derivative; ``implicit``, the default, unless numbers
-    of others are to be repeated. It takes the noise for signal: ``filtering`` averages noise of high frequency, and an
-    observer that knows the plant needs less bandwidth. Late outputs are refused: a relay with a delay d ends in a limit
-    cycle of the size L d^(n+1-j) in z_j. A continuous output is measured at the ends of the solver's steps. With
-    ``substeps: m`` every step is m steps of h/m with the same sample. The estimate is the state that belongs to the
-    derivatives, as for ``levant``, and ``initial`` gives them at the start with the inputs at zero.
+    Choose it if there is no model, and a bound of the highest derivative is known; take ``implicit``, the default,
+    unless you want to repeat published numbers. It treats noise as signal: ``filtering`` averages noise of high
+    frequency, and an observer that knows the plant needs less bandwidth. Late outputs are refused: a relay with a
+    delay d ends in a limit cycle of the size L d^(n+1-j) in z_j. A continuous output is measured at the ends of the
+    solver's steps. With ``substeps: m`` every step is m steps of h/m with the same sample. The estimate is the state
+    that belongs to the derivatives, as for ``levant``, and ``initial`` gives them at the start with the inputs at
+    zero.
 
     The coefficients are those in public code, the recursion for lt reproduces its tables; the implicit step and M are
     derived here.

@@ -21,13 +21,13 @@ class StandardObserver(NestedSaturation, Extendable, ConstantGain):
 
         xhat' = A_n xhat + phi^s(u, xhat) - theta Delta_n^-1(theta) G e
 
-    and in the plant's own coordinates xhat' = f(xhat, u) - theta J^-1(xhat) Delta_n^-1(theta) G e, J the
-    Jacobian of z = (h, L_f h, ..., L_f^(n-1) h). A_n - G C_n has the given poles; the error decays at theta
-    times their value. theta >= 1 buys speed and amplifies the noise in component i by theta^i: choose a
-    filtered observer (fhgo2) where that matters.
+    and in the plant's own coordinates xhat' = f(xhat, u) - theta J^-1(xhat) Delta_n^-1(theta) G e, J the Jacobian of
+    z = (h, L_f h, ..., L_f^(n-1) h). A_n - G C_n has the given poles; the error decays at theta times their value. A
+    larger theta >= 1 is faster, and amplifies the noise in component i by theta^i: choose a filtered observer (fhgo2)
+    if that matters.
 
     An initial error of size 1 in x_1 makes x_i peak like theta^(i-1). ``nested: {M: [M_1, ..., M_(n-1)]}`` bounds
-    that: with v_i what is subtracted in z_i',
+    that: with v_i, which is subtracted in z_i',
 
         v_1 = theta g_1 e,    v_i = theta (g_i/g_(i-1)) sat_(M_(i-1))(v_(i-1)),
 
@@ -35,14 +35,14 @@ class StandardObserver(NestedSaturation, Extendable, ConstantGain):
     so M_i is a bound of z_(i+1), in its units and, for plants that are not chains, of the output's derivatives: at
     least twice sup |z_(i+1)|, and not less than the initial error. Peaks then grow like ln(theta) only. While v_i is
     saturated, the error of x_(i+1) is corrected at the speed theta (g_(i+1)/g_i) M_i: a small M is a slow recovery.
-    For n = 2 and phi = 0 the error vanishes from every start, for every M > 0 (V = int_0^e (g_2/g_1) theta
-    sat(theta g_1 s) ds + e_2^2/2 does not increase); for n >= 3 that is proved for small errors only, by linearisation.
-    In simulations (phi = 0, theta = 5, M = 1, poles -1) no start was found for n = 3 from which it does not converge,
-    but for n = 4 from errors above 5 M.
+    For n = 2 and phi = 0 the error converges to zero from every start, for every M > 0 (V = int_0^e (g_2/g_1) theta
+    sat(theta g_1 s) ds + e_2^2/2 does not increase); for n >= 3 that is proved for small errors only, by
+    linearisation. In simulations (phi = 0, theta = 5, M = 1, poles -1) no start was found for n = 3 from which it
+    does not converge, but for n = 4 from errors above 5 M.
 
-    With sampled or late outputs e subtracts what the observer has corrected since the time of which the
-    measurement speaks, (3.29). The thesis prints Delta_n(theta) in (3.63), and diag(1, theta) for Delta_2
-    in (3.141); the inverse of (3.29) is right, since with the printed one theta gives no high gain.
+    With sampled or late outputs, e takes into account what the observer has corrected since the sample was taken,
+    (3.29). The thesis prints Delta_n(theta) in (3.63), and diag(1, theta) for Delta_2 in (3.141); the inverse of
+    (3.29) is right, since with the printed one theta gives no high gain.
     """
 
     reference = "Robles Magdaleno 2023, (3.20), (3.29), (3.142)"

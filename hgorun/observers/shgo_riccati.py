@@ -33,11 +33,11 @@ class StandardRiccatiObserver(RiccatiGain):
 
     which is linear, but needs S^-1 C^T at every step and is worse conditioned.
 
-    Where F is the constant chain A_n, P C^T tends to the binomial coefficients and the observer to ``shgo``
-    with its poles at -1: choose that one for plants that are uniformly observable. Where F stays zero for a
-    time P grows like exp(theta t): the inputs have to excite the plant again within a few 1/theta. theta >= 1
-    buys speed and amplifies the noise in block i by theta^i, times the peaks of P: choose a filtered observer
-    (fhgo1, fhgo2_nuos) where that matters.
+    Where F is the constant chain A_n, P C^T tends to the binomial coefficients and the observer to ``shgo`` with its
+    poles at -1: choose that one for plants that are uniformly observable. Where F stays zero for a time P grows like
+    exp(theta t): the inputs have to excite the plant again within a few 1/theta. A larger theta >= 1 is faster, and
+    amplifies the noise in block i by theta^i, times the peaks of P: choose a filtered observer (fhgo1, fhgo2_nuos) if
+    that matters.
 
     (2.7) prints C^T (xhat - y); C xhat - y has the right dimension. (3.89) lacks Delta^-1, without which a
     larger theta makes the error of the last states larger.

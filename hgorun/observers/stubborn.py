@@ -21,9 +21,9 @@ _WIDE = 9.0  # of the noise's variance: three standard deviations
 
 @observer("stubborn")
 class StubbornObserver(NoiseThreshold, InnovationZone):
-    """High-gain observer that listens to an innovation only as far as it has been so large, against outliers.
+    """High-gain observer that saturates the innovation at the size that it has had lately, against outliers.
 
-    For uniformly observable plants. With sat_w(e) the innovation cut off at +-w,
+    For uniformly observable plants. With sat_w(e) the innovation saturated at +-w,
 
         xhat'  = A_n xhat + phi^s(u, xhat) - theta Delta_n^-1(theta) G sat_w(e),    w = sqrt(sigma)
         sigma' = -lam sigma + rho e^2
@@ -36,7 +36,7 @@ class StubbornObserver(NoiseThreshold, InnovationZone):
     where that is known, and else at 0, from which the gain takes the time 1/rho to come; give ``internal: {sigma:
     ...}`` for a fast start. Samples and late outputs come through the common innovation, which sigma' reads between
     samples, too; there is no theorem for them. Choose it for outliers and short spikes, and ``dead_zone`` for noise
-    that goes on.
+    that persists.
     """
 
     reference = "Alessandri, Zaccarian 2018; Astolfi, Alessandri, Zaccarian 2021, quoted from memory"

@@ -46,11 +46,12 @@ class UnscentedKalmanFilter(Averaged, KalmanFilter, CorrectedObserver[Form, Mode
     small alpha, whose weights are large and of both signs, loses no digits that way, and M takes differences of
     pairs alone.
 
-    On a linear plant this is ``ekf``, whatever alpha, beta and kappa. It sees curvature that is wide against P^(1/2),
-    such as the mean of x^2, and costs 2n + 1 evaluations of f and a Cholesky factor per stage: take it where ``ekf``
-    is biased or does not believe its own P. alpha = 1, beta = 0 and kappa = 3 - n are right up to the fourth moment of
-    one direction. For n > 3 that makes W_0 negative and P may lose its sign, when the estimate is no longer a number:
-    kappa = 0 does not. So may P(0) much larger than what P settles to, with long steps: give shorter ones.
+    On a linear plant this is ``ekf``, whatever alpha, beta and kappa. It takes into account curvature on the scale of
+    P^(1/2), such as the mean of x^2, and costs 2n + 1 evaluations of f and a Cholesky factor per stage: take it if
+    ``ekf`` is biased or its P is not consistent with its errors. alpha = 1, beta = 0 and kappa = 3 - n are right up
+    to the fourth moment of one direction. For n > 3 that makes W_0 negative and P may lose its sign, when the
+    estimate is no longer a number: kappa = 0 does not. So may P(0) much larger than what P settles to, with long
+    steps: give shorter ones.
 
     Q or q or theta, R, P(0), multiplicative noise and late samples are as for ``ekf``; chain noise is that at the
     estimate. The moment equations are quoted from memory of the publication; the identities above are derived.

@@ -17,7 +17,7 @@ from hgorun.symbolic.levels import distinct
 _PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
 _MAX_PIECES = 100_000
 _MAX_STEPS = 1e10  # then a piece is still a matter of a second
-_KEPT = 50_000  # gaps whose steps are kept in memory
+_KEPT = 100_000  # gaps whose steps are kept in memory
 _STEPS: Memo[np.ndarray] = Memo(16, lambda steps: steps.size < _KEPT)
 
 
@@ -186,9 +186,9 @@ def in_pieces(spans: np.ndarray, counts: np.ndarray, piece: int | None = None) -
     take memory: up to 100,000 steps, well below a second for all but the largest systems.
     """
     piece = steps_of_a_piece(int(counts[:, 0].sum())) if piece is None else piece
-    pieces = np.maximum(-(-counts[:, 0] // piece), 1)
-    if np.all(pieces == 1):
+    if counts[:, 0].max(initial=1) <= piece:
         return spans, counts
+    pieces = np.maximum(-(-counts[:, 0] // piece), 1)
     origin = np.repeat(np.arange(counts.shape[0]), pieces)
     part = np.arange(origin.size) - np.repeat(np.cumsum(pieces) - pieces, pieces)
     new = counts[origin].copy()

@@ -15,8 +15,8 @@ from hgorun.measurement.long import AnySchedule
 from hgorun.measurement.schedule import Schedule
 from hgorun.places import places_in
 from hgorun.simulation.actions import Actions, RecordedInputs
+from hgorun.simulation.segment_rows import segment_rows
 from hgorun.simulation.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
-from hgorun.symbolic.levels import distinct
 
 _PART_EVENTS = 1 << 15  # of a part: its tables stay in the processor's cache
 
@@ -91,7 +91,7 @@ class Tabulated:
         # what is carried out, one after the other
         self.order = np.arange(schedule.events.size) if schedule.order is None else schedule.order.event
 
-    @property
+    @cached_property
     def steps(self) -> int:
         """All steps of the run."""
         return all_steps(self.schedule, self.longest, self.uneven)
@@ -126,24 +126,37 @@ class Tabulated:
 
         Behind the last event of the run, one more segment without steps has what happens at the very end.
         """
-        events, inward, variant = self.schedule.events, self.schedule.inward, self.schedule.variant
-        between = slice(first, min(stop, self.order.size - 1))
-        left = self.order[between]
-        right = left + 1
-        steps = count_steps(events[right] - events[left], self.longest)
-        slope = 1 if self.always_slope else _row_in_last_step(events[left], events[right], steps, self.grid)
         actions, places = self.actions.at(first, stop)
-        inside = events[left] + inward[left], events[right] - inward[right]
-        spans = _columns(float, events[left], events[right], *inside)
-        of_segments = places[: steps.size], places[1 : steps.size + 1]
-        counts = _columns(np.int64, steps, 0, steps, variant[between], *of_segments, slope)
+        last = stop == self.order.size
+        tabulated = self._in_order if self.schedule.order is None else self._in_any_order
+        spans, counts = tabulated(first, stop - 1 if last else stop, places)
         if self.uneven is not None:
             spans, counts = unevenly(spans, counts, self.uneven)
         spans, counts = in_pieces(spans, counts, self.piece)
-        if stop == self.order.size:
-            last = np.array([[1, 0, 0, variant[-1], places[-2], places[-1], 0]])
-            spans, counts = np.concatenate([spans, np.full((1, 4), events[-1])]), np.concatenate([counts, last])
-        return Segments(spans, counts.astype(np.int64, copy=False), actions)
+        if last:
+            end = np.array([[1, 0, 0, self.schedule.variant[-1], places[-2], places[-1], 0]])
+            spans = np.concatenate([spans, np.full((1, 4), self.schedule.events[-1])])
+            counts = np.concatenate([counts, end])
+        return Segments(spans, counts, actions)
+
+    def _in_order(self, first: int, stop: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Spans and counts from event ``first`` to ``stop`` of a run that never goes back in time."""
+        events, inward = (of[first : stop + 1] for of in (self.schedule.events, self.schedule.inward))
+        count_steps(np.diff(events), self.longest)  # are they possible?
+        variant = self.schedule.variant[first:stop]
+        return segment_rows(events, inward, variant, places, self.grid, self.longest, always_slope=self.always_slope)
+
+    def _in_any_order(self, first: int, stop: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The same of a run that late samples take back."""
+        events, inward, variant = self.schedule.events, self.schedule.inward, self.schedule.variant
+        left = self.order[first:stop]
+        right = left + 1
+        steps = count_steps(events[right] - events[left], self.longest)
+        slope = 1 if self.always_slope else rows_in_last_steps(events[left], events[right], steps, self.grid)
+        inside = events[left] + inward[left], events[right] - inward[right]
+        spans = _columns(float, events[left], events[right], *inside)
+        of_segments = places[: steps.size], places[1 : steps.size + 1]
+        return spans, _columns(np.int64, steps, 0, steps, variant[first:stop], *of_segments, slope)
 
 
 def _columns(kind: type[np.generic] | type[float], *columns: np.ndarray | int) -> np.ndarray:
@@ -159,20 +172,6 @@ def all_steps(schedule: AnySchedule, longest: float, uneven: float | None) -> in
     """Steps of a run."""
     counted = counted_steps(schedule, longest)
     return counted.total if uneven is None else counted.uneven(uneven)
-
-
-def _row_in_last_step(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
-    """Whether an output point lies strictly inside the last step before each event."""
-    in_order = bool(np.all(end[1:] >= end[:-1]))  # not where late samples take observers back in time
-    if grid.size < end.size and in_order:  # then every output point is asked for its segment
-        i = np.searchsorted(end, grid)
-        inside = (i < end.size) & (grid > start[np.minimum(i, end.size - 1)])
-        found = np.zeros(end.size, dtype=bool)
-        if inside.any():
-            own = distinct(i[inside])
-            found[own] = _row_in_last_step(start[own], end[own], steps[own], grid[inside])
-        return found
-    return rows_in_last_steps(start, end, steps, grid)
 
 
 def rows_in_last_steps(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:
