@@ -19,6 +19,8 @@ from hgorun.symbolic.interpreter import CALLS, value_of
 
 FMA = -1  # a b + c, rounded once: CasADi has no such operation
 INPUT = ca.OP_INPUT
+_POWERS = (ca.OP_POW, ca.OP_CONSTPOW)
+_LARGEST = 2.0  # exponent of a power that is the exponential of a logarithm
 Floats = np.ndarray
 
 
@@ -182,6 +184,8 @@ class _Made:
             return self._product(i, a[0], a[-1])
         if level == MAIN and i.op in (ca.OP_ADD, ca.OP_SUB):
             return self._sum(i, a[0], a[1])
+        if level == MAIN and i.op in _POWERS and self._is_fraction(a[1]):
+            return self._power(a[0], a[1])
         return self._plain(i.op, a, level)
 
     def _plain(self, op: int, a: tuple[int, ...], level: int) -> int:
@@ -221,6 +225,19 @@ class _Made:
                         a, b = self._constant(self._number(constant) * self._number(own)), rest
         self.factors[i.value] = a, b
         return self._plain(ca.OP_MUL, (a, b), MAIN)
+
+    def _is_fraction(self, k: int) -> bool:
+        """Whether it is a number of the size of usual exponents, and no half of an integer."""
+        number = self._number(k)
+        return abs(number) <= _LARGEST and not (2 * number).is_integer()
+
+    def _power(self, base: int, exponent: int) -> int:
+        """x^y = exp(y log x), to |y log x| last places: all powers of a base share its logarithm.
+
+        ``pow`` of a C library takes as long as three of these, since it gives the last place.
+        """
+        log = self._plain(ca.OP_LOG, (base,), MAIN)
+        return self._plain(ca.OP_EXP, (self._plain(ca.OP_MUL, (exponent, log), MAIN),), MAIN)
 
     def _reciprocal(self, k: int) -> int:
         return self._plain(ca.OP_INV, (k,), self.level[k] if self.level[k] == SETUP else MAIN)

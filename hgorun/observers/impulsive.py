@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import comb, factorial
 
 import casadi as ca
@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import Polynomial
 from pydantic import Field
 
-from hgorun.config.types import Positive
+from hgorun.config.types import Poles, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, Flow, PeriodLimit, observer
 from hgorun.observers.capabilities import HighGain
@@ -36,6 +36,10 @@ class ImpulsiveObserver(HighGain, Extendable[CanonicalForm, PlantCopy], SampleCl
 
     which is (1 - z^2, (1-z)^2) for n = 2 and (1 - z^3, 1.5 (1-z)^2 (1+z), (1-z)^3) for n = 3, z = exp(-theta T). These
     are the gains of discounted least squares (fading memory), the weight of a sample falling as exp(-theta) per time.
+    With ``poles`` p_1 .. p_n the eigenvalues are exp(theta p_i T), and kappa has the elementary symmetric polynomial
+    e_(m+1)(w_1, .., w_n), w_i = 1 - exp(theta p_i T), in place of binom(n, m+1) w^(m+1). Butterworth poles, for n = 2
+    ``[-0.71+0.71j, -0.71-0.71j]``, are near those of a Kalman filter whose process noise stands at the end of the
+    chain: of a given speed in z_1 they correct z_2 more.
 
     For phi = 0 the error falls exactly as exp(-theta) per unit time, up to powers of t, whatever theta T: there is no
     longest period. As theta T falls it becomes ``shgo`` with its poles at -1, sampled. T of the first sample counts
@@ -54,6 +58,10 @@ class ImpulsiveObserver(HighGain, Extendable[CanonicalForm, PlantCopy], SampleCl
     reference = "Raff, Allgower 2007; Dinh, Andrieu, Nadri, Serres 2015; gain: fading-memory polynomials, Morrison 1969"
 
     theta: Positive = Field(description="high gain theta > 0: the error of a chain falls as exp(-theta t), whatever T")
+    poles: Poles = Field(
+        default=complex(-1),
+        description="a number (for all) or a list, real part < 0: the eigenvalues of a chain are exp(theta T pole)",
+    )
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:
@@ -66,21 +74,52 @@ class ImpulsiveObserver(HighGain, Extendable[CanonicalForm, PlantCopy], SampleCl
                 "outputs that measure the same share the states of one chain, and this observer corrects a chain for "
                 "each: leave out the outputs that are not needed, or take impulsive_riccati or ekf",
             )
-        return {"theta": np.array(self.theta)}
+        numbers = {"theta": np.array(self.theta)}
+        return numbers if self._equal else numbers | {"poles": self._placed(form.chains)}
+
+    @property
+    def _equal(self) -> bool:
+        """Whether all eigenvalues are exp(-theta T)."""
+        return self.poles == -1
+
+    def _placed(self, chains: Sequence[int]) -> np.ndarray:
+        """Real and imaginary parts of the poles of all chains, shape (sum of their lengths, 2)."""
+        for n in set(chains):
+            if isinstance(self.poles, tuple) and len(self.poles) != n:
+                raise Problem(("poles",), f"expected {n} numbers, or one number for all; found {len(self.poles)}")
+        poles = np.concatenate([self.nominal_poles(n) for n in chains])
+        return np.column_stack([poles.real, poles.imag])
+
+    def nominal_poles(self, order: int) -> np.ndarray:
+        return np.resize(np.asarray(self.poles, dtype=complex), order)
+
+    @property
+    def settling_rate(self) -> float:
+        return self.theta * float(np.min(-np.real(self.poles)))
 
     def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         return Flow({"xhat": plant.copy(s.xhat), "age": self.ticking(s)})
 
     def correct(self, plant: PlantCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
         error, (due, T) = plant.output(s.xhat) - arrival.y, self.due(s, arrival)
-        kappa = []
+        kappa, first = [], 0
         for i, n in enumerate(plant.chains):
-            gain = fading_memory_gain(n, 1 - ca.exp(-k.theta * T[i]))
+            if self._equal:
+                gain = fading_memory_gain(n, 1 - ca.exp(-k.theta * T[i]))
+            else:
+                gain = placed_gain([_decay(k.theta * T[i] * k.poles[j, :]) for j in range(first, first + n)])
+            first += n
             kappa += [due[i] * error[i] * one / T[i] ** j for j, one in enumerate(gain)]
         return {"xhat": s.xhat - plant.lift(s.xhat, ca.vertcat(*kappa)), "age": self.passed(s, arrival)}
 
     def longest_period(self, form: CanonicalForm) -> PeriodLimit:
         return PeriodLimit(None, "on a chain a sample multiplies the error by exp(-theta T): stable at every period")
+
+
+def _decay(exponent: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """1 - exp of a complex number, real and imaginary part."""
+    size = ca.exp(exponent[0])
+    return 1 - size * ca.cos(exponent[1]), -size * ca.sin(exponent[1])
 
 
 def fading_memory_gain(n: int, w: ca.SX) -> list[ca.SX]:
@@ -89,10 +128,8 @@ def fading_memory_gain(n: int, w: ca.SX) -> list[ca.SX]:
     Ackermann's formula for (e^A, C e^A), powers of e^A - I in place of those of e^A: kappa_i begins with w^i, without
     cancellation where w is small.
     """
-    newton = [Polynomial([1.0])]  # binom(r - 1, m)
-    for j in range(1, n):
-        newton.append(newton[-1] * Polynomial([-1.0, 1 / j]))
     kappa = []
+    newton = _newton(n)
     for i in range(n):
         weights = [comb(n, m + 1) * factorial(i) * float(newton[m].coef[i]) for m in range(i, n)]
         value = ca.SX(0)
@@ -100,3 +137,22 @@ def fading_memory_gain(n: int, w: ca.SX) -> list[ca.SX]:
             value = value * w + weight
         kappa.append(value * w ** (i + 1))
     return kappa
+
+
+def placed_gain(w: Sequence[tuple[ca.SX, ca.SX]]) -> list[ca.SX]:
+    """The same with eigenvalues at 1 - w_1, 1 - w_2, .., real and imaginary parts; complex ones come in pairs."""
+    n = len(w)
+    e = [(ca.SX(1), ca.SX(0)), *[(ca.SX(0), ca.SX(0))] * n]  # elementary symmetric polynomials of those so far
+    for re, im in w:
+        e[1:] = [(a + re * c - im * d, b + re * d + im * c) for (a, b), (c, d) in zip(e[1:], e[:-1], strict=True)]
+    newton = _newton(n)
+    terms = [[factorial(i) * float(newton[m].coef[i]) * e[m + 1][0] for m in range(i, n)] for i in range(n)]
+    return [sum(some, ca.SX(0)) for some in terms]
+
+
+def _newton(n: int) -> list[Polynomial]:
+    """binom(r - 1, m) as polynomials in r, m = 0 .. n-1."""
+    newton = [Polynomial([1.0])]
+    for j in range(1, n):
+        newton.append(newton[-1] * Polynomial([-1.0, 1 / j]))
+    return newton

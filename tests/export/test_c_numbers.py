@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from examples import Block
@@ -12,6 +14,7 @@ from exported_c import Compiled, driven, follow, load_all
 from hgorun import Experiment
 from hgorun.errors import ConfigError
 from hgorun.export.names import identifier
+from hgorun.export.operations import operations
 from hgorun.export.prepared import exported
 from hgorun.observers.base import OBSERVERS, SampledObserver
 from hgorun.simulation.prepared import PreparedRun
@@ -49,6 +52,15 @@ def test_every_family(tmp_path: Path) -> None:
     compiled = load_all(tmp_path, observers, "-O1", "-march=native")
     worst = {name: difference(run, compiled[identifier(name)], name) for name, run in runs.items()}
     assert max(worst.values()) <= 1e-12, worst
+
+
+def test_powers_of_one_base_share_its_logarithm() -> None:
+    """Of exponents that are fractions of a usual size; roots and others stay the library's ``pow``."""
+    t, p, z, w = ca.SX.sym("t"), ca.SX.sym("p"), ca.SX.sym("z"), ca.SX.sym("w")
+    powers = ca.vertcat(z**0.9, z**-1.1, z**p, z**1.5, z**2.5, z**3.3, z**w)
+    found = operations(ca.Function("f", [t, p, z, w], [powers], ["t", "p", "z", "w"], ["powers"]), np.array([0.3]))
+    count = Counter(found.steps[k].op for k in found.needed("powers"))
+    assert (count[ca.OP_LOG], count[ca.OP_EXP], count[ca.OP_POW] + count[ca.OP_CONSTPOW]) == (1, 3, 4)
 
 
 def is_exported(run: PreparedRun) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import factorial
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 from examples import CONTOIS, VAN_DER_POL, Block, chain, experiment, findings, inline, said, simulated
@@ -13,7 +14,7 @@ from scipy.linalg import expm
 import hgorun
 from hgorun.errors import ConfigError
 from hgorun.observers.base import AnyObserver
-from hgorun.observers.impulsive import ImpulsiveObserver, fading_memory_gain
+from hgorun.observers.impulsive import ImpulsiveObserver, fading_memory_gain, placed_gain
 from hgorun.observers.impulsive_riccati import ImpulsiveRiccatiObserver
 from hgorun.observers.luenberger_exact import ExactLuenbergerObserver, sampled_gain
 from hgorun.testing import check_observer
@@ -39,6 +40,43 @@ def test_gain_places_all_eigenvalues(n: int) -> None:
         kappa = np.array([float(one) for one in fading_memory_gain(n, 1 - z)])
         closed = (np.eye(n) - np.outer(kappa, np.eye(n)[0])) @ integrators(n)
         np.testing.assert_allclose(np.poly(closed), np.poly(np.full(n, z)), atol=1e-12)
+
+
+@pytest.mark.parametrize("z", [[0.6], [0.1 + 0.5j, 0.1 - 0.5j], [0.3, 0.9, 0.6 + 0.7j, 0.6 - 0.7j], [0.2, 0.2, 0.2]])
+def test_gain_places_each_eigenvalue(z: list[complex]) -> None:
+    kappa = [float(one) for one in placed_gain([(ca.SX(1 - one.real), ca.SX(-one.imag)) for one in map(complex, z)])]
+    n = len(z)
+    closed = (np.eye(n) - np.outer(kappa, np.eye(n)[0])) @ integrators(n)
+    np.testing.assert_allclose(np.poly(closed), np.poly(z), atol=1e-12)
+
+
+def test_poles_of_a_chain() -> None:
+    """From sample to sample the error is multiplied by a matrix with the eigenvalues exp(theta T pole)."""
+    theta, T, poles = 2.0, 0.3, [-0.5 + 1.0j, -0.5 - 1.0j, -2.0]
+    block: Block = {"type": "impulsive", "theta": theta, "poles": [str(one).strip("()") for one in poles]}
+    result = simulated(
+        chain(3, "0", [1, -1, 0.5]), {"K": block}, end=12 * T, output_step=T, step=T / 10,
+        measurement={"sampling": {"period": T, "offset": T}},
+    )  # fmt: skip
+    error = (result.observers["K"].xhat - result.x)[2:]  # the first interval is the start's
+    wanted = np.poly(np.exp(theta * T * np.array(poles))).real
+    np.testing.assert_allclose(sum(c * error[3 - i : len(error) - i] for i, c in enumerate(wanted)), 0, atol=1e-9)
+    with pytest.raises(ConfigError, match=r"poles: expected 3 numbers, or one number for all; found 2"):
+        simulated(
+            chain(3, "0"),
+            {"K": {"type": "impulsive", "theta": 1, "poles": [-1, -2]}},
+            measurement={"sampling": {"period": T}},
+        )
+
+
+def test_equal_poles_are_the_default() -> None:
+    measurement = {"sampling": {"period": 0.2, "offset": 0.2}, "noise": NOISE}
+    blocks: dict[str, Block] = {
+        "default": {"type": "impulsive", "theta": 3},
+        "placed": {"type": "impulsive", "theta": 1.5, "poles": -2},
+    }
+    found = simulated(VDP, blocks, end=3, output_step=0.1, step=0.01, measurement=measurement).observers
+    np.testing.assert_allclose(found["placed"].xhat, found["default"].xhat, rtol=0, atol=1e-12)
 
 
 def test_gains_in_closed_form() -> None:
