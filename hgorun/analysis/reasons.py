@@ -25,7 +25,7 @@ K = TypeVar("K")
 JUMPS = "the observer jumps at the samples: there is no flow between them"
 NO_SLOPES = "the observer's equations have no derivative along the run"
 CORRECTED = "the observer is corrected by samples alone: no flow between them is driven by the innovation"
-RECALLS = "the observer looks back at its own past, by which its linear error is no matrix"
+RECALLS = "the observer looks back at its own past, so its linear error is not a matrix"
 SLIDING = "the right-hand side has no slope where the observer's error is zero"
 NEEDS_HOLD = "random noise of a continuous output needs hold"
 

@@ -147,7 +147,7 @@ def _runs(path: Path, run: str | None) -> list[Source]:
     """
     if is_result(path) or is_sweep(path):
         if run is not None:
-            raise ConfigError("--run is for configurations; this is what one of them has come to", file=str(path))
+            raise ConfigError("--run is for configurations; this is a result", file=str(path))
         return [_of_result(path)]
     _, source = read_source(path)
     data = source.data if isinstance(source.data, dict) else {}

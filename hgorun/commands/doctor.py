@@ -98,7 +98,7 @@ def doctor(options: Doctor) -> int:
         for words in amiss:
             print("\n".join(wrapped(f"! {words}")))
     if not test.right:
-        raise HgorunError(f"the self-test is off by {test.error:.1e}, at most {_WRONG:g} is right: trust no numbers")
+        raise HgorunError(f"the self-test is off by {test.error:.1e}, more than {_WRONG:g}: do not trust the numbers")
     return NOT_OK if options.strict and amiss else 0
 
 

@@ -55,7 +55,7 @@ class Progress(ABC):
 
     def _restore(self, stored: bytes, file: str) -> list[_Key]:
         if not stored.startswith(_MAGIC):
-            raise ConfigError("this is no checkpoint of a stream, or one of another version", file=file)
+            raise ConfigError("this is not a checkpoint of a stream, or one of another version", file=file)
         head, _, rest = stored[len(_MAGIC) :].partition(b"\n")
         try:
             t, shown, taken = json.loads(head)

@@ -45,11 +45,11 @@ class _Tuned:
 def tune_data(options: Options, text: str, source: Source) -> int:
     """Seek the gains, write the tuned configuration and print what was found."""
     if isinstance(source.data, dict) and "runs" in source.data:
-        raise ConfigError("of recorded data a configuration without runs is tuned", file=str(options.config))
+        raise ConfigError("with recorded data, a configuration without runs is tuned", file=str(options.config))
     block = validate(Tune, source.data["tune"], source, ("tune",))
     with source.located():
         if len(block.minimise) > 1 or block.subject:
-            raise Problem(("tune", "minimise"), "of recorded data one score is minimised, and nothing is bounded")
+            raise Problem(("tune", "minimise"), "with recorded data, one score is minimised, and nothing is bounded")
         goal = read_goal(block.minimise[0], ("tune", "minimise", 0))
         logs = [log_of(source, options.config, (file,)) for file in options.data] or [log_of(source, options.config)]
         samples = [_samples(log, goal) for log in logs]
@@ -107,7 +107,7 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
         for path in paths:
             label = next((one for one in experiment.observers if path.startswith(f"observers.{one}.")), None)
             if label is None:
-                message = "of recorded data gains of observers are sought, and parameters of the plant"
+                message = "with recorded data, gains of observers and parameters of the plant are tuned"
                 raise Problem(("tune", "gains", key), message)
             found.setdefault(label, {})[path] = given
     if of_plant and goal.label == "*":

@@ -77,7 +77,7 @@ _HINTS = {
     "//": "write floor(a/b)",
     "%": "a percentage is a fraction, 0.05 for five of a hundred, and a remainder a - b*floor(a/b)",
     "&": "write `and`",
-    "|": "write `or`",
+    "|": "an absolute value is abs(x), and between conditions write `or`",
     "!": "write `not`",
     "=": "a comparison is `==`; arguments have no keywords",
     ".": "a `.` belongs to a number; there are no attributes",
@@ -136,6 +136,8 @@ def check_name(name: str) -> None:
         why = DECIMAL_POINT
     elif ":" in name:
         why = f"a space belongs behind the colon, as in {name.replace(':', ': ', 1)}"
+    elif "=" in name:
+        why = f"a colon separates a name from its value, as in {name.replace('=', ':', 1).replace(' :', ':', 1)}"
     elif re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*'", name):
         why = f"the right-hand side of {name} stands under {name[:-1]}"
     elif not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):

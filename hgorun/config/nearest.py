@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable
 from itertools import islice
+from pathlib import Path
 
 # What others call the keys of a configuration.
 _CALLED_ELSEWHERE = {
@@ -14,7 +15,15 @@ _CALLED_ELSEWHERE = {
     **dict.fromkeys(("x0", "ic", "init", "x_0", "start_values"), ("initial",)),
     **dict.fromkeys(("sigma", "stddev", "standard_deviation", "variance"), ("std",)),
     "rms": ("rmse", "std"),
-    **dict.fromkeys(("gain", "l", "high_gain", "ell"), ("theta", "gains")),
+    **dict.fromkeys(("gain", "l", "high_gain", "ell"), ("theta", "gains", "shgo")),
+    **dict.fromkeys(("hgo", "highgain", "high_gain_observer"), ("shgo",)),
+    **dict.fromkeys(("kf", "kalman", "kalman_filter"), ("kalman_bucy",)),
+    "extended_kalman_filter": ("ekf",),
+    "unscented_kalman_filter": ("ukf",),
+    **dict.fromkeys(("smo", "sliding_mode", "sta"), ("super_twisting",)),
+    **dict.fromkeys(("rk45", "ode45", "dopri", "dop853"), ("dopri5",)),
+    **dict.fromkeys(("ode15s", "ode23s", "bdf", "radau", "lsoda"), ("rodas5p",)),
+    **dict.fromkeys(("rk", "runge_kutta", "ode4"), ("rk4",)),
     **dict.fromkeys(("ode", "f", "equations", "rhs", "eqs", "model"), ("dynamics", "plant")),
     **dict.fromkeys(("y", "h", "measured", "sensor"), ("output", "measurement")),
     **dict.fromkeys(("u", "control"), ("inputs", "controller")),
@@ -46,9 +55,21 @@ def nearest_file(name: str, names: Iterable[str]) -> str:
     return "" if close is None else f" Did you mean `{stems[close]}`?"
 
 
+def near_file(path: Path) -> str:
+    """Of a file that is not there: ". Did you mean `x`?" with the most similar name in its folder, or ""."""
+    try:
+        names = [entry.name for entry in path.parent.iterdir()]
+    except OSError:
+        return ""
+    alike = [name for name in names if os.path.splitext(name)[1] == path.suffix]
+    near = nearest_file(path.name, alike) or nearest_file(path.name, names)
+    return near and f".{near}"
+
+
 def _closest(name: str, known: Iterable[str]) -> str | None:
     """The most similar of some names in small letters."""
     import difflib
 
-    close = difflib.get_close_matches(name[:100].lower(), known, n=1, cutoff=0.5 if len(name) < 4 else 0.6)
+    alike = [other for other in known if len(other) > 1 or len(name) < 3]  # a word is not meant to be a letter
+    close = difflib.get_close_matches(name[:100].lower(), alike, n=1, cutoff=0.5 if len(name) < 4 else 0.6)
     return close[0] if close else None

@@ -55,7 +55,7 @@ def _refuse_part_of_a_path(data: Any, names: tuple[str, ...], file: str) -> None
         part, more = names[:length], names[length:]
         whole = next((path for path in known if len(path) > length and path[-length:] == part), None)
         if whole is not None:
-            message = f"{names[0]!r} is no key of the top of the file. Did you mean `{'.'.join((*whole, *more))}`?"
+            message = f"{names[0]!r} is not a key of the top of the file. Did you mean `{'.'.join((*whole, *more))}`?"
             raise ConfigError(message, file=file, line=1, key=".".join(names))
 
 

@@ -182,6 +182,16 @@ class Vary(Block):
         description="path: expression of the name, as with --set"
     )
 
+    @model_validator(mode="before")
+    @classmethod
+    def _no_path(cls, data: object) -> object:
+        """A path stands under ``set``, not in the place of the name."""
+        if isinstance(data, dict):
+            paths = [part for part in (*data, data.get("name")) if isinstance(part, str) and "." in part]
+            if paths:
+                raise ValueError(f"a path stands under set: {{name: v, values: [1, 2], set: {{{paths[0][:100]}: v}}}}")
+        return data
+
 
 class Ensemble(Block):
     """What makes an ensemble of a run; of both, every seed with every value."""

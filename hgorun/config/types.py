@@ -51,7 +51,7 @@ class Block(BaseModel):
                 known = cls._keys()
                 raise PydanticCustomError(
                     "unknown_key",
-                    "{name} stands at the top of a file, and is no key of a single run"
+                    "{name} stands at the top of a file, and is not a key of a single run"
                     if key in cls.read_before
                     else "unknown key {name}.{hint} Known here: {keys}",
                     {

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from hgorun.config.nearest import nearest
 from hgorun.config.paths import entries
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
@@ -91,7 +93,7 @@ def _sentence(item: ErrorDetails) -> str:
     if kind == "too_long" and isinstance(found, (list, tuple)):
         return f"expected a list of at most {item['ctx']['max_length']}, found a list of {len(found)}"
     expected = _EXPECTED.get(kind, "another value").format_map(item.get("ctx", {}))
-    return f"expected {expected}, found {describe(found)}{_hint(kind, found)}"
+    return f"expected {expected}, found {describe(found)}{_hint(kind, found, expected)}"
 
 
 def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
@@ -107,11 +109,14 @@ def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
     return f": {field.description}" if field is not None and field.description else ""
 
 
-def _hint(kind: str, found: object) -> str:
+def _hint(kind: str, found: object, expected: str) -> str:
     if kind == "dict_type" and not isinstance(found, dict):
         return "; write lines `name: value`"
     if kind in ("list_type", "tuple_type"):
         return "; a list has brackets: [a, b]"
+    if kind == "literal_error" and isinstance(found, str):
+        near = nearest(found, re.findall(r"'([^']*)'", expected))
+        return near and f".{near}"
     return ""
 
 

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 
 import yaml
 
-from hgorun.config.nearest import nearest_file
+from hgorun.config.nearest import near_file
 from hgorun.config.paths import at, copy, dotted, walk
 from hgorun.config.yaml_errors import LINE_BREAK, explain
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -111,8 +111,7 @@ def read(path: Path) -> tuple[str, Source]:
             raise ConfigError("larger than 1 MiB: recordings belong in data files", file=file)
         text = content.decode("utf-8")
     except FileNotFoundError:
-        near = nearest_file(path.name, _names_in(path.parent))
-        raise ConfigError(f"there is no such file{near and '.' + near}", file=file) from None
+        raise ConfigError(f"there is no such file{near_file(path)}", file=file) from None
     except IsADirectoryError:
         raise ConfigError("this is a folder; a YAML file was expected", file=file) from None
     except UnicodeDecodeError as error:
@@ -123,13 +122,6 @@ def read(path: Path) -> tuple[str, Source]:
         reason = getattr(error, "strerror", None) or error
         raise ConfigError(f"cannot be read: {reason}", file=file) from error
     return text, parse(text, file)
-
-
-def _names_in(folder: Path) -> list[str]:
-    try:
-        return [entry.name for entry in folder.iterdir()]
-    except OSError:
-        return []
 
 
 def parse(text: str, file: str) -> Source:

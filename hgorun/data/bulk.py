@@ -57,6 +57,10 @@ class Bulk:
         int
             The byte behind them.
         """
+        return self.dated(block, columns, *self.scanned(block, start, columns))
+
+    def scanned(self, block: Block, start: int, columns: Sequence[np.ndarray]) -> tuple[int, int]:
+        """As :meth:`rows`, with where dates stand in place of these: what several threads may do at once."""
         dialect, text = self._dialect, np.frombuffer(block.text, dtype=np.uint8)
         plan, kinds = np.zeros((2, dialect.width), dtype=np.int64)
         for place, cells, column in zip(self._places, self._wanted, columns, strict=True):
@@ -68,7 +72,11 @@ class Bulk:
             text.ctypes.data, text.size, dialect.width, *map(ord, signs), *tables, start
         )
         count = int(code().run(ctypes.addressof(taken)))
-        stop: int = taken[-1]
+        return count, int(taken[-1])
+
+    def dated(self, block: Block, columns: Sequence[np.ndarray], count: int, stop: int) -> tuple[int, int]:
+        """Put dates, and whether flags are good, in the place of what was scanned; what is left of it."""
+        text = np.frombuffer(block.text, dtype=np.uint8)
         for cells, column in zip(self._wanted, columns, strict=True):
             if isinstance(cells, Flags):
                 column[:count] = np.isin(column[:count], cells.good)

@@ -65,7 +65,7 @@ def stamps(column: ClockColumn, table: Table, unit: str) -> np.ndarray:
     Raises
     ------
     Problem
-        When a unit is no unit of time.
+        When a unit is not a unit of time.
     ConfigError
         For the first date out of range.
     """

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import chain, islice
+from concurrent.futures import Executor, ThreadPoolExecutor
+from itertools import accumulate, chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -22,6 +23,7 @@ _SEARCHED = 1_000_000  # rows in which the first value of a column is looked for
 _ABOVE = 50  # lines in which a header is looked for
 _SMALL = 1 << 24  # bytes of a file of which nothing is read ahead
 _AHEAD = 4  # blocks that are
+_AT_ONCE = 2  # blocks that are read at once
 _MANY = 10_000  # lines that are read one by one before plain ones are tried again
 
 
@@ -95,27 +97,53 @@ class _Reading:
 
     def __init__(self, rows: Rows, bulk: Bulk, columns: Columns) -> None:
         self._rows, self._bulk, self._columns = rows, bulk, columns
+        self._lines = 1  # that are read one by one when a row is not plain: more and more, as long as none is
 
     def read(self, parts: Iterator[Block]) -> None:
-        """All rows."""
+        """All rows, of several blocks at once where these are plain."""
         if not self._bulk.suits:
             return self._one_by_one(parts)
-        lines = 1  # that are read one by one when a row is not plain: more and more of them, as long as none is
-        for block in parts:
-            start, line = 0, block.line
-            while start < len(block.text):
-                count, start = self._bulk.rows(block, start, self._columns.room(block.line + block.lines - line, line))
-                self._columns.fill(np.arange(line, line + count, dtype=np.int32))
-                line, lines = line + count, 1 if count > lines else min(4 * lines, _MANY)
-                if start == len(block.text):
-                    break
-                end = _behind(block.text, start, lines)
-                some = Block(block.text[start:end], line)
-                if b'"' in some.text:
-                    # quotes may hold ends of lines: from here on only who reads quotes knows where a row ends
-                    return self._one_by_one(chain([Block(block.text[start:], line)], parts))
-                self._one_by_one(iter([some]))
-                start, line = end, line + some.lines
+        with ThreadPoolExecutor(_AT_ONCE) as pool:
+            plain = True
+            while some := list(islice(parts, _AT_ONCE if plain else 1)):
+                taken = self._taken(some, pool) if len(some) > 1 else 0
+                plain = taken == len(some) or len(some) == 1
+                left = chain(some[taken:], parts)
+                for block in islice(left, len(some) - taken):
+                    if quoted := self._quoted_from(block):
+                        # quotes may hold ends of lines: from here on only who reads quotes knows where a row ends
+                        return self._one_by_one(chain([quoted], left))
+        return None
+
+    def _taken(self, some: Sequence[Block], pool: Executor) -> int:
+        """How many of some blocks have been taken, up to the first that has a row that is not plain."""
+        ends = list(accumulate(block.lines for block in some))
+        room = self._columns.room(ends[-1], some[0].line)
+        own = [[column[end - block.lines : end] for column in room] for block, end in zip(some, ends, strict=True)]
+        scanned = list(pool.map(self._bulk.scanned, some, [0] * len(some), own))
+        for number, (block, columns, found) in enumerate(zip(some, own, scanned, strict=True)):
+            if found[0] < block.lines or self._bulk.dated(block, columns, *found)[0] < block.lines:
+                return number
+            self._columns.fill(np.arange(block.line, block.line + block.lines, dtype=np.int32))
+            self._lines = 1
+        return len(some)
+
+    def _quoted_from(self, block: Block) -> Block | None:
+        """Take the rows of a block; the rest of it from a row on that is not plain and has a quote near."""
+        start, line = 0, block.line
+        while start < len(block.text):
+            room = self._columns.room(block.line + block.lines - line, line)
+            count, start = self._bulk.rows(block, start, room)
+            self._columns.fill(np.arange(line, line + count, dtype=np.int32))
+            line, self._lines = line + count, 1 if count > self._lines else min(4 * self._lines, _MANY)
+            if start == len(block.text):
+                break
+            end = _behind(block.text, start, self._lines)
+            some = Block(block.text[start:end], line)
+            if b'"' in some.text:
+                return Block(block.text[start:], line)
+            self._one_by_one(iter([some]))
+            start, line = end, line + some.lines
         return None
 
     def _one_by_one(self, parts: Iterator[Block]) -> None:

@@ -6,6 +6,7 @@ import os
 from pathlib import Path
 
 from hgorun.config.data import Csv
+from hgorun.config.nearest import near_file
 from hgorun.data.arrays import ArrayFile
 from hgorun.data.csv_table import CsvFile
 from hgorun.data.hdf5 import Hdf5
@@ -36,7 +37,7 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
         When it is no file of measurements, or there is none and no key names it.
     """
     if not os.path.isfile(path):
-        what = "not a regular file" if os.path.exists(path) else "no such file"
+        what = "not a regular file" if os.path.exists(path) else f"there is no such file{near_file(path)}"
         if key is None:
             raise ConfigError(what, file=str(path))
         raise Problem(key, f"{path}: {what}")

@@ -62,7 +62,7 @@ def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterat
             line += block.lines  # counted here: who reads ahead does so meanwhile
             yield block
         if len(rest) > LONGEST:
-            raise ConfigError("a line of more than 1 MiB: this is no table of numbers", file=str(path), line=line)
+            raise ConfigError("a line of more than 1 MiB: this is not a table of numbers", file=str(path), line=line)
     if rest:
         yield _checked(Block(_unix(rest) if rest.endswith((b"\n", b"\r")) else _unix(rest) + b"\n", line), path)
     elif line == 1:

@@ -68,11 +68,13 @@ def seconds(unit: str, path: KeyPath) -> Fraction:
     Raises
     ------
     Problem
-        At ``path``, when it is no unit of time.
+        At ``path``, when it is not a unit of time.
     """
     found = _SECONDS.get(_SHORT.get(unit, unit))
     if found is None:
-        raise Problem(path, f"{unit!r} is no unit of time.{nearest(unit, list(_SECONDS))} Known: {', '.join(_SECONDS)}")
+        raise Problem(
+            path, f"{unit!r} is not a unit of time.{nearest(unit, list(_SECONDS))} Known: {', '.join(_SECONDS)}"
+        )
     return found
 
 
@@ -140,7 +142,7 @@ def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted
     except Exception:  # whatever its parser stumbles over
         meant = _meant(text, wanted)
         hint = f".{meant}" if meant else "; without the key the numbers are taken as they are"
-        raise Problem(path, f"{text!r} is no known unit{hint}") from None
+        raise Problem(path, f"{text!r} is not a known unit{hint}") from None
 
 
 def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:

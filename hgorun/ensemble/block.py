@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from hgorun.config.nearest import nearest
 from hgorun.ensemble.axes import Axes
 from hgorun.ensemble.family import Differs, Family
 from hgorun.ensemble.found import Block, Integers
@@ -262,7 +263,9 @@ def _known(metrics: Sequence[str], *, closed: bool) -> tuple[str, ...]:
     known = all_metrics(closed=closed)
     for name in metrics:
         if name not in known:
-            raise ConfigError(f"no metric is called {name!r}; known: {', '.join(known)}", key="metrics")
+            raise ConfigError(
+                f"no metric is called {name!r}.{nearest(name, known)} Known: {', '.join(known)}", key="metrics"
+            )
     return tuple(metrics) or tuple(known)
 
 

@@ -233,7 +233,7 @@ class Ensemble:
                 raise Problem(("axes",), f"they make {self.size} members, more than {MOST_MEMBERS}")
             return
         if not self._sizes:
-            raise Problem(("axes",), "of lists alone it cannot be told how many members there are")
+            raise Problem(("axes",), "lists alone do not say how many members there are")
         if len(set(self._sizes.values())) > 1:
             each = ", ".join(f"{path} {size}" for path, size in self._sizes.items())
             raise Problem(("axes",), f"{self.combine} needs axes with the same number of values, found {each}")
@@ -253,7 +253,7 @@ class Ensemble:
                 raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {all_names}")
         place: KeyPath = ("keep", "trajectories")
         if kept != "none" and self.base.closed:
-            raise Problem(place, "of closed loops metrics and quantities are kept; simulate a member to see more")
+            raise Problem(place, "only metrics and quantities of closed loops are kept; simulate a member to see more")
         if isinstance(kept, Worst):
             for key, names in (
                 ("by", self.metrics),

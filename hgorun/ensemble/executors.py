@@ -59,7 +59,7 @@ def processes(jobs: int) -> Executor:
                 flow.again()
                 if deaths.most_common(1)[0][1] > _DEATHS:
                     raise SimulationError(
-                        "worker processes are killed again and again, perhaps for want of memory; what is finished is "
+                        "worker processes are killed again and again, perhaps for lack of memory; what is finished is "
                         "kept: run the command again, with fewer --jobs"
                     ) from None
             finally:

@@ -83,7 +83,7 @@ class Manifest:
             found = ensemble_of(self.recipe)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__
-            raise ConfigError(f"its recipe makes no ensemble: {reason}", file=path, key="recipe") from None
+            raise ConfigError(f"its recipe does not make an ensemble: {reason}", file=path, key="recipe") from None
         self.refuse_members(found.size, folder)
         return found
 

@@ -57,7 +57,7 @@ class Checkpoint:
             When it is no checkpoint, one of something else, or damaged.
         """
         if not data.startswith(_MAGIC):
-            raise ConfigError("this is no checkpoint of an estimator, or one of another version")
+            raise ConfigError("this is not a checkpoint of an estimator, or one of another version")
         try:
             head, rest = data[len(_MAGIC) :].split(b"\n", 1)
             told = json.loads(head)

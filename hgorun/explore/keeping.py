@@ -113,7 +113,9 @@ class Keeper:
         except Problem as problem:
             raise ConfigError(problem.message) from problem
         if not same:
-            raise ConfigError("what was to be written does not say the same, so nothing is: please report this")
+            raise ConfigError(
+                "the text to be written does not give the same configuration, so nothing is written: please report this"
+            )
 
 
 def _different(before: Any, after: Any, place: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:

@@ -66,9 +66,24 @@
 
   // ---- answers
 
-  // What is told is written down after the curves are drawn: they read styles, which every change here makes stale.
-  const heard = () => { const told = JSON.parse(channel.told); settled(() => take(told)); };
-  const settled = (then) => requestAnimationFrame(() => setTimeout(then, 0));
+  // Bokeh draws in the next frame. What is told is written down in the same one, but after that: curves read styles,
+  // which every change here makes stale.
+  function heard() {
+    const told = JSON.parse(channel.told);
+    draw(told.drawn);
+    requestAnimationFrame(() => take(told));
+  }
+  const here = { sync: false };  // the server knows it
+  function draw({ curves, limits, dashes }) {
+    const model = (id) => channel.document.get_model_by_id(id);
+    const points = new Float64Array(channel.points ?? 0);
+    let first = 0;
+    const next = (count) => points.slice(first, first += count);
+    for (const [id, count] of Object.entries(curves)) model(id).setv({ data: { t: next(count), v: next(count) } }, here);
+    for (const [id, [start, end]] of Object.entries(limits))
+      model(id).setv({ start, end, reset_start: start, reset_end: end }, here);
+    for (const [id, line_dash] of Object.entries(dashes)) model(id).setv({ line_dash }, here);
+  }
   function take(told) {
     const further = told.further || (told.theories && !told.picture);
     if (told.number < number) return;
@@ -119,7 +134,7 @@
   function redrawn(at) {
     if (at !== undefined) since = at;
     const begun = since;
-    settled(() => times.push([at === undefined ? "theory" : "curves", performance.now() - begun]));
+    setTimeout(() => times.push([at === undefined ? "theory" : "curves", performance.now() - begun]));  // after the frame
   }
 
   const element = (kind, words, more = {}) => Object.assign(document.createElement(kind), { textContent: words }, more);
@@ -231,19 +246,39 @@
 
   // ---- the connection
 
-  // Every line and label of a figure asks for its style, which is computed anew each time: no style of this page is for
-  // lines, and the size of the font stays. Where Bokeh has another inside, figures are as right and slower.
+  // Bokeh computes anew at every frame what stays as it is on this page. Where it has another inside than what is
+  // replaced here, figures are as right and slower.
   function keep_styles() {
-    const { VisualProperties } = Bokeh.require("core/visuals/visual");
-    const { PlotView } = Bokeh.require("models/plots/plot_canvas");
+    const part = (name) => Bokeh.require(name);
+    const { VisualProperties } = part("core/visuals/visual"), { InlineStyleSheet } = part("core/dom");
+    const { PlotView } = part("models/plots/plot_canvas"), { AxisView } = part("models/axes/axis");
+    const { GlyphRendererView } = part("models/renderers/glyph_renderer");
+    VisualProperties.prototype._get_css_value = () => "";  // no style of this page is for lines
     const size = Object.getOwnPropertyDescriptor(PlotView.prototype, "base_font_size").get;
-    VisualProperties.prototype._get_css_value = () => "";
     const kept = new WeakMap();
     const get = function () {
       if (!kept.get(this)) kept.set(this, size.call(this));
       return kept.get(this);
     };
     Object.defineProperty(PlotView.prototype, "base_font_size", { get, configurable: true });
+    // style sheets of where the parts of a figure are: each that is written makes all styles of the page stale
+    const write = InlineStyleSheet.prototype._update;
+    InlineStyleSheet.prototype._update = function (css) { if (this.css !== css) write.call(this, css); };
+    GlyphRendererView.prototype.update_position = () => {};  // of a curve there is nothing in the document
+    // a curve is kept five times, four of them for when it is selected, muted, or drawn roughly: never, here
+    const built = GlyphRendererView.prototype.lazy_initialize;
+    GlyphRendererView.prototype.lazy_initialize = async function () {
+      await built.call(this);
+      for (const which of ["selection_glyph", "nonselection_glyph", "muted_glyph", "decimated_glyph"])
+        for (const step of ["set_data", "set_visuals", "after_visuals", "after_lazy_visuals", "map_data"])
+          this[which][step] = () => {};
+    };
+    // a digit more in an axis' labels does not move everything
+    const room = AxisView.prototype.get_size;
+    AxisView.prototype.get_size = function () {
+      const { width, height } = room.call(this);
+      return { width, height: 16 * Math.ceil(height / 16) };
+    };
   }
   try { keep_styles(); } catch { /* as Bokeh does it */ }
   // What of a figure takes the focus says whose it is; Bokeh's parts stand in roots of their own.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -21,12 +22,43 @@ _TOOLS = "pan,box_zoom,wheel_zoom,reset"
 _HEIGHT = 270
 _BLACK, _GREY, _SAMPLES, _UNSEEN = "#000000", "#3c3c3c", "#6e6e6e", "#9b1c1c"
 _BOUND, _DECAY = [6, 4], [2, 4]
+_WIDTH = 1.0  # of lines: without a graphics card, noise in dashes that are any wider takes ten times as long to draw
 _NO_POINTS: dict[str, Any] = {"t": [], "v": []}
 
 
-def columns(curve: Curve) -> dict[str, np.ndarray]:
-    """A curve as the columns of a source, as they are sent."""
-    return {"t": np.ascontiguousarray(curve.t, dtype=float), "v": np.ascontiguousarray(curve.v, dtype=float)}
+@dataclass
+class Changes:
+    """What changes in the figures of a page, until it is sent: all of it at once, so that they are drawn once.
+
+    Bokeh would send a message for each of its models that has changed.
+    """
+
+    _curves: dict[str, Curve] = field(default_factory=dict)
+    _limits: dict[str, tuple[float, float]] = field(default_factory=dict)
+    _dashes: dict[str, list[int]] = field(default_factory=dict)
+
+    def curve(self, source: Any, curve: Curve) -> None:
+        """A source has other points."""
+        self._curves[source.id] = curve
+
+    def limits(self, axis: Any, low: float, high: float) -> None:
+        """A range goes between others."""
+        self._limits[axis.id] = low, high
+
+    def dashes(self, glyph: Any, dashes: list[int]) -> None:
+        """A line has another style."""
+        self._dashes[glyph.id] = dashes
+
+    def taken(self) -> tuple[dict[str, Any], bytes]:
+        """The changes since the last time, by the ids of bokeh's models: how many points there are of each, and these.
+
+        The points are numbers of 64 bits, of each curve first all times, then all values.
+        """
+        counts = {name: len(curve.t) for name, curve in self._curves.items()}
+        parts = [np.asarray(part, dtype="<f8").tobytes() for curve in self._curves.values() for part in curve]
+        said = {"curves": counts, "limits": self._limits, "dashes": self._dashes}
+        self._curves, self._limits, self._dashes = {}, {}, {}
+        return said, b"".join(parts)
 
 
 def empty_plot(name: str, time: str, value: str, span: tuple[float, float], *, logarithmic: bool = False) -> Plot:
@@ -43,6 +75,7 @@ def empty_plot(name: str, time: str, value: str, span: tuple[float, float], *, l
         y_range=Range1d(1e-3, 1.0) if logarithmic else Range1d(0.0, 1.0),
         y_axis_type="log" if logarithmic else "linear",
         output_backend="canvas",
+        lod_threshold=None,  # few points are sent: all are drawn, also while a figure is moved
     )
     plot.toolbar.logo = None
     for axis in (plot.xaxis, plot.yaxis):
@@ -57,20 +90,20 @@ def empty_plot(name: str, time: str, value: str, span: tuple[float, float], *, l
 class Lines:
     """The lines of one set of axes, a source each, by their names."""
 
-    def __init__(self, plot: Plot, *, logarithmic: bool) -> None:
-        self.plot = plot
+    def __init__(self, plot: Plot, changes: Changes, *, logarithmic: bool) -> None:
+        self.plot, self._changes = plot, changes
         self._logarithmic = logarithmic
         self._sources: dict[str, Any] = {}
-        self._renderers: dict[str, Any] = {}
+        self._glyphs: dict[str, Any] = {}
         self._shown: dict[str, Curve] = {}
+        self._dashes: dict[str, list[int]] = {}
         self._limits: tuple[float, float] | None = None
 
     def add(self, name: str, colour: str, width: float, dashes: Any = "solid") -> None:
         """A line that has no points yet."""
         self._sources[name] = source = ColumnDataSource(dict(_NO_POINTS))
-        self._renderers[name] = self.plot.line(
-            "t", "v", source=source, color=colour, line_width=width, line_dash=dashes
-        )
+        line = self.plot.line("t", "v", source=source, color=colour, line_width=width, line_dash=dashes)
+        self._glyphs[name] = line.glyph
 
     def add_dots(self, name: str, *, large: bool = False) -> None:
         """Points that are not joined."""
@@ -84,20 +117,20 @@ class Lines:
         curve = NOTHING if curve is None else curve
         if not all(np.array_equal(one, other, equal_nan=True) for one, other in zip(shown, curve, strict=True)):
             self._shown[name] = curve
-            self._sources[name].data = columns(curve)
+            self._changes.curve(self._sources[name], curve)
 
     def set_dashes(self, name: str, dashes: list[int]) -> None:
         """Give a line another style."""
-        glyph = self._renderers[name].glyph
-        if glyph.line_dash != dashes:
-            glyph.line_dash = dashes
+        if self._dashes.get(name) != dashes:
+            self._dashes[name] = dashes
+            self._changes.dashes(self._glyphs[name], dashes)
 
     def set_limits(self, low: float, high: float) -> None:
         """Between which the axis of values goes: about, so that it need not be drawn again for every small change."""
         low, high = (_logarithmic if self._logarithmic else _round_about)(low, high)
         if (low, high) != self._limits:
             self._limits = low, high
-            self.plot.y_range.update(start=low, end=high, reset_start=low, reset_end=high)
+            self._changes.limits(self.plot.y_range, low, high)
 
 
 def _round_about(low: float, high: float) -> tuple[float, float]:
@@ -112,25 +145,26 @@ def _logarithmic(low: float, high: float) -> tuple[float, float]:
     return 10.0 ** ends[0], 10.0 ** ends[1]
 
 
-def estimates_of(plot: Plot, looks: Mapping[str, Look], *, closed: bool) -> Lines:
+def estimates_of(plot: Plot, changes: Changes, looks: Mapping[str, Look], *, closed: bool, recorded: bool) -> Lines:
     """Lines for a state: samples, estimates, and the truth above them."""
-    lines = Lines(plot, logarithmic=False)
+    lines = Lines(plot, changes, logarithmic=False)
     lines.add_dots("measured")
-    lines.add_dots("unseen", large=True)
+    if recorded:
+        lines.add_dots("unseen", large=True)
     for label, look in looks.items():
-        lines.add(f"estimate {label}", look.colour, 1.6, dash(look.dashes))
+        lines.add(f"estimate {label}", look.colour, _WIDTH, dash(look.dashes))
         if closed:
-            lines.add(f"own {label}", look.colour, 0.9, [3, 3])
-    lines.add("truth", _BLACK, 1.2, [6, 3])
+            lines.add(f"own {label}", look.colour, _WIDTH, [3, 3])
+    lines.add("truth", _BLACK, _WIDTH, [6, 3])
     return lines
 
 
-def errors_of(plot: Plot, looks: Mapping[str, Look]) -> Lines:
+def errors_of(plot: Plot, changes: Changes, looks: Mapping[str, Look]) -> Lines:
     """Lines for errors and what bounds them."""
-    lines = Lines(plot, logarithmic=True)
+    lines = Lines(plot, changes, logarithmic=True)
     for label, look in looks.items():
-        lines.add(f"error {label}", look.colour, 1.6, dash(look.dashes))
-        lines.add(f"bound {label}", look.colour, 1.0, _BOUND)
+        lines.add(f"error {label}", look.colour, _WIDTH, dash(look.dashes))
+        lines.add(f"bound {label}", look.colour, _WIDTH, _BOUND)
     return lines
 
 

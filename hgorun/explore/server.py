@@ -228,5 +228,5 @@ def _why(error: OSError, port: int) -> str:
     if error.errno == EADDRINUSE:
         return f"--port: {port} is in use: choose another, or leave it out, and a free one is taken"
     if error.errno == EACCES:
-        return f"--port: {port} is not for everyone to use: choose one above 1023, or leave it out"
-    return f"--port: {port} cannot be had: {error.strerror}"
+        return f"--port: {port} needs the rights of an administrator: choose one above 1023, or leave it out"
+    return f"--port: {port} cannot be used: {error.strerror}"

@@ -23,7 +23,7 @@ Told = dict[str, Any]  # what goes to the page, as JSON
 
 
 class Page(Protocol):
-    """What is drawn on. All of it is called by the server's own thread."""
+    """What is drawn on, by the server's own thread alone. What has been drawn is seen with what is told next."""
 
     def draw(self, picture: Picture, bounds: Mapping[str, list[Bound]]) -> None:
         """Show a run, and with it what the theory bounds of some of its observers; an empty list: nothing."""
@@ -31,8 +31,8 @@ class Page(Protocol):
     def draw_bounds(self, bounds: Mapping[str, list[Bound]]) -> None:
         """Show what the theory bounds of observers."""
 
-    def tell(self, told: str) -> None:
-        """Give numbers and messages to the page, as JSON."""
+    def tell(self, told: Told) -> None:
+        """Give numbers and messages to the page."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -262,7 +262,7 @@ class Session:
             "command": command(self.bench, state),
             **more,
         }
-        self.page.tell(json.dumps(told, allow_nan=False))
+        self.page.tell(told)
 
 
 def _as_json(picture: Picture) -> Told:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.resources import files
 from typing import Any
 
-from bokeh.core.properties import String
+from bokeh.core.properties import Bytes, Nullable, String
 from bokeh.document import Document
 from bokeh.model import DataModel
 from jinja2 import Template
@@ -19,7 +19,7 @@ from hgorun.explore.bench import Bench, Shown
 from hgorun.explore.keeping import Keeper
 from hgorun.explore.knobs import Knob
 from hgorun.explore.picture import Bound, Limits, Picture, styles_of
-from hgorun.explore.plots import Lines
+from hgorun.explore.plots import Changes, Lines
 from hgorun.explore.promises import AT_ONCE, LATER
 
 _PLACES = 200  # of a slider: a step is a two-hundredth of its range
@@ -27,10 +27,11 @@ _TOGETHER = {"measurement": "Measurement", "run": "Run"}
 
 
 class Channel(DataModel):  # type: ignore[misc]  # bokeh's models are made at run time
-    """What the page asks and is told, as JSON."""
+    """What the page asks and is told, as JSON, and beside it the points of the curves that are drawn with that."""
 
     asked = String(default="")
     told = String(default="")
+    points = Nullable(Bytes)  # none at first: what it begins with is cloned, and bytes cannot be
 
 
 @dataclass(frozen=True)
@@ -58,12 +59,13 @@ class View:
     """
 
     def __init__(self, document: Document, bench: Bench, keeper: Keeper, base: Shown) -> None:
-        self._document, self._labels = document, bench.labels
+        self._labels = bench.labels
         self._closed = base.experiment.closed
         self._theory, self._recorded = bench.theory and not self._closed, base.result.recorded is not None
         self._states = tuple(base.result.states)
         self.channel = Channel(name="channel")
         looks = styles_of(base.result)
+        self._changes = Changes()
         self._estimates: list[Lines] = []
         self._errors: list[Lines] = []
         self._others: list[Lines] = []
@@ -85,29 +87,30 @@ class View:
         for i, state in enumerate(self._states):
             unit = _in_brackets(units.get(state, ""))
             plot = plots.empty_plot(f"estimate{i}", time, f"{state}{unit}", span)
-            self._estimates.append(plots.estimates_of(plot, looks, closed=self._closed))
+            self._estimates.append(
+                plots.estimates_of(plot, self._changes, looks, closed=self._closed, recorded=self._recorded)
+            )
             yield _Named(f"estimate{i}", f"{state} and its estimates", f"{state} and its estimates over time", plot)
             if self._recorded:
                 continue
             plot = plots.empty_plot(f"error{i}", time, f"|error of {state}|{unit}", span, logarithmic=True)
-            self._errors.append(plots.errors_of(plot, looks))
+            self._errors.append(plots.errors_of(plot, self._changes, looks))
             yield _Named(f"error{i}", f"Errors of {state}", f"size of the errors of {state} over time", plot)
         for i, output in enumerate(result.outputs if self._recorded else ()):
             unit = _in_brackets(units.get(output, ""))
             plot = plots.empty_plot(f"innovation{i}", time, f"innovation of {output}{unit}", span)
-            self._innovations.append(plots.estimates_of(plot, looks, closed=False))
+            self._innovations.append(plots.estimates_of(plot, self._changes, looks, closed=False, recorded=True))
             title = f"Innovations of {output}: measured minus estimated, before the sample was used"
             yield _Named(f"innovation{i}", title, f"innovations of {output} over time", plot)
         if self._theory:
             for i in range(len(self._states)):  # of theories in other coordinates, where there are some
                 plot = plots.empty_plot(f"other{i}", time, f"|error of z{i + 1}|", span, logarithmic=True)
-                self._others.append(plots.errors_of(plot, looks))
+                self._others.append(plots.errors_of(plot, self._changes, looks))
                 title = f"Errors of z{i + 1}, a coordinate of the theory"
                 yield _Named(f"other{i}", title, title, plot, hidden=True)
 
     def draw(self, picture: Picture, bounds: Mapping[str, list[Bound]]) -> None:
-        """Show a run, and what the theory bounds of some of its observers: all in one message."""
-        self._document.hold("combine")
+        """Show a run, and what the theory bounds of some of its observers."""
         shown = [*zip(self._estimates, picture.panels, strict=True)]
         for lines, panel in (*shown, *zip(self._innovations, picture.innovations, strict=True)):
             plots.draw_estimates(lines, panel, self._labels, closed=self._closed)
@@ -115,14 +118,11 @@ class View:
             plots.draw_errors(lines, panel, self._labels)
         for label, of in bounds.items() if self._errors else ():
             self._draw_bounds(label, of)
-        self._document.unhold()
 
     def draw_bounds(self, bounds: Mapping[str, list[Bound]]) -> None:
         """Show what the theory bounds of observers."""
-        self._document.hold("combine")
         for label, of in bounds.items():
             self._draw_bounds(label, of)
-        self._document.unhold()
 
     def _draw_bounds(self, label: str, bounds: list[Bound]) -> None:
         of_states = tuple(bound.name for bound in bounds) == self._states
@@ -144,9 +144,12 @@ class View:
         if known:
             self._others[i].set_limits(min(low for low, _ in known.values()), max(high for _, high in known.values()))
 
-    def tell(self, told: str) -> None:
-        """Give numbers and messages to the page."""
-        self.channel.told = told
+    def tell(self, told: Mapping[str, object]) -> None:
+        """Give numbers and messages to the page, and with them what has been drawn."""
+        drawn, points = self._changes.taken()
+        if points:
+            self.channel.points = points
+        self.channel.told = json.dumps({**told, "drawn": drawn}, allow_nan=False)
 
 
 def _words(bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequence[_Named]) -> dict[str, Any]:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.config.nearest import nearest
 from hgorun.engine.memory import history_pieces
 from hgorun.engine.methods import METHODS, Method
 from hgorun.engine.plan import Plan
@@ -112,7 +113,8 @@ def _labels(run: PreparedRun, chosen: Iterable[str]) -> list[str]:
     known = list(run.experiment.observers)
     for label in chosen:
         if label not in known:
-            raise ConfigError(f"--observer: no observer is called {label!r}; known: {', '.join(known)}")
+            near = nearest(label, known)
+            raise ConfigError(f"--observer: no observer is called {label!r}.{near} Known: {', '.join(known)}")
     labels = [label for label in known if not chosen or label in chosen]
     if not labels:
         raise ConfigError("there is no observer to export")

@@ -193,7 +193,7 @@ def _draw_subject(ax: Axes, scene: Scene, panel: Panel) -> None:
 def _require_truth(scene: Scene) -> None:
     for name, result in scene.results.items():
         if result.recorded is not None:
-            raise ConfigError(f"{printable(name)}: errors cannot be drawn: of recorded data no truth is known")
+            raise ConfigError(f"{printable(name)}: errors cannot be drawn: the truth of recorded data is not known")
 
 
 def _level(axes: Sequence[Axes], panels: Sequence[Panel]) -> None:

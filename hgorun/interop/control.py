@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import casadi as ca
 import numpy as np
 
+from hgorun.config.nearest import nearest
 from hgorun.config.types import describe
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.export.equations import compares, outputs_of, symbolic
@@ -248,14 +249,15 @@ def observer(experiment: Experiment, label: str) -> ObserverSystem:
     """
     package = _package()
     if label not in experiment.observers:
-        raise ConfigError(f"no observer is called {label!r}; known: {', '.join(experiment.observers)}")
+        near = nearest(label, experiment.observers)
+        raise ConfigError(f"no observer is called {label!r}.{near} Known: {', '.join(experiment.observers)}")
     run = prepare(experiment)
     design, model = experiment.designs[label], run.plant.model
     outputs = outputs_of(experiment.stretches, run.plant, [False] * len(model.outputs))
     block = design.observer
     if not compares(block) or isinstance(block, (DecidedObserver, RecallingObserver, NotExported)):
         raise ConfigError(
-            f"{block.type} is no differential equation alone: it jumps at samples, decides at the ends of steps or "
+            f"{block.type} is not a differential equation alone: it jumps at samples, decides at the ends of steps or "
             "looks back, which a continuous system of python-control does not",
             key=f"observers.{label}",
         )

@@ -85,7 +85,7 @@ def texts(function: ca.Function, names: Sequence[Sequence[str]]) -> list[str]:
 
 def _number(value: float) -> str:
     if not math.isfinite(value):
-        raise ValueError(f"{value} is no number that an expression can hold")
+        raise ValueError(f"{value} is not a number that an expression can hold")
     text = str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(value)
     return f"({text})" if value < 0 else text
 

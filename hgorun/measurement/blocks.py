@@ -50,9 +50,11 @@ def _sampling(value: Any) -> Any:
     kinds: dict[str, type[Block]] = {"period": Periodic, "times": Times, "steps": Steps}
     found = [key for key in kinds if key in value]
     if len(found) != 1:
+        other = ", ".join(map(str, value))[:100]
+        near = "" if found else next(filter(None, (nearest(str(key), kinds) for key in value)), "")
         raise ValueError(
             "expected exactly one of period, times and steps"
-            + (f", found {' and '.join(found)}" if found else f", found {', '.join(map(str, value)) or 'none'}")
+            + (f", found {' and '.join(found)}" if found else f", found {other or 'none'}{near and '.' + near}")
         )
     return kinds[found[0]].model_validate(value)
 

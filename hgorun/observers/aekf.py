@@ -63,7 +63,9 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
         jumps = found.update == "jump"
         unused = "window" if jumps else "interval"
         if getattr(found, unused) is not None:
-            raise Problem((unused,), f"{unused} is no key of update: {found.update}" + ("; d = N T" if jumps else ""))
+            raise Problem(
+                (unused,), f"{unused} is not a key of update: {found.update}" + ("; d = N T" if jumps else "")
+            )
         if not jumps or isinstance(found, CorrectedObserver):
             return found
         return with_unknown_inputs(SampledAdaptiveFilter.model_construct(found.model_fields_set, **dict(found)))

@@ -198,7 +198,7 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
             assert self.Q is not None
             Q = require_covariance(self.Q, len(states), "state: number")
         if not np.any(Q):
-            raise Problem(("Q",), "a filter without process noise ceases to listen: expected a number above 0")
+            raise Problem(("Q",), "a filter without process noise stops correcting: expected a number above 0")
         return {"Q": Q}
 
     def density(self, plant: ModelCopy, xhat: ca.SX, k: Symbols) -> ca.SX:

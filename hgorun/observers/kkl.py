@@ -145,7 +145,7 @@ class SampledKkl(BeginsWithASample, KklObserver, HybridObserver[DriftForm, Smoot
         except kkl_map.Escaped as escaped:
             raise Problem(
                 ("initial",),
-                f"the first sample comes at {self._first:.6g}, and the estimate has run away before, after "
+                f"the first sample comes at {self._first:.6g}, and the estimate is lost before that, after "
                 f"{escaped.after:.4g}",
             ) from None
 

@@ -73,7 +73,7 @@ def of_linear_plant(A: np.ndarray, C: np.ndarray, eigenvalues: np.ndarray) -> np
     size = np.max(np.abs(T), axis=1, keepdims=True)
     if np.linalg.matrix_rank(T / np.where(size > 0, size, 1), tol=_SINGULAR) < n:
         if not _is_observable(A, C):
-            raise Problem(("type",), "the state is no function of z: the plant cannot be observed from its outputs")
+            raise Problem(("type",), "the state is not a function of z: the plant cannot be observed from its outputs")
         raise _singular(T / size, eigenvalues)
     return T
 

@@ -94,7 +94,7 @@ class PredictorChain(NoiseInformed, Extendable, ConstantGain, RecallingObserver[
             raise Problem(
                 ("type",),
                 "the delay changes, and with it the time in which each copy lives: buffer the output up to the longest "
-                "delay, or take shgo, whose innovation bears a delay that changes, or ekf",
+                "delay, or take shgo, whose innovation takes a delay that changes, or ekf",
             )
         return d
 

@@ -67,7 +67,7 @@ class TrackingDifferentiator(NotLinear, SteppedDifferentiator):
 
     @property
     def not_linear(self) -> str | None:
-        return "the acceleration is at its bound r but for errors within r h_0^2"
+        return "the acceleration is at its bound r except for errors within r h_0^2"
 
     def check_times(self, form: DerivativeForm, times: Mapping[str, np.ndarray]) -> None:
         longest = max((float(np.max(np.diff(one), initial=0.0)) for one in times.values()), default=0.0)

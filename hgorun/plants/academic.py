@@ -21,9 +21,9 @@ class Academic(Plant):
         x3' = -a x3 + tanh(x1 x2) + u(t) + eps(t),    y = x1
         f_1 = c_1 sin(omega_1 t),    f_2 = c_2 sin(omega_2 t),    u = c_u sin(omega_u t)
 
-    x2 is not seen in y where f_1 = 0, nor x3 where f_2 = 0: the plant is not uniformly observable, but
-    triangular, for observers with time-varying gain. eps = 0.1 sin(0.1 t) of the thesis is what the key
-    ``disturbance`` is for. The thesis prints f_2 for f_2 x3 in x2'; then x3 would not reach the output.
+    x2 has no effect on y while f_1 = 0, nor x3 while f_2 = 0: the plant is not uniformly observable, but triangular,
+    for observers with time-varying gain. eps = 0.1 sin(0.1 t) of the thesis is what the key ``disturbance`` is for.
+    The thesis prints f_2 for f_2 x3 in x2'; then x3 would not reach the output.
     """
 
     reference = "Robles Magdaleno 2023, (2.84), (3.135)"

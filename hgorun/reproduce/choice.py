@@ -48,9 +48,11 @@ def choose(
     chosen: list[Work] = []
     used: set[str] = set()
     known: set[str] = set()
+    groups: dict[str, list[str]] = {}
     for path, file in ({} if own and not patterns else experiments()).items():
         study, group = load_study(file), path.split("/")[0]
         known |= {path, study.name, group, *study.figures, *(f"{group}/{name}" for name in study.figures)}
+        groups.setdefault(group, []).extend(study.figures)
         whole = {p for p in patterns if path == p or path.startswith(f"{p}/") or study.name == p}
         named = {p for p in patterns if any(p in (f, f"{group}/{f}") for f in study.figures)}
         used |= whole | named
@@ -59,7 +61,8 @@ def choose(
         _add(chosen, Job(file, path, tuple(drawn) * figures, tuple(told) * claims, folders, width, style), study)
     for pattern in patterns:
         if pattern not in used:
-            raise ConfigError(f"no figure or experiment is called {pattern!r}.{nearest(pattern, known)}")
+            there = "; ".join(f"{group}: {', '.join(names)}" for group, names in groups.items())
+            raise ConfigError(f"no figure or experiment is called {pattern!r}.{nearest(pattern, known)} Known: {there}")
     for file in own:
         study = load_study(file)
         if not (study.figures if figures else study.claims):

@@ -199,7 +199,7 @@ def _of_loop(of: Callable[[ClosedLoop, int], float | None]) -> Callable[[Quantit
         (run, label), *_ = quantity.of
         result = results[run]
         if str(label) not in result.closed_loop:
-            raise ExpressionError(f"{quantity}: {run} is no closed loop of that name")
+            raise ExpressionError(f"{quantity}: {run} is not a closed loop of that name")
         place = 0 if quantity.state is None else result.inputs.index(quantity.state)
         value = of(result.closed_loop[str(label)], place)
         if value is None:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import h5py
 import numpy as np
 
+from hgorun.config.nearest import near_file
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
 from hgorun.result.guarded import Failed, guarded
@@ -36,7 +37,9 @@ def file_at(path: str | Path) -> Path:
     ConfigError
     """
     if not os.path.isfile(path):
-        raise ConfigError("not a regular file" if os.path.exists(path) else "no such file", file=str(path))
+        if os.path.exists(path):
+            raise ConfigError("not a regular file", file=str(path))
+        raise ConfigError(f"there is no such file{near_file(Path(path))}", file=str(path))
     return Path(path)
 
 

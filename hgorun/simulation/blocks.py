@@ -231,7 +231,7 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
             key=f"observers.{label}",
         )
     if label == PLANT:
-        message = "no observer can be called plant: results and tables call the plant itself so"
+        message = "an observer cannot be called plant: results and tables call the plant itself that"
         raise ConfigError(message, file=file, line=line, key=f"observers.{label}")
     if "type" not in block:
         others = [name for name in source.data["observers"] if name != label]

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from hgorun.config.models import File
+from hgorun.config.nearest import nearest
 from hgorun.config.overrides import merge
 from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
@@ -11,6 +13,7 @@ from hgorun.errors import ConfigError
 
 OF_THE_FILE = ("runs", "figures", "claims", "tune")  # what is not part of one run
 OF_THE_ENSEMBLE = ("seeds", "vary")
+_OF_A_RUN = tuple(key for key in (*File.model_fields, *OF_THE_ENSEMBLE) if key not in ("extends", *OF_THE_FILE))
 
 
 def split(source: Source) -> dict[str, tuple[Source, dict[str, Any]]]:
@@ -32,6 +35,10 @@ def split(source: Source) -> dict[str, tuple[Source, dict[str, Any]]]:
         for key in ("extends", *OF_THE_FILE):
             if key in override:
                 raise _error(source, (*path, key), f"{key} belongs to the file, not to one of its runs")
+        for key in override:
+            if key not in _OF_A_RUN:
+                known = f"Known here: {', '.join(_OF_A_RUN)}"
+                raise _error(source, (*path, key), f"unknown key {key!r}.{nearest(str(key), _OF_A_RUN)} {known}")
         ensemble = {key: override[key] for key in OF_THE_ENSEMBLE if key in override}
         found[name] = merge(shared, _without(source, path, OF_THE_ENSEMBLE)), ensemble
     return found

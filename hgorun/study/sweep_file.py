@@ -50,7 +50,7 @@ def load_sweeps(path: str | Path, run: str | None = None) -> dict[str, Ensemble]
     found = {name: ensemble_of(one) for name, one in runs.items() if not one.single and run in (None, name)}
     if not found:
         known = ", ".join(name for name, one in runs.items() if not one.single)
-        what = f"no run with seeds or vary is called {run!r}; known: {known}"
+        what = f"no run with seeds or vary is called {run!r}. Known: {known}"
         nothing = "none of its runs has seeds or vary; a sweep file has base, axes and keep"
         raise ConfigError(what if known else nothing, file=str(path))
     return {f"{path.stem}/{name}": ensemble for name, ensemble in found.items()}

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from hgorun.config.nearest import near_file
 from hgorun.config.reading import read_source
 from hgorun.config.tuning import Tune, TuneFile
 from hgorun.config.validation import validate
@@ -57,14 +58,14 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     text, source = read_source(path, overrides)
     data = source.data if isinstance(source.data, dict) else {}
     if "tune" not in data:
-        raise ConfigError("the key tune is missing: it says which gains are sought, and for what", file=str(path))
+        raise ConfigError("the key tune is missing: it says which gains to tune, and for which goal", file=str(path))
     config = path
     if "base" in data:
         blocks = validate(TuneFile, data, source, ())
         config, run = path.parent / blocks.base, run or blocks.run
         if not config.is_file():
             file, line = source.where(("base",))
-            raise ConfigError(f"there is no file {config}", file=file, line=line, key="base")
+            raise ConfigError(f"{config}: there is no such file{near_file(config)}", file=file, line=line, key="base")
     experiment = load(config, run=run)
     block = validate(Tune, data["tune"], source, ("tune",))
     with source.located():

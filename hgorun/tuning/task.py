@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.expressions import ExpressionError
+from hgorun.config.nearest import nearest
 from hgorun.config.tuning import Bound, Range, Tune, require_few
 from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import written_out
@@ -216,8 +217,10 @@ def _check(quantity: Quantity, experiment: Experiment, place: KeyPath) -> None:
     label, states = quantity.of[0][1], experiment.plant.model.states
     known = all_metrics(closed=experiment.closed)
     if quantity.function not in known or quantity.window is not None:
-        raise Problem(place, f"{quantity}: what is tuned are metrics, without a window: {', '.join(known)}")
+        raise Problem(place, f"{quantity}: only metrics without a window can be tuned: {', '.join(known)}")
     if label not in experiment.observers:
-        raise Problem(place, f"no observer is called {label!r}; known: {', '.join(experiment.observers)}")
+        near = nearest(label or "", experiment.observers)
+        raise Problem(place, f"no observer is called {label!r}.{near} Known: {', '.join(experiment.observers)}")
     if quantity.state not in states:
-        raise Problem(place, f"the plant has no state {quantity.state!r}; known: {', '.join(states)}")
+        near = nearest(quantity.state or "", states)
+        raise Problem(place, f"the plant has no state {quantity.state!r}.{near} Known: {', '.join(states)}")

@@ -39,7 +39,7 @@ def test_states_are_in_json(capsys: pytest.CaptureFixture[str]) -> None:
 def test_keys_of_a_key_are_listed_below_it(capsys: pytest.CaptureFixture[str]) -> None:
     text = shown("sinusoids", capsys)
     assert "  terms (required): " in text
-    assert "\n    omega (required): angular frequency, rad per time unit\n    phase (default 0.0)\n" in text
+    assert "\n    omega (required): angular frequency, rad per time unit\n    phase (default 0.0): rad\n" in text
     show(Show(name="sinusoids", json=True))
     (terms,) = json.loads(capsys.readouterr().out)["keys"]
     assert [key["key"] for key in terms["keys"]] == ["amplitude", "omega", "phase"]

@@ -99,7 +99,7 @@ def test_one_of_several_runs(shell: Shell) -> None:
         (("--set", "data.outputs.a.column=nothing"), "no column"),
         (("nothing.csv",), "nothing.csv"),
         (("-", "log.csv"), "no files beside it"),
-        (("-", "--holdout", "a=5"), "leave --holdout"),
+        (("-", "--holdout", "a=5"), "leave out --holdout"),
         (("-", "--every", "0"), "above 0"),
     ],
 )
@@ -282,7 +282,7 @@ def test_a_stamp_that_is_far_ahead_is_refused_before_anything_is_shown(
 
 
 @pytest.mark.parametrize(
-    ("stored", "message"), [(b"x", "no checkpoint of a stream"), (b"hgorun-stream-1 [0]\n", "is damaged")]
+    ("stored", "message"), [(b"x", "not a checkpoint of a stream"), (b"hgorun-stream-1 [0]\n", "is damaged")]
 )
 def test_a_file_that_is_no_checkpoint_is_named(
     shell: Shell, monkeypatch: pytest.MonkeyPatch, stored: bytes, message: str

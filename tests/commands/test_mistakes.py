@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -56,6 +57,27 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("u: 0.5", "u: 45 deg", "write 45*pi/180"),
         ("u: 0.5", "u: np.sin(t)", "write `sin` for `np.sin`"),
         ("u: 0.5", "u: sin(1.3*time)", "Did you mean `t`?"),
+        ("u: 0.5", "u: 1 - |sin(t)|", "an absolute value is abs(x)"),
+        (
+            "initial: {x1: 1, x2: 0}",
+            "initial: {x1 = 1, x2 = 0}",
+            "a colon separates a name from its value, as in x1: 1",
+        ),
+        ("period: 0.1", "perod: 0.1", "found perod. Did you mean `period`?"),
+        ("type: shgo", "type: high_gain", "Did you mean `shgo`?"),
+        ("theta: 2", "theta: one", "`one` is not known. Known names: pi, e"),
+        ("method: rk4", "method: ode45", "Did you mean `dopri5`?"),
+        ("solver:", "runs: {a: {sees: 3}}\nsolver:", "runs.a.sees: unknown key 'sees'. Did you mean `seeds`?"),
+        (
+            "solver:",
+            "runs: {a: {vary: {observers.SHGO.theta: [1, 2]}}}\nsolver:",
+            "a path stands under set: {name: v, values: [1, 2], set: {observers.SHGO.theta: v}}",
+        ),
+        (
+            "solver:",
+            "runs: {a: {vary: {name: observers.SHGO.theta, values: [1, 2]}}}\nsolver:",
+            "a path stands under set: {name: v, values: [1, 2], set: {observers.SHGO.theta: v}}",
+        ),
         (
             "-k*x1 + u\n  output: x1\n  parameters: {k: 4.5",
             "-k*x1 + u/k\n  output: x1\n  parameters: {k: 0",
@@ -138,6 +160,15 @@ def test_each_command_says_what_it_takes_and_its_exit_codes(shell: Shell, comman
     code, out, _ = shell(command, "-h")
     assert (code, "Exit codes: 0 done" in out) == (0, True)
     assert out == shell(command, "--help")[1]
+    assert not re.search(r"<\w+>|\{|\[\[", out)  # names of what it takes, not types of Python
+
+
+def test_the_list_of_commands_fits_an_ordinary_terminal(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    _, out, _ = shell("-h")
+    assert out.count("\n") > 30
+    assert max(map(len, out.splitlines())) <= 80
+    assert "..." not in out.split("Commands:")[1]
 
 
 @pytest.mark.parametrize(
@@ -152,3 +183,28 @@ def test_each_command_says_what_it_takes_and_its_exit_codes(shell: Shell, comman
 def test_a_number_of_the_command_line_has_its_limits(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
     (shell.folder / "a.yaml").write_text(CONFIG)
     assert shell(*arguments) == (2, "", f"hgorun: {words}\n")
+
+
+def test_an_unknown_figure_is_told_with_those_that_there_are(shell: Shell) -> None:
+    code, _, err = shell("figures", "lee9")
+    assert code == 2
+    assert "no figure or experiment is called 'lee9'. Known: astolfi2016: linear-eps" in err
+    assert "; lee2016: 1, 2, 3, 4, 5, 6; " in err
+    assert "Did you mean `3.9`? Known: " in shell("claims", "3.99")[2]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "near"),
+    [
+        (("compare", "results/second.h5"), "results/second.h5: there is no such file. Did you mean `seconds.h5`?"),
+        (("rerun", "results/seconds.yaml"), "results/seconds.yaml: there is no such file. Did you mean `seconds.h5`?"),
+        (("compare", "nowhere/x.h5"), "nowhere/x.h5: there is no such file\n"),
+        (("export", "c.yaml", "--observer", "SHG"), "no observer is called 'SHG'. Did you mean `SHGO`? Known: SHGO"),
+    ],
+)
+def test_the_nearest_name_is_told(shell: Shell, arguments: tuple[str, ...], near: str) -> None:
+    (shell.folder / "results").mkdir()
+    (shell.folder / "results" / "seconds.h5").write_bytes(b"")
+    (shell.folder / "c.yaml").write_text(CONFIG)
+    code, _, err = shell(*arguments)
+    assert (code, near in err) == (2, True), err

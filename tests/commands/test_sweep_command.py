@@ -243,7 +243,7 @@ def test_ensembles_of_a_study_are_sweeps(shell: Shell) -> None:
     code, _, err = shell("sweep", "study.yaml", "-o", "y.h5")
     assert (code, "y.h5 is one file, but there are 2 ensembles" in err) == (2, True)
     code, _, err = shell("sweep", "study.yaml", "--run", "one")
-    assert (code, "no run with seeds or vary is called 'one'; known: random, gains" in err) == (2, True)
+    assert (code, "no run with seeds or vary is called 'one'. Known: random, gains" in err) == (2, True)
 
 
 def test_beginning_anew_names_a_folder_that_is_in_the_way(shell: Shell) -> None:

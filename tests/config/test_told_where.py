@@ -27,7 +27,7 @@ observers:
     [
         ("x1: x2", "x1 = x2", "yaml:5: this line has no `:` after its key"),
         (", output_step: 0.1", "", "yaml:1: time.output_step: this key is missing: spacing of the output grid"),
-        ("  S: {", "  plant: {", "yaml:10: observers.plant: no observer can be called plant"),
+        ("  S: {", "  plant: {", "yaml:10: observers.plant: an observer cannot be called plant"),
     ],
 )
 def test_what_is_wrong_is_told(right: str, wrong: str, message: str, tmp_path: Path) -> None:

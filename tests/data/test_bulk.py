@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from hgorun.config.data import Csv
+from hgorun.data import csv_table
 from hgorun.data.bulk import Bulk
-from hgorun.data.cells import Cells, Flags, Numbers
+from hgorun.data.cells import Cells, Flags, Numbers, Stamps
 from hgorun.data.csv_table import CsvFile
 from hgorun.data.dialect import dialect_of
 from hgorun.data.rows import Rows
 from hgorun.data.table import Table
-from hgorun.data.text import Block
+from hgorun.data.text import Block, blocks
 from hgorun.errors import ConfigError
 
 WANTED = [Numbers("t"), Numbers("a")]
@@ -152,6 +154,13 @@ def by_rows(path: Path, wanted: list[Cells]) -> tuple[np.ndarray, list[np.ndarra
     ]
 
 
+@pytest.fixture
+def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Blocks of a few hundred rows, several of which are read at once."""
+    monkeypatch.setattr(csv_table, "blocks", partial(blocks, size=2**13))
+
+
+@pytest.mark.usefixtures("short_blocks")
 @pytest.mark.parametrize(
     "odd", ["", "# a comment", "\n", "3,NULL,5", "3,1.00000000000000000000001,0", '3,"4",5', "3,4,n/a"]
 )
@@ -162,7 +171,7 @@ def test_rows_between_plain_ones(tmp_path: Path, odd: str) -> None:
         f"{t},{a!r},{q}"
         for t, a, q in zip(range(12_000), random.normal(size=12_000).tolist(), [0, 1] * 6_000, strict=True)
     ]
-    for place in (0, 17, 18, 19, 20, 1000, 11_000, 11_999) if odd else ():
+    for place in (0, 17, 18, 19, 20, 1000, 5000, 11_000, 11_999) if odd else ():
         rows[place] = odd
     path.write_text("t,a,q\n" + "\n".join(rows) + "\n")
     wanted: list[Cells] = [Numbers("t"), Numbers("a"), Flags("q", (0.0,))]
@@ -173,6 +182,7 @@ def test_rows_between_plain_ones(tmp_path: Path, odd: str) -> None:
         np.testing.assert_array_equal(found.columns[cells], column)
 
 
+@pytest.mark.usefixtures("short_blocks")
 @pytest.mark.parametrize("place", [1, 7_000, 11_999])
 def test_a_fault_far_down_has_its_line(tmp_path: Path, place: int) -> None:
     rows = [f"{t},{t / 7!r}" for t in range(12_000)]
@@ -191,3 +201,16 @@ def test_blocks_and_lines_meet_anywhere(tmp_path: Path) -> None:
         found = table(tmp_path / "log.csv", list(WANTED))
         np.testing.assert_array_equal(found.columns[WANTED[1]], values)
         np.testing.assert_array_equal(found.lines, np.arange(2, 90_002))
+
+
+@pytest.mark.usefixtures("short_blocks")
+def test_dates_of_blocks_that_are_read_at_once_do_not_mix_their_zones(tmp_path: Path) -> None:
+    rows = [f"2024-05-31T{k // 3600:02}:{k // 60 % 60:02}:{k % 60:02},{k}" for k in range(5_000)]
+    stamps = Stamps("t")
+    (tmp_path / "log.csv").write_text("t,a\n" + "\n".join(rows))
+    found = table(tmp_path / "log.csv", [stamps, WANTED[1]])
+    np.testing.assert_array_equal(np.diff(found.columns[stamps]), 10**9)
+    rows[1_000:] = [row.replace(",", "Z,") for row in rows[1_000:]]
+    (tmp_path / "log.csv").write_text("t,a\n" + "\n".join(rows))
+    with pytest.raises(ConfigError, match=":1002: t: dates with and without a time zone"):
+        table(tmp_path / "log.csv", [Stamps("t"), WANTED[1]])

@@ -262,7 +262,7 @@ def test_the_command_ends_with_two_and_writes_nothing(
             refused += 1
     assert refused > 40
     code, _, err = shell("estimate", "c.yaml", "nowhere.csv")
-    assert (code, err) == (2, "hgorun: nowhere.csv: no such file\n")
+    assert (code, err) == (2, "hgorun: nowhere.csv: there is no such file\n")
     assert {path.name for path in tmp_path.iterdir()} == {"c.yaml", "log.csv"}
 
 

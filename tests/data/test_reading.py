@@ -209,13 +209,17 @@ def test_a_unit_of_the_file_that_is_not_the_models_is_told(tmp_path: Path) -> No
         ({"file": "."}, ("data", "file"), "not a regular file"),
         ({"time": None}, ("data",), "time is missing"),
         ({"origin": "2024-01-01"}, ("data", "origin"), "have their own origin"),
-        ({"time": {"column": "t", "unit": "fortnight"}}, ("data", "time", "unit"), "is no unit of time"),
+        ({"time": {"column": "t", "unit": "fortnight"}}, ("data", "time", "unit"), "is not a unit of time"),
         (
             {"outputs": {"S": {"column": "glucose", "unit": "K"}}},
             ("data", "outputs", "S", "unit"),
             "cannot be converted",
         ),
-        ({"outputs": {"S": {"column": "glucose", "unit": "wug"}}}, ("data", "outputs", "S", "unit"), "no known unit"),
+        (
+            {"outputs": {"S": {"column": "glucose", "unit": "wug"}}},
+            ("data", "outputs", "S", "unit"),
+            "not a known unit",
+        ),
         (
             {"outputs": {"S": {"column": "glucose", "unit": "m**9**9**9"}}},
             ("data", "outputs", "S", "unit"),
@@ -306,9 +310,9 @@ def test_degrees_are_no_coulombs(tmp_path: Path, column: str, told: str | None) 
 @pytest.mark.parametrize(
     ("unit", "message"),
     [
-        ("mgl", "'mgl' is no known unit. Did you mean `mg/L`?"),
+        ("mgl", "'mgl' is not a known unit. Did you mean `mg/L`?"),
         ("mL", "mL cannot be converted to the model's g/L: it is of another kind. Did you mean `mg/L`?"),
-        ("xyzzy", "'xyzzy' is no known unit; without the key"),
+        ("xyzzy", "'xyzzy' is not a known unit; without the key"),
     ],
 )
 def test_a_unit_that_does_not_fit_suggests_one_that_does(tmp_path: Path, unit: str, message: str) -> None:

@@ -108,5 +108,5 @@ def test_recovery_can_be_tuned() -> None:
     one = simulate(base.varied({"observers.S.theta": 8.0, "seed": 1}))
     assert found[1, 0] == one.observers["S"].metrics["recovery"][0]
     opened = base.varied({"controller": None, "plant.inputs.u": "0", "plant.parameters": None})
-    with pytest.raises(Problem, match="what is tuned are metrics"):
+    with pytest.raises(Problem, match="only metrics without a window can be tuned"):
         tasks(opened, tune)

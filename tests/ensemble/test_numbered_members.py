@@ -85,7 +85,7 @@ def test_sobol_points_are_evenly_spread_and_do_not_depend_on_each_other() -> Non
             {"seed": [1, 2], "observers.SHGO.theta": [2]}, {"combine": "zip"}, "axes",
             "zip needs axes with the same number of values, found seed 2, observers.SHGO.theta 1",
         ),
-        ({"seed": [1, 2]}, {"combine": "sobol"}, "axes", "of lists alone it cannot be told how many members"),
+        ({"seed": [1, 2]}, {"combine": "sobol"}, "axes", "lists alone do not say how many members"),
         ({"seed": {"count": 10**6}, "solver.step": {"linear": [0.01, 0.02, 10**6]}}, {}, "axes", "more than"),
         ({"seed": [1]}, {"keep": {"metrics": ["rms"]}}, "keep/metrics/0", "no metric is called 'rms'"),
         (

@@ -245,8 +245,8 @@ def test_a_manifest_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
         ({"fingerprint": "0" * 64}, "its fingerprint is not that of what it says"),
         ({"made_of": {}}, "made_of must have version, code"),
         ({"made_of": {"version": "0", "code": 3, "configuration": {}, "sweep": {}}}, "made_of must have version, code"),
-        ({"recipe": "{}"}, "recipe: its recipe makes no ensemble"),
-        ({"recipe": "nonsense"}, "recipe: its recipe makes no ensemble"),
+        ({"recipe": "{}"}, "recipe: its recipe does not make an ensemble"),
+        ({"recipe": "nonsense"}, "recipe: its recipe does not make an ensemble"),
     ],
 )
 def test_a_manifest_is_not_believed(tmp_path: Path, changes: dict[str, Any], words: str) -> None:

@@ -109,8 +109,8 @@ class Paper:
     def draw_bounds(self, bounds: Mapping[str, list[Bound]]) -> None:
         self.bounds |= bounds
 
-    def tell(self, told: str) -> None:
-        self.told.append(json.loads(told))
+    def tell(self, told: dict[str, Any]) -> None:
+        self.told.append(json.loads(json.dumps(told, allow_nan=False)))
 
 
 class Live:

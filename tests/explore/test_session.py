@@ -167,7 +167,7 @@ def test_a_file_that_says_something_else_is_not_written(file: Path, monkeypatch:
     live = Live(file)
     live.set("observers.F.theta", 3.0)
     monkeypatch.setattr(Keeper, "text", lambda *_: OSCILLATOR)
-    assert "does not say the same" in live.ask("write", file="b.yaml")["error"]
+    assert "does not give the same configuration" in live.ask("write", file="b.yaml")["error"]
     assert list(live.keeper.folder.iterdir()) == []
 
 

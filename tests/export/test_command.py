@@ -81,7 +81,7 @@ def test_latex(shell: Shell) -> None:
         (["--lang", "ada"], "--lang: expected one of c, latex"),
         (["--lang", "latex", "--float"], "--float, --late and --inputs-given are for --lang c"),
         (["-o", "tank.yaml"], "--output: expected a folder"),
-        (["--observer", "SHGO"], "no observer is called 'SHGO'; known: FHGO"),
+        (["--observer", "SHGO"], "no observer is called 'SHGO'. Did you mean `FHGO`? Known: FHGO"),
         (["--set", "solver.method=rodas5p"], "rodas5p solves linear equations in every step"),
         (["--late", "-1"], "--late: expected a number of at least 0, found -1"),
     ],

@@ -130,7 +130,7 @@ SAMPLED = {"sampling": {"period": 0.1}}
         (
             {"type": "ekf", "Q": {"angle": 1, "speed": 1}},
             SAMPLED,
-            "no differential equation alone",
+            "not a differential equation alone",
         ),
         ({"type": "shgo", "theta": 3}, SAMPLED, "sampled or late"),
     ],
@@ -141,5 +141,5 @@ def test_observers_that_are_no_system(kind: dict[str, Any], measurement: dict[st
     experiment = hgorun.Experiment(config | {"observers": {"o": kind}, "measurement": measurement | noise})
     with pytest.raises(ConfigError, match=words):
         observer(experiment, "o")
-    with pytest.raises(ConfigError, match="known: o"):
+    with pytest.raises(ConfigError, match="Known: o"):
         observer(experiment, "p")

@@ -57,4 +57,4 @@ def test_faults_of_a_base_that_is_written_here_have_its_key(tmp_path: Path) -> N
 def test_runs_are_no_axis(tmp_path: Path) -> None:
     (tmp_path / "base.yaml").write_text(BASE)
     text = "base: base.yaml\naxes: {runs.one.seed: [1, 2]}\n"
-    assert "'runs' stands at the top of a file, and is no key of a single run" in refused(tmp_path / "a.yaml", text)
+    assert "'runs' stands at the top of a file, and is not a key of a single run" in refused(tmp_path / "a.yaml", text)

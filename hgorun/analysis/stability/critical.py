@@ -146,7 +146,7 @@ def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
         shortest = max(shortest, 0.2 / system.rate, span / MAX_PERIODS)
         longest = min(longest, span / 4)
     if shortest > longest:
-        raise NoValue(f"the delay of {delay:.4g} asks for periods beyond the longest that is tried, {longest:.3g}")
+        raise NoValue(f"the delay of {delay:.4g} needs periods beyond the longest that is tried, {longest:.3g}")
     return _search(system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
 
 
