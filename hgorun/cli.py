@@ -7,6 +7,7 @@ Only typer is imported here; everything else when a command runs, so that help c
 from __future__ import annotations
 
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable
@@ -15,6 +16,7 @@ from inspect import Parameter, Signature, getdoc
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
+from typer.core import TyperCommand
 
 from hgorun.commands import catalogue_options, ensemble_options, options
 from hgorun.commands.mistaken import refuse_what_is_no_command
@@ -23,9 +25,12 @@ from hgorun.process import CLOSED_PIPE, INTERRUPTED, INTERRUPTION_SAID, TERMINAT
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
+    from typer._click.core import Context  # click's own class, in versions of typer that come without it
+    from typer._click.formatting import HelpFormatter
 
     Options = TypeVar("Options", bound=DataclassInstance)
 
+_TYPE = re.compile(r" <[^>]*>$")
 _NOT_OK = "a status is not ok, with --strict"
 
 app = typer.Typer(
@@ -51,6 +56,24 @@ def _main(
         raise typer.Exit()
 
 
+class _Command(TyperCommand):
+    """A command whose help has the names of what it takes alone: the types of newer versions of typer are Python's."""
+
+    def collect_usage_pieces(self, ctx: Context) -> list[str]:
+        arguments = (param for param in self.get_params(ctx) if param.param_type_name == "argument")
+        return ["[OPTIONS]", *(param.metavar or param.name or "" for param in arguments)]
+
+    def format_options(self, ctx: Context, formatter: HelpFormatter) -> None:
+        sections: dict[str, list[tuple[str, str]]] = {"argument": [], "option": []}
+        for param in self.get_params(ctx):
+            if (record := param.get_help_record(ctx)) is not None:
+                sections[param.param_type_name].append((_TYPE.sub("", record[0]), record[1]))
+        for kind, rows in sections.items():
+            if rows:
+                with formatter.section(f"{kind.capitalize()}s"):
+                    formatter.write_dl(rows)
+
+
 def _command(name: str, record: type[Options], third: str = "") -> Callable[[Callable[[Options], int]], None]:
     """Make a command of a function: the record's fields are its parameters, its docstring the help.
 
@@ -74,7 +97,7 @@ def _command(name: str, record: type[Options], third: str = "") -> Callable[[Cal
         ]
         run.__dict__["__signature__"] = Signature(parameters)  # what typer reads
         run.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
-        app.command(name, help=getdoc(record), epilog=f"Exit codes: {'; '.join(codes)}.")(run)
+        app.command(name, cls=_Command, help=getdoc(record), epilog=f"Exit codes: {'; '.join(codes)}.")(run)
 
     return add
 

@@ -6,6 +6,8 @@ from pathlib import Path
 import pytest
 import yaml
 
+from hgorun.observers.base import OBSERVERS
+
 ROOT = Path(__file__).parents[1]
 TEXT = (ROOT / "paper" / "paper.md").read_text(encoding="utf-8")
 HEAD, BODY = TEXT.split("---\n", 2)[1:]
@@ -66,3 +68,13 @@ def test_the_numbers_of_claims_are_those_of_the_report() -> None:
     )
     assert all(number in " ".join(BODY.split()) for number in (*numbers, f"{total['depends']} depend"))
     assert total["undecidable"] == 1
+    readme = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
+    assert f"Of {total['claims']} claims, {total['confirmed']} are confirmed and {total['refuted']} refuted" in readme
+    assert f"; {total['depends']} depend on something" in readme
+
+
+def test_the_number_of_observers_is_that_of_the_package() -> None:
+    own = [name for name, cls in OBSERVERS.all().items() if cls.__module__.startswith("hgorun.")]
+    assert f"There are {len(own)} observers" in (ROOT / "README.md").read_text(encoding="utf-8")
+    assert f"The package contains {len(own)} observers" in BODY
+    assert f"| {len(own)} observers behind one interface" in (ROOT / "docs" / "joss.md").read_text(encoding="utf-8")

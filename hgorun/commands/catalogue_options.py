@@ -58,6 +58,7 @@ class Figures(Reproduction):
         str | None,
         typer.Option(
             "--style",
+            metavar="STYLE",
             help="Page that figures are for: light or dark (default: what the file says).",
             autocompletion=completion.one_of("light", "dark"),
         ),
@@ -79,7 +80,7 @@ class Claims(Reproduction):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class List:
-    """List the available plants, observers, kinds of noise, metrics, findings and experiments."""
+    """List plants, observers, noise, metrics, findings, experiments."""
 
     kind: Annotated[
         str,
@@ -96,7 +97,7 @@ class List:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Show:
-    """Describe a plant, an observer, a kind of noise, a metric, a finding or an experiment.
+    """Describe a plant, an observer or anything else of hgorun list.
 
     The description has its equations, its keys with ranges and defaults, and its source.
     """

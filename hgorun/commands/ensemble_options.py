@@ -24,7 +24,7 @@ Threads = Annotated[
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Sweep(Printing):
-    """Run the members of a sweep file, and collect them in results/NAME.sweep.h5.
+    """Run the members of a sweep into results/NAME.sweep.h5.
 
     Run again, it continues with the members that are missing. Of a configuration it takes
     the runs with seeds or vary.
@@ -40,7 +40,12 @@ class Sweep(Printing):
     ]
     run: Annotated[
         str | None,
-        typer.Option("--run", help="Only this run of a configuration (default: all).", autocompletion=completion.runs),
+        typer.Option(
+            "--run",
+            metavar="NAME",
+            help="Only this run of a configuration (default: all).",
+            autocompletion=completion.runs,
+        ),
     ] = None
     fresh: Annotated[bool, typer.Option("--fresh", help="Start over, whatever was finished before.")] = False
     part: Annotated[
@@ -53,6 +58,7 @@ class Sweep(Printing):
         str,
         typer.Option(
             "--executor",
+            metavar="KIND",
             help="threads, processes or dask.",
             autocompletion=completion.one_of("threads", "processes", "dask"),
         ),
@@ -75,7 +81,7 @@ class Sweep(Printing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Merge(Printing):
-    """Put the parts of a sweep together, and collect them in results/NAME.sweep.h5."""
+    """Join the parts of a sweep into results/NAME.sweep.h5."""
 
     folders: Annotated[list[Path], typer.Argument(metavar="FOLDER...", help="Folders NAME.sweep with finished parts.")]
     strict: Strict = False
@@ -125,6 +131,7 @@ class Compare(Configured, OfEnsembles, Drawing):
         str,
         typer.Option(
             "--format",
+            metavar="FORMAT",
             help="Format of the table: text, csv or latex.",
             autocompletion=completion.one_of("text", "csv", "latex"),
         ),
@@ -140,9 +147,10 @@ class Compare(Configured, OfEnsembles, Drawing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Report(OfEnsembles):
-    """Write a report of an ensemble: one HTML page with figures to zoom and tables to sort.
+    """Write a report of an ensemble as one HTML page.
 
-    The page is self-contained and needs no network. It is written to results/NAME.html; needs hgorun[explore].
+    Figures can be zoomed and tables sorted; the page is self-contained and needs no network. It is written to
+    results/NAME.html; needs hgorun[explore].
     """
 
     source: Annotated[
@@ -155,9 +163,10 @@ class Report(OfEnsembles):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Tune(Printing):
-    """Find gains for a stated trade-off, and write the tuned configuration with the evidence.
+    """Find gains for a stated trade-off, with the evidence.
 
-    The key tune of the configuration says which gains, what is minimised, and over how many seeds.
+    The key tune of the configuration says which gains, what is minimised, and over how many seeds. The tuned
+    configuration is written beside the evidence.
     """
 
     config: Annotated[
@@ -187,7 +196,9 @@ class Tune(Printing):
     ] = field(default_factory=list)
     run: Annotated[
         str | None,
-        typer.Option("--run", help="Which run of the file, where it has several.", autocompletion=completion.runs),
+        typer.Option(
+            "--run", metavar="NAME", help="Which run of the file, where it has several.", autocompletion=completion.runs
+        ),
     ] = None
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
         True
@@ -197,10 +208,10 @@ class Tune(Printing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Bench(Printing):
-    """Compare observers on several plants in several scenarios, each tuned alike and scored on seeds not seen.
+    """Compare observers, tuned alike, on plants and scenarios.
 
-    The file names plants, scenarios and observers with one knob each. Run again, it carries out what is new or has
-    changed. Tables and a figure are written to results/NAME/.
+    The file names plants, scenarios and observers with one knob each; scores are of seeds that tuning has not seen. Run
+    again, it carries out what is new or has changed. Tables and a figure are written to results/NAME/.
     """
 
     file: Annotated[

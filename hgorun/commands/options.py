@@ -28,7 +28,8 @@ class Printing:
     """What is printed, and where files go."""
 
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File or folder to write to (default: results).")
+        Path | None,
+        typer.Option("-o", "--output", metavar="PATH", help="File or folder to write to (default: results)."),
     ] = None
     quiet: Annotated[bool, typer.Option("-q", "--quiet", help="Print nothing but errors.")] = False
     json: Annotated[bool, typer.Option("--json", help="Print only JSON on stdout.")] = False
@@ -55,7 +56,9 @@ class Configured(Printing):
     seed: Seed = None
     run: Annotated[
         str | None,
-        typer.Option("--run", help="Only this run of the file (default: all).", autocompletion=completion.runs),
+        typer.Option(
+            "--run", metavar="NAME", help="Only this run of the file (default: all).", autocompletion=completion.runs
+        ),
     ] = None
 
 
@@ -77,6 +80,7 @@ class Drawing:
         str,
         typer.Option(
             "--style",
+            metavar="STYLE",
             help="Page that figures are for: light or dark.",
             autocompletion=completion.one_of("light", "dark"),
         ),
@@ -85,7 +89,7 @@ class Drawing:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Simulate(Configured):
-    """Simulate configurations, write results/NAME.h5 and print the metrics."""
+    """Simulate, write results/NAME.h5 and print the metrics."""
 
     configs: Annotated[
         list[Path],
@@ -106,7 +110,7 @@ class Simulate(Configured):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Estimate(Configured, Drawing):
-    """Run the observers of a configuration on recorded data, and score them without a truth.
+    """Run observers on recorded data and score them without a truth.
 
     The key data of the configuration says which columns are the measurements; nothing is simulated. Writes
     results/NAME.h5.
@@ -175,14 +179,15 @@ class Estimate(Configured, Drawing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Rerun(Printing):
-    """Compute a result again from its own file, and compare the two bit for bit.
+    """Compute a result again and compare the two bit for bit.
 
     The new result is written next to FILE as NAME.rerun.h5.
     """
 
     file: Annotated[Path, typer.Argument(metavar="FILE", help="A result file.", autocompletion=completion.results)]
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="File or folder to write to (default: beside FILE).")
+        Path | None,
+        typer.Option("-o", "--output", metavar="PATH", help="File or folder to write to (default: beside FILE)."),
     ] = None
     check: Annotated[bool, typer.Option("--check", help="Write nothing; exit with code 3 if any number differs.")] = (
         False
@@ -191,7 +196,7 @@ class Rerun(Printing):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Explore:
-    """Open a configuration as a page in the browser, with a slider for each value.
+    """Open a configuration in the browser, with sliders.
 
     Curves, errors, metrics and the bounds of the theory follow the sliders. The page is served on this machine alone,
     until Ctrl-C; chosen values are written as a new configuration. Needs hgorun[explore].
@@ -207,7 +212,12 @@ class Explore:
     ]
     output: Annotated[
         Path | None,
-        typer.Option("-o", "--output", help="Folder, or YAML file, that values are written to (default: results)."),
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="PATH",
+            help="Folder, or YAML file, that values are written to (default: results).",
+        ),
     ] = None
     overrides: Annotated[
         list[str],
@@ -221,7 +231,9 @@ class Explore:
     seed: Seed = None
     run: Annotated[
         str | None,
-        typer.Option("--run", help="Which run of the file, where it has several.", autocompletion=completion.runs),
+        typer.Option(
+            "--run", metavar="NAME", help="Which run of the file, where it has several.", autocompletion=completion.runs
+        ),
     ] = None
     port: Annotated[
         int,
@@ -240,7 +252,7 @@ class Explore:
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Export(Configured):
-    """Write the observers of a configuration in another language, to results/NAME/.
+    """Write observers as code or equations to results/NAME/.
 
     As C: one file and a header for each observer, without allocation or libraries other than libm, with the method
     and the step of the run. As LaTeX: its equations with the numbers in them. As a
@@ -256,7 +268,7 @@ class Export(Configured):
         ),
     ]
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder to write to (default: results/NAME).")
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="Folder to write to (default: results/NAME).")
     ] = None
     lang: Annotated[
         str,
@@ -291,7 +303,7 @@ class Export(Configured):
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Analyze(Configured, Drawing):
-    """Say what theory knows of a configuration: limits, margins, which observer, which gain to change.
+    """Say what theory knows: limits, margins, which gain to change.
 
     With -v every number follows: gains, bounds, peaking, noise predicted and measured, and why others are missing.
     """
@@ -328,9 +340,13 @@ class Cite(Printing):
             autocompletion=completion.configurations,
         ),
     ]
-    output: Annotated[Path | None, typer.Option("-o", "--output", help="Write the BibTeX to this file (.bib).")] = None
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="PATH", help="Write the BibTeX to this file (.bib).")
+    ] = None
     run: Annotated[
         str | None,
-        typer.Option("--run", help="Only this run of the file (default: all).", autocompletion=completion.runs),
+        typer.Option(
+            "--run", metavar="NAME", help="Only this run of the file (default: all).", autocompletion=completion.runs
+        ),
     ] = None
     bibtex: Annotated[bool, typer.Option("--bibtex", help="Print only BibTeX.")] = False

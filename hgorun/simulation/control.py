@@ -195,7 +195,8 @@ def _passed(run: PreparedRun, found: Missed) -> dict[str, Verdict]:
             f"there are too many jumps or kinks in its equations to tell whether its steps see all of them: {_ADVICE}"
         )
         return dict.fromkeys(labels, Verdict("inaccurate", reason=reason))
-    reason = "at t = {:.6g} its steps pass over a part of the equations that is narrow in a state, which may matter"
+    reason = "at t = {:.6g} its steps pass over a part of the equations that is narrow in a state, which may matter: "
+    reason += "compare with a run of a given, shorter solver.step"
     first = {label: float(np.min(times)) for label, times in found.narrow.items()}
     first |= {label: min(first[PLANT], first.get(label, np.inf)) for label in labels if PLANT in first}
     said = {label: Verdict("inaccurate", reason=reason.format(run.origin + when)) for label, when in first.items()}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -159,6 +160,15 @@ def test_each_command_says_what_it_takes_and_its_exit_codes(shell: Shell, comman
     code, out, _ = shell(command, "-h")
     assert (code, "Exit codes: 0 done" in out) == (0, True)
     assert out == shell(command, "--help")[1]
+    assert not re.search(r"<\w+>|\{|\[\[", out)  # names of what it takes, not types of Python
+
+
+def test_the_list_of_commands_fits_an_ordinary_terminal(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    _, out, _ = shell("-h")
+    assert out.count("\n") > 30
+    assert max(map(len, out.splitlines())) <= 80
+    assert "..." not in out.split("Commands:")[1]
 
 
 @pytest.mark.parametrize(

@@ -50,7 +50,7 @@ def _adapts(observer: Subject) -> bool:
 
 @finding(
     "for `adaptive`: the smallest eigenvalue of the integral of Upsilon^T C^T C Upsilon over `metrics.window`, from "
-    "the points of the output; 0 where a parameter, or a combination of some, is not seen",
+    "the points of the output; 0 if a parameter, or a combination of parameters, is not observable",
     group="excitation",
     optional=True,
     applies=_adapts,

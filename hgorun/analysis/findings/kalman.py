@@ -42,8 +42,9 @@ def _remark(observer: Subject) -> tuple[str, ...]:
 
 
 @finding(
-    "for Kalman filters: eigenvalues of the error when P rests, with the plant linearised at the end of the run: of "
-    "the flow of `kalman_bucy` (1/time), or from a sample to the next",
+    "for Kalman filters: eigenvalues of the error with stationary P, for the plant linearised at the end of the "
+    "run; of `kalman_bucy` those of the differential equation (1/time), of others those from one sample to the "
+    "next",
     group="poles",
     applies=_is_filter,
 )
@@ -53,8 +54,8 @@ def stationary_poles(observer: Subject) -> Remarked:
 
 
 @finding(
-    "for Kalman filters: the gain of the innovation with the error of `stationary_poles`, for each output; "
-    "state/output, and per time for `kalman_bucy`",
+    "for Kalman filters: the stationary gain of the innovation, for each output; state/output, and per time for "
+    "`kalman_bucy`",
     group="poles",
     places=("json",),
     applies=_is_filter,
@@ -64,8 +65,8 @@ def stationary_gain(observer: Subject) -> dict[str, list[float]]:
 
 
 @finding(
-    "for Kalman filters: the standard deviation of the error that the filter expects then (behind samples), right "
-    "where its Q and R are",
+    "for Kalman filters: the stationary standard deviation of the error that the filter expects (after samples), "
+    "which is right if its Q and R are",
     group="noise, predicted",
     unit="state",
     applies=_is_filter,

@@ -47,8 +47,8 @@ def inverse_error_fitted(observer: Subject) -> dict[str, float]:
 
 
 @finding(
-    "for `kkl`: the largest coefficient of the inverse, of z divided by its standard deviation on the box: where it is "
-    "large noise and errors of the model are amplified",
+    "for `kkl`: the largest coefficient of the inverse, of z divided by its standard deviation on the box; if it "
+    "is large, noise and errors of the model are amplified",
     group="excitation",
     unit="state",
     optional=True,

@@ -27,8 +27,8 @@ def _error(observer: Subject) -> SampledError:
 
 
 @finding(
-    "for observers that samples correct: eigenvalues of what a period of sampling makes of a small error, with the "
-    "observer as it is at the end of the run",
+    "for observers that are corrected at samples: eigenvalues of the matrix that maps a small error from one "
+    "sample to the next, with the observer as it is at the end of the run",
     group="poles",
     optional=True,
     applies=_is_corrected,
@@ -40,7 +40,7 @@ def period_factors(observer: Subject) -> Remarked:
 
 
 @finding(
-    "for observers that samples correct: the gain of a sample at the end of the run, for each output",
+    "for observers that are corrected at samples: the gain of a sample at the end of the run, for each output",
     group="poles",
     unit="state/output",
     places=("json",),
@@ -52,8 +52,8 @@ def sample_gain(observer: Subject) -> dict[str, list[float]]:
 
 
 @finding(
-    "for observers that samples correct: standard deviation behind a sample under white noise of unit variance, with "
-    "the error of `period_factors`",
+    "for observers that are corrected at samples: standard deviation after a sample under white noise of unit "
+    "variance, with the observer of `period_factors`",
     group="h2",
     unit="state/output",
     optional=True,

@@ -19,8 +19,8 @@ def _applies(observer: Subject) -> bool:
 
 @finding(
     "share of the points of `metrics.window` at which a saturation, a zone or the like is active, so that the "
-    "correction is not the linear one that norms, margins and predicted noise are about; for outputs that are "
-    "continuous and not late",
+    "correction is not the linear one of norms, margins and predicted noise; for outputs that are continuous and "
+    "not late",
     group="noise, measured",
     optional=True,
     applies=_applies,
