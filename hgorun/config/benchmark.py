@@ -108,7 +108,7 @@ class BenchmarkFile(Block):
     plants: Annotated[dict[str, Venue], NonEmpty] = Field(description="name: plant")
     scenarios: Annotated[tuple[str, ...], NonEmpty] = Field(description="the runs that every plant's file has")
     observers: Annotated[dict[str, Contestant], NonEmpty] = Field(description="label: contestant")
-    others: Others | None = Field(default=None, description="how observers take part that are not named here")
+    others: Others | None = Field(default=None, description="how observers that are not named here take part")
     without: dict[str, str] = Field(default_factory=dict, description="type: why it does not take part")
 
     @model_validator(mode="after")

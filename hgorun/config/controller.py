@@ -35,7 +35,7 @@ class Controller(Block):
         description="input: expression of the estimates (by the names of the states), other inputs, parameters and t"
     )
     saturation: dict[Name, Interval] = Field(
-        default_factory=dict, description="input: [low, high], to which what its law gives is clipped"
+        default_factory=dict, description="input: [low, high], the bounds to which its law is clipped"
     )
     period: Positive | None = Field(
         default=None, description="the inputs are held between the times start, start + period, ...; else continuous"

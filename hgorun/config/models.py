@@ -154,7 +154,7 @@ class ExperimentBlocks(Block):
     metrics: Metrics = Field(default_factory=Metrics, description="windows in which errors are measured")
     figures: dict[str, Figure] = Field(default_factory=dict, description="name: a figure of runs of this file")
     claims: tuple[Claim, ...] = Field(default=(), description="sentences and the inequalities that decide them")
-    tune: Tune | None = Field(default=None, description="gains that are sought by hgorun tune, and for what")
+    tune: Tune | None = Field(default=None, description="gains that hgorun tune finds, and for what")
 
 
 class File(ExperimentBlocks):

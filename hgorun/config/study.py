@@ -144,7 +144,7 @@ class Claim(Inequality):
     expect: Literal["confirmed", "refuted", "undecided", "undecidable", "depends"] = Field(
         default="confirmed", description="the verdict known so far; of what is undecidable just that"
     )
-    note: str = Field(default="", description="what a reader should know besides the number")
+    note: str = Field(default="", description="what a reader should know beside the number")
 
     @model_validator(mode="after")
     def _one_threshold(self) -> Claim:
@@ -194,7 +194,7 @@ class Vary(Block):
 
 
 class Ensemble(Block):
-    """What makes an ensemble of a run; of both, every seed with every value."""
+    """Seeds and varied values that make an ensemble of a run; with both, every seed is run with every value."""
 
     seeds: Annotated[int, Field(ge=2, le=100_000, strict=True)] | None = Field(
         default=None, description="repeated with this many seeds: seed, seed + 1, ..."

@@ -179,6 +179,6 @@ class TuneFile(Block):
     """A file of its own for ``tune``."""
 
     title: str = ""
-    base: str = Field(description="the configuration whose gains are sought, as seen from this file")
+    base: str = Field(description="the configuration whose gains are tuned, a path relative to this file")
     run: str | None = Field(default=None, description="which run of the base, where it has several")
     tune: Tune

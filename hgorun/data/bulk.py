@@ -39,6 +39,8 @@ class Bulk:
             and one_byte
             and dialect.width == len(dialect.names)
         )
+        if self.suits:  # made once, and kept: two threads that ask at the same time would get one each
+            self._code, self._powers = code(), powers()
 
     def rows(self, block: Block, start: int, columns: Sequence[np.ndarray]) -> tuple[int, int]:
         """Read rows from a byte of a block on, up to the first that is not plain.
@@ -67,11 +69,11 @@ class Bulk:
             plan[place] = column.ctypes.data
             kinds[place] = isinstance(cells, Stamps)
         signs = (dialect.separator, dialect.decimal, dialect.comment)
-        tables = (plan.ctypes.data, kinds.ctypes.data, powers().ctypes.data)
+        tables = (plan.ctypes.data, kinds.ctypes.data, self._powers.ctypes.data)
         taken = (ctypes.c_int64 * len(WORDS))(
             text.ctypes.data, text.size, dialect.width, *map(ord, signs), *tables, start
         )
-        count = int(code().run(ctypes.addressof(taken)))
+        count = int(self._code.run(ctypes.addressof(taken)))
         return count, int(taken[-1])
 
     def dated(self, block: Block, columns: Sequence[np.ndarray], count: int, stop: int) -> tuple[int, int]:

@@ -116,7 +116,7 @@ class Phase(Availability):
 
 
 class Measurement(Availability):
-    """What the observers are told: for all outputs, for some of them, and in phases of time."""
+    """When outputs are measured, how late, and with what noise: for all outputs, for single ones, and in phases."""
 
     outputs: dict[Name, Availability] = Field(default_factory=dict, description="overrides for single outputs")
     phases: tuple[Phase, ...] = Field(default=(), description="one after the other in time")

@@ -19,7 +19,7 @@ from hgorun.symbolic.symbols import Symbols
 
 @observer("direct")
 class DirectObserver(HighGain, Switching, OutputInjection):
-    """High-gain observer for lower triangular plants (1), blended with a direct reconstruction of the state.
+    """High-gain observer for lower triangular plants, blended with a direct reconstruction of the state.
 
         xhat' = f(xhat, u) + w Theta l (y - yhat) + (1 - w) Gamma (x^d - xhat)
         w     = exp(-mu (y - yhat)^2),   Gamma = Theta l c + (phi/2) I,   x^d = Phi(z_0, z_1, ..., u, u', ...)

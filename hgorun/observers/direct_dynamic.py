@@ -19,7 +19,7 @@ from hgorun.symbolic.symbols import Symbols
 
 @observer("direct_dynamic")
 class DirectDynamicObserver(Switching, DynamicGain):
-    """High-gain observer with dynamic gain and direct reconstruction, for plants of the form (5).
+    """High-gain observer with dynamic gain and direct reconstruction, for the plants of `dynamic_gain`.
 
         xhat'  = A xhat + g(xhat, u) + w Theta(theta) l (y - xhat_1) + (1 - w) Gamma(theta) (x^d - xhat)
         theta' = -(theta/b) (((w a + (1 - w) phi)/3) (theta - 1) - 2 (n-1)/sqrt(q) gamma(y))

@@ -27,7 +27,7 @@ class Keys(Plugin):
     )
     clip_estimate: bool | None = Field(
         default=None,
-        description="true: what is shown is the estimate clipped to saturation; the observer itself goes on unclipped",
+        description="true: the shown estimate is clipped to saturation; the observer itself is not",
     )
     coordinates: Literal["original", "canonical"] = Field(
         default="original", description="where the observer computes; results are always in the plant's"

@@ -71,7 +71,7 @@ class Start:
 
 
 class Plant(Plugin):
-    """Base of all plants; its fields are the keys that every plant block has."""
+    """A plant; its fields are the keys that every block `plant` has."""
 
     kind: ClassVar[str] = "plant"
     reference: ClassVar[str] = ""

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hgorun.config.data import Csv
-from hgorun.data import csv_table
+from hgorun.data import bulk, csv_table
 from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Flags, Numbers, Stamps
 from hgorun.data.csv_table import CsvFile
@@ -214,3 +214,17 @@ def test_dates_of_blocks_that_are_read_at_once_do_not_mix_their_zones(tmp_path: 
     (tmp_path / "log.csv").write_text("t,a\n" + "\n".join(rows))
     with pytest.raises(ConfigError, match=":1002: t: dates with and without a time zone"):
         table(tmp_path / "log.csv", [Stamps("t"), WANTED[1]])
+
+
+def test_blocks_that_are_read_at_once_share_what_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    block = Block(b"t,a\n7,0.1\n5,1e-30\n", 1)
+    reading = Bulk(dialect_of(block, Path("log.csv"), Csv()), list(WANTED))
+
+    def made_by_two_threads() -> None:
+        raise AssertionError("each thread would have its own, and that of one of them is gone while it is read")
+
+    for name in ("code", "powers"):
+        monkeypatch.setattr(bulk, name, made_by_two_threads)
+    columns = [np.empty(2) for _ in WANTED]
+    assert reading.scanned(block, 4, columns)[0] == 2
+    np.testing.assert_array_equal(columns, [[7, 5], [0.1, 1e-30]])
