@@ -21,7 +21,7 @@ HERE = Path(__file__).resolve().parent
 RUNS = ("run1.csv", "run2.csv", "run5.csv")
 ANGLES = ("theta", "alpha")
 CONFIGS = {0.02: "qube.yaml", 0.04: "qube_25.yaml"}  # by period
-OBSERVERS = ("SHGO", "FHGO1", "FHGO2", "EKF")
+OBSERVERS = ("SHGO", "FHGO1", "FHGO2", "IMP", "EKF")
 Scores = Mapping[str, Mapping[str, float]]  # by observer, then by what they are of
 
 
@@ -83,14 +83,15 @@ def lines(logs: Path, run: str, folder: Path) -> Iterator[str]:
                 spline, savgol = best(theirs, "spline", name), best(theirs, "SG", name)
                 cells = [run.removesuffix(".csv"), f"{1 / period:.0f} Hz", f"{what} {angle}"]
                 cells += [f"{value:.4f}" for value in (*own, spline, savgol)]
-                cells += [f"{own[0] / other:.2f}" for other in (own[3], spline, savgol)]
+                shgo, *_, impulsive, ekf = own
+                cells += [f"{one:.2f}" for one in (shgo / ekf, impulsive / ekf, shgo / savgol, impulsive / savgol)]
                 yield f"| {' | '.join(cells)} |"
 
 
 def main() -> None:
     if len(sys.argv) != 2:
         raise SystemExit(__doc__)
-    head = ["left out", "rate", "error of", *OBSERVERS, "spline", "SG", "SHGO/EKF", "SHGO/spline", "SHGO/SG"]
+    head = ["left out", "rate", "error of", *OBSERVERS, "spline", "SG", "SHGO/EKF", "IMP/EKF", "SHGO/SG", "IMP/SG"]
     print(f"| {' | '.join(head)} |\n|{'---|' * len(head)}")
     for run in RUNS:
         with TemporaryDirectory() as folder:
