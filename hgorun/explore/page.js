@@ -89,6 +89,7 @@
     if (told.number < number) return;
     if (told.busy) { clearTimeout(slow); say(told.busy, "busy"); return; }
     if (further) {
+      if (told.theories?.some((one) => one.drawn !== undefined)) bounds_are(true);
       if (told.picture) draw_metrics(told.picture);
       if (told.theories) { keep_theories(told.theories); draw_theories(); redrawn(); }
       return;
@@ -115,13 +116,18 @@
     if (question?.final !== false || fault) keep_address(told);
     if (told.file) byId("file").value = told.file;
     if (told.theories) keep_theories(told.theories);
-    if (told.picture) { draw_metrics(told.picture); draw_theories(); }
+    if (told.picture) { draw_metrics(told.picture); draw_theories(); bounds_are(told.theories.length >= told.picture.rows.length); }
     if (told.error) say(told.error, "error");
     else if (told.written) say(`written: ${told.written}`);
     else say(summary);
     if (question) redrawn(question.at);
     if (told.theories?.length === told.picture?.rows.length) redrawn();
     send();
+  }
+  // Where bounds take longer than the curves, those before stay in sight until then, and it is said that they are.
+  function bounds_are(known) {
+    for (const one of document.querySelectorAll("figure[id^=error], figure[id^=other], #theory"))
+      if (known) one.removeAttribute("aria-busy"); else one.setAttribute("aria-busy", "true");
   }
   // The browser takes longer to change its address than to draw the curves: not while a slider is held.
   function keep_address(told) {

@@ -45,7 +45,12 @@ def _ordinary(values: np.ndarray) -> bool:
 def _moved(values: np.ndarray, units: int) -> np.ndarray:
     """Ordinary numbers moved up by units in the last place: their bits as whole numbers grow with their sizes."""
     bits = values.view(np.int64)
-    return np.asarray((bits + units * ((bits >> 63) | 1)).view(np.float64))
+    step = bits >> 63
+    step |= 1
+    if units != 1:
+        step *= units
+    step += bits
+    return step.view(np.float64)
 
 
 def _add(a: Bounds, b: Bounds) -> Bounds:
@@ -57,6 +62,8 @@ def _negative(a: Bounds) -> Bounds:
 
 
 def _products(a: Bounds, b: Bounds) -> Bounds:
+    if a[0].min(initial=np.inf) > 0 and b[0].min(initial=np.inf) > 0:  # the smallest and the largest are known
+        return _outward(a[0] * b[0], a[1] * b[1])
     products = [p * q for p in _ends(a) for q in _ends(b)]
     low, high = reduce(np.minimum, products), reduce(np.maximum, products)
     if np.isnan(low).any():

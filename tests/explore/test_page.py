@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -99,6 +100,7 @@ def test_in_a_real_browser(shell: Shell) -> None:
     shell("report", "a.sweep.h5", "-o", "page.html")
     path = shell.folder / "page.html"
     seen: dict[str, object] = {}
+    rims: dict[str, list[tuple[str, str, float, float]]] = {"dark": [], "light": []}
 
     async def look(page: browser.Page) -> None:
         await page.until("window.Bokeh !== undefined && Bokeh.documents.length > 0 && Bokeh.documents[0].is_idle")
@@ -117,9 +119,12 @@ def test_in_a_real_browser(shell: Shell) -> None:
         await page.until("deep('.slick-cell.r4').slice(0, 8).every(cell => cell.textContent.trim() == 'hf')")
         assert await page.value("deep('.bk-events').every(one => one.getAttribute('aria-label'))")
         columns = await page.value("deep('.bk-data-table')[0].querySelectorAll('.slick-header-column').length")
-        await page.value("document.querySelector('.part').focus()")
-        for _ in range(columns + 4):  # past the heads of the columns, and out of the table
-            await page.press("Tab")
+        for scheme in ("dark", "light"):
+            await page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])
+            await page.value("document.querySelector('.part').focus()")
+            for _ in range(columns + 4):  # past the heads of the columns, and out of the table
+                rims[scheme].append(json.loads(await page.value(_RIM)))
+                await page.press("Tab")
         assert await page.value("!document.querySelector('.part').contains(document.activeElement)")
         await page.resize(320, 800)  # 1280 at 400 %
         await page.until("document.documentElement.scrollWidth <= 320")
@@ -127,6 +132,9 @@ def test_in_a_real_browser(shell: Shell) -> None:
     page = browser.opened(path, look)
     assert page.complaints == []
     assert page.requests == [path.resolve().as_uri()]
+    for found in rims.values():
+        assert any("slick-pane" in name for name, *_ in found)  # what scrolls
+        assert all(style == "solid" and width >= 2 and contrast >= 3 for _, style, width, contrast in found)
     assert int(str(seen["canvases"])) > 4
     assert seen["before"] == "x1,x2,x1,x2,x1,x2,x1,x2"
     assert seen["after"] == ",".join(["x1"] * 8)
@@ -153,6 +161,22 @@ def test_numbers_have_significant_digits(shell: Shell) -> None:
     assert "3.272e-7" in cells  # its standard error
     assert "0.0000" not in cells
 
+
+# what has the focus: its class, and of its outline the style, the width, and the contrast to what is behind
+_RIM = """(() => {
+  let one = document.activeElement;
+  while (one.shadowRoot?.activeElement) one = one.shadowRoot.activeElement;
+  const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).slice(0, 3).map(v => v / 255)
+    .map(v => v <= 0.03928 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4); return 0.2126 * r + 0.7152 * g + 0.0722 * b; };
+  let behind = 'rgb(255, 255, 255)';
+  for (let at = one; at; at = at.parentElement ?? at.getRootNode().host) {
+    const colour = getComputedStyle(at).backgroundColor;
+    if (!/, 0\\)$/.test(colour)) { behind = colour; break; }
+  }
+  const { outlineStyle, outlineWidth, outlineColor } = getComputedStyle(one);
+  const [x, y] = [light(outlineColor), light(behind)].sort((p, q) => q - p);
+  return JSON.stringify([one.className, outlineStyle, parseFloat(outlineWidth), (x + 0.05) / (y + 0.05)]);
+})()"""
 
 # everything of a kind on the page, inside its components, too
 _DEEP = """
