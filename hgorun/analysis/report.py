@@ -112,12 +112,23 @@ def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *
     search : bool
         Whether to look for what only repeated simulation finds.
 
+    Returns
+    -------
+    Analysis
+        ``observers`` has by label the values that were found, by name, and the reasons why others are missing.
+
     Raises
     ------
     ConfigError
         When the configuration does not fit together.
     SimulationError
         When the plant diverges.
+
+    Examples
+    --------
+    >>> found = hgorun.analyze(experiment).observers["SHGO"]
+    >>> found.values["hurwitz"], [float(pole.real) for pole in found.values["poles"]]  # at theta = 1
+    (True, [-1.0, -1.0])
     """
     run = prepare(experiment)
     return analysis_of(run, simulate_prepared(run), findings, search=search)

@@ -192,6 +192,9 @@ def load_benchmark(path: str | Path) -> Benchmark:
     """
     path = Path(path)
     _, source = read_source(path)
+    if isinstance(source.data, dict) and {"plant", "time"} <= source.data.keys():
+        message = "this is a configuration; the file of a benchmark names plants, scenarios and observers"
+        raise ConfigError(message, file=str(path))
     blocks = validate(BenchmarkFile, source.data, source, ())
     with source.located():
         check_types(blocks)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from hgorun.commands.remarks import warn
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.estimate.log import Log, log_of
@@ -58,14 +59,19 @@ def estimate(options: Estimate) -> int:
         recording, aside = _held_out(log, log.read(), options)
     before = there([target, *([] if options.export_csv is None else [options.export_csv])])
     remove_leftovers(target.parent)
-    result = None
-    if options.export_csv is None:  # which has all estimates
-        result = estimate_into(
-            source, recording, target, name=name, text=text, held_out=aside, sensitivity=options.sensitivity
-        )
-    if result is None:
-        result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
-        result.save(target)
+    try:
+        result = None
+        if options.export_csv is None:  # which has all estimates
+            result = estimate_into(
+                source, recording, target, name=name, text=text, held_out=aside, sensitivity=options.sensitivity
+            )
+        if result is None:
+            result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
+            result.save(target)
+    except HgorunError:
+        for note in recording.notes:  # what was found in the log may be why
+            print(f"hgorun: {name}: {note}", file=sys.stderr)
+        raise
     file = str(target)
     warn(result)
     told = [target, *_also_written(options, page, result, target)]

@@ -126,7 +126,7 @@ class _Lines:
                 if number < first or not text.strip() or text.lstrip().startswith(comment):
                     continue
                 self._open, self.begin = True, number
-            yield text
+            yield f"{text}\n"  # inside quotes it belongs to the cell
 
 
 def _numbered(blocks: Iterator[Block]) -> Iterator[tuple[int, str]]:

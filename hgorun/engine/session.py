@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import replace
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,6 +14,28 @@ from hgorun.engine.program import Program
 from hgorun.errors import SimulationError
 
 _AT_ONCE = 4096  # segments between two checks for Ctrl-C
+
+
+# What changes with every step; what is told of a sample or an output point has a place of its own, and is told anew.
+_CHANGING = ("z", "w", "channels", "diverged", "lost", "largest", "hints", "error", "size", "own")
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Mark:
+    """A moment of a session.
+
+    Attributes
+    ----------
+    at : int
+        The segment that comes next.
+    context : ndarray
+    arrays : mapping of str to ndarray
+        What changes with every step.
+    """
+
+    at: int
+    context: Integers
+    arrays: Mapping[str, np.ndarray]
 
 
 class Session:
@@ -59,6 +81,20 @@ class Session:
             verdict = self._program.go_on(self._memory, self._at)
             if verdict != DONE:
                 raise SimulationError(f"the run cannot go on at t = {self._memory.real('now'):.6g}")
+
+    def mark(self) -> Mark:
+        """This moment of a run without continuous delays, to go back to."""
+        memory = self._memory
+        changing = {name: memory.arrays[name].copy() for name in _CHANGING}
+        return Mark(self._at, memory.context.copy(), changing)
+
+    def go_back(self, mark: Mark) -> None:
+        """Go on from a moment that has been marked; what was told since then is told again."""
+        memory = self._memory
+        self._at = mark.at
+        memory.context[:] = mark.context
+        for name, values in mark.arrays.items():
+            memory.arrays[name][...] = values
 
     def happened_without(self, samples: Collection[tuple[int, int]], z: Floats, w: Floats) -> Floats:
         """All states if what has just happened had done so without some of the samples; nothing follows from it.

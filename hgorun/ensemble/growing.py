@@ -26,7 +26,21 @@ _FLAGS = {"flag_values": np.arange(len(STATUSES), dtype=np.int8), "flag_meanings
 
 
 class Sweep(Collected):
-    """The members of an ensemble: the arrays of :class:`~hgorun.ensemble.collected.Collected`, with conveniences."""
+    """The members of an ensemble: the arrays of :class:`~hgorun.ensemble.collected.Collected`, with conveniences.
+
+    The most used ones, with N members, m observers and n states:
+
+    Attributes
+    ----------
+    axes : mapping of str to ndarray, shape (N,)
+        The value of every axis for every member.
+    observers, states : tuple of str
+        Labels and names, in the order of the arrays.
+    metrics : mapping of str to ndarray, shape (N, m, n)
+        In the units of the states; infinite where an observer is lost.
+    error : ndarray of text, shape (N,)
+        Why a member has failed; empty where it has not.
+    """
 
     def _repr_html_(self) -> str:
         """In a notebook: the axes, and medians of the observers' metrics."""
@@ -79,10 +93,20 @@ def read_sweep(path: str | Path, *, max_memory: float = LARGEST) -> Sweep:
     max_memory : float
         Bytes that the numbers may take; 1 GiB by default.
 
+    Returns
+    -------
+    Sweep
+
     Raises
     ------
     ConfigError
         When it is not an ensemble, damaged, larger than allowed, or no member is finished.
+
+    Examples
+    --------
+    >>> kept = hgorun.sweep(experiment, {"observers.SHGO.theta": [2, 4]}, output="gains.sweep.h5")
+    >>> hgorun.read_sweep("gains.sweep.h5").metrics["rmse"].shape  # members, observers, states
+    (2, 2, 2)
     """
     path = Path(path)
     found = _finished(Store.existing(path), max_memory) if path.is_dir() else read(path, max_memory=max_memory)

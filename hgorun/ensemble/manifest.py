@@ -6,6 +6,7 @@ import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
+from hgorun.config.nearest import near_file
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.fingerprint import Ingredients, fingerprint, ingredients
 from hgorun.ensemble.recipe import ensemble_of, recipe_of
@@ -57,7 +58,9 @@ class Manifest:
         try:
             said = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:
-            raise ConfigError(f"no folder of a sweep: {MANIFEST} is missing", file=str(folder)) from None
+            if not folder.exists():
+                raise ConfigError(f"there is no such folder{near_file(folder)}", file=str(folder)) from None
+            raise ConfigError(f"not the folder of a sweep: {MANIFEST} is missing", file=str(folder)) from None
         except (OSError, ValueError, RecursionError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
             raise ConfigError(f"not the manifest of a sweep: {reason}", file=str(path)) from None

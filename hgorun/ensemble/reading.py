@@ -69,6 +69,8 @@ class _Reader(StoredFile):
 
     def collected(self) -> Collected:
         form = self.file.attrs.get("format")
+        if isinstance(form, str) and form.startswith("hgorun-result"):
+            raise self.error("this is the result of a single run, not an ensemble: hgorun compare reads it")
         if not isinstance(form, str) or form != FORMAT:
             raise self.error(f"not the file of an ensemble: attribute format is {form!r}, expected {FORMAT!r}")
         observers, states = self.words("observer"), self.words("state")

@@ -12,7 +12,8 @@ from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, TAKE
 from hgorun.engine.plan import Floats, Integers
 from hgorun.engine.session import without
 from hgorun.estimate.event import Event
-from hgorun.estimate.gated import Gate, jumps_by_several, leave_out
+from hgorun.estimate.gate import Gate
+from hgorun.estimate.gated import jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 
 State: TypeAlias = tuple[dict[str, Floats], bytes]  # the numbers of a run, and what is known beside them

@@ -10,6 +10,15 @@ from __future__ import annotations
 
 from bisect import bisect_left, insort
 from collections import deque
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.samples import stated
+from hgorun.simulation.experiment import Experiment
+from hgorun.symbolic.evaluate import Floats
 
 _WINDOW = 61  # innovations whose median is taken
 _FEWEST = 8  # of them, before anything is an outlier
@@ -57,3 +66,109 @@ class RunningDeviation:
     def restore(self, innovations: list[float]) -> None:
         """Those of :meth:`state` again."""
         self._last, self._sorted = deque(innovations), sorted(innovations)
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Entering:
+    """A sample that may be an outlier, where it enters some observers.
+
+    Attributes
+    ----------
+    output : int
+        Of the plant.
+    channel : int
+        In which these observers hear it.
+    slot : int
+        Among the samples of all channels.
+    used : int
+        Among the samples of all outputs.
+    members : tuple of int
+        The observers.
+    """
+
+    output: int
+    channel: int
+    slot: int
+    used: int
+    members: tuple[int, ...]
+
+
+class Gate:
+    """Which samples are outliers to which observers, one sample after the other.
+
+    Parameters
+    ----------
+    experiment : Experiment
+    limits : sequence of float or None
+        Of every output the standard deviations beyond which a sample is an outlier.
+    covariances : sequence of Covariance or None
+        Of every observer.
+    """
+
+    def __init__(
+        self, experiment: Experiment, limits: Sequence[float | None], covariances: Sequence[Covariance | None]
+    ) -> None:
+        self._model, self._limits, self._covariances = experiment.plant.model, limits, covariances
+        known = stated(experiment)
+        self.deviations = [
+            [RunningDeviation(known.get(output, 0.0)) for _ in experiment.observers] for output in self._model.outputs
+        ]
+
+    def outliers(
+        self,
+        output: int,
+        innovations: Floats,
+        t: float,
+        z: Floats,
+        w: Floats,
+        members: Sequence[int] | None = None,
+    ) -> list[int]:
+        """The observers to which a sample of an output is an outlier, from the innovation of each, shape (m,).
+
+        Parameters
+        ----------
+        t : float
+        z, w : ndarray
+            The states, and what was held, before the sample arrived.
+        members : sequence of int, optional
+            The observers that are asked, where these are not all.
+        """
+        limit, found = self._limits[output], []
+        wrapped = self._model.wrapped(output, innovations).tolist()
+        for j in range(len(wrapped)) if members is None else members:
+            one, deviation, covariance = wrapped[j], self.deviations[output][j], self._covariances[j]
+            size = deviation.value
+            if covariance is not None:
+                known = float(covariance.variance(np.array([t]), z[None], w)[0, output])
+                size = known**0.5 if known >= 0 else size
+            if limit is not None and abs(one) > limit * size:
+                found.append(j)
+            deviation.add(one)
+        return found
+
+    def passed(self, entering: Sequence[Entering], innovations: Mapping[int, list[float]]) -> bool:
+        """Whether no sample of some is an outlier to an observer without covariance; those up to one are added.
+
+        Parameters
+        ----------
+        entering : sequence of Entering
+        innovations : mapping of int to list of float
+            By their slots, of every observer, without whole periods.
+        """
+        for one in entering:
+            limit, deviations, values = self._limits[one.output], self.deviations[one.output], innovations[one.slot]
+            for j in one.members:
+                if limit is not None and abs(values[j]) > limit * deviations[j].value:
+                    return False
+                deviations[j].add(values[j])
+        return True
+
+    def state(self) -> list[list[list[float]]]:
+        """The last innovations of every output and observer."""
+        return [[one.state() for one in row] for row in self.deviations]
+
+    def restore(self, known: Sequence[Sequence[list[float]]]) -> None:
+        """Those of :meth:`state` again."""
+        for row, kept in zip(self.deviations, known, strict=True):
+            for one, innovations in zip(row, kept, strict=True):
+                one.restore(innovations)

@@ -8,7 +8,6 @@ whenever an older one arrives: what counts is the last judgement.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -17,39 +16,13 @@ from hgorun.engine.layout import HybridSystem
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
 from hgorun.engine.session import Session, with_stops
-from hgorun.estimate.covariance import Covariance
-from hgorun.estimate.gate import RunningDeviation
+from hgorun.estimate.gate import Entering, Gate
 from hgorun.estimate.prepared import PreparedEstimate
-from hgorun.estimate.samples import stated
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
-from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
-
-@dataclass(frozen=True, kw_only=True)
-class Entering:
-    """A sample that may be an outlier, where it enters some observers.
-
-    Attributes
-    ----------
-    output : int
-        Of the plant.
-    channel : int
-        In which these observers hear it.
-    slot : int
-        Among the samples of all channels.
-    used : int
-        Among the samples of all outputs.
-    members : tuple of int
-        The observers.
-    """
-
-    output: int
-    channel: int
-    slot: int
-    used: int
-    members: tuple[int, ...]
+_AHEAD, _MOST = 4, 512  # places with samples that are passed at once, as long as none is an outlier
 
 
 def gated_run(prepared: PreparedEstimate, plan: Plan, *, uneven: bool, used: np.ndarray) -> Raw:
@@ -87,6 +60,7 @@ class _GatedRun:
         first_steps = np.flatnonzero(plan.counts[:, 1] == 0)[:: 2 if uneven else 1]  # of what follows each event
         plan, self._stops = with_stops(plan, first_steps[self._places])
         self._session = Session(prepared.program(), plan, prepared.start())
+        self._alone = self._order is not None or any(prepared.covariances())  # then each sample has to be waited for
 
     def _saving(self) -> Iterator[int]:
         """Where observers will be taken back to."""
@@ -95,9 +69,20 @@ class _GatedRun:
 
     def carried_out(self) -> Raw:
         """All of it."""
-        session = self._session
+        session, stops = self._session, self._stops.tolist()
         saving = set(self._saving())
-        for place, stop in zip(self._places, self._stops.tolist(), strict=True):
+        number, ahead = 0, _AHEAD
+        while number < len(stops):
+            if not self._alone:
+                some = slice(number, number + ahead)
+                asked, passed = len(stops[some]), self._pass(self._places[some], stops[some])
+                number += passed
+                if passed == asked:
+                    ahead = min(2 * ahead, _MOST)
+                    continue
+                ahead = max(ahead // 2, _AHEAD)
+            place, stop = self._places[number], stops[number]
+            number += 1
             event = place if self._order is None else int(self._order.event[place])
             session.advance(stop)
             z, w = session.z.copy(), session.w.copy()
@@ -107,9 +92,38 @@ class _GatedRun:
                     for j in self._members:
                         row[j].restore(kept[j])
             if place in saving:
-                self._saved[event] = [[one.state() for one in row] for row in self._gate.deviations], z, w
+                self._saved[event] = self._gate.state(), z, w
             self._enter(place, stop, float(self._events[event]), z, w)
         return session.finish()
+
+    def _pass(self, places: Sequence[int], stops: Sequence[int]) -> int:
+        """Let the samples of some places enter as if there were no outliers: how many places there are before one."""
+        session, gate = self._session, self._gate
+        mark, known = session.mark(), gate.state()
+        session.advance(stops[-1] + 1)
+        entering = [self._entering[place] for place in places]
+        innovations = self._wrapped([one for several in entering for one in several])
+        count = next((k for k, several in enumerate(entering) if not gate.passed(several, innovations)), len(places))
+        if count < len(places):
+            gate.restore(known)
+            for several in entering[:count]:
+                gate.passed(several, innovations)
+            session.innovations[[one.slot for several in entering[count:] for one in several]] = np.nan
+            session.go_back(mark)
+            if count:
+                session.advance(stops[count - 1] + 1)
+        return count
+
+    def _wrapped(self, entering: Sequence[Entering]) -> dict[int, list[float]]:
+        """The innovations of some samples by their slots, of each observer."""
+        of_outputs: dict[int, list[int]] = {}
+        for one in entering:
+            of_outputs.setdefault(one.output, []).append(one.slot)
+        model, innovations = self._prepared.run.plant.model, self._session.innovations
+        found: dict[int, list[float]] = {}
+        for output, slots in of_outputs.items():
+            found |= zip(slots, model.wrapped(output, innovations[slots]).tolist(), strict=True)
+        return found
 
     def _enter(self, place: int, stop: int, t: float, z: Floats, w: Floats) -> None:
         """Let samples enter, and take back what outliers have done."""
@@ -172,60 +186,6 @@ def _needed_until(prepared: PreparedEstimate) -> np.ndarray:
             taken, known = (nearest_event(events, times) for times in (channel.samples.taken, channel.known))
             np.maximum.at(until, taken, known)
     return until
-
-
-class Gate:
-    """Which samples are outliers to which observers, one sample after the other.
-
-    Parameters
-    ----------
-    experiment : Experiment
-    limits : sequence of float or None
-        Of every output the standard deviations beyond which a sample is an outlier.
-    covariances : sequence of Covariance or None
-        Of every observer.
-    """
-
-    def __init__(
-        self, experiment: Experiment, limits: Sequence[float | None], covariances: Sequence[Covariance | None]
-    ) -> None:
-        self._model, self._limits, self._covariances = experiment.plant.model, limits, covariances
-        known = stated(experiment)
-        self.deviations = [
-            [RunningDeviation(known.get(output, 0.0)) for _ in experiment.observers] for output in self._model.outputs
-        ]
-
-    def outliers(
-        self,
-        output: int,
-        innovations: Floats,
-        t: float,
-        z: Floats,
-        w: Floats,
-        members: Sequence[int] | None = None,
-    ) -> list[int]:
-        """The observers to which a sample of an output is an outlier, from the innovation of each, shape (m,).
-
-        Parameters
-        ----------
-        t : float
-        z, w : ndarray
-            The states, and what was held, before the sample arrived.
-        members : sequence of int, optional
-            The observers that are asked, where these are not all.
-        """
-        limit, found = self._limits[output], []
-        wrapped = self._model.wrapped(output, innovations).tolist()
-        for j in range(len(wrapped)) if members is None else members:
-            one, deviation, covariance = wrapped[j], self.deviations[output][j], self._covariances[j]
-            size = deviation.value
-            if covariance is not None:
-                known = float(covariance.variance(np.array([t]), z[None], w)[0, output])
-                size = known**0.5 if known >= 0 else size
-            if limit is not None and abs(one) > limit * size:
-                found.append(j)
-            deviation.add(one)
-        return found
 
 
 class Running(Protocol):

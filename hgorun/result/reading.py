@@ -35,10 +35,20 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Result:
     max_memory : float
         Bytes that its numbers may take; 1 GiB by default.
 
+    Returns
+    -------
+    Result
+
     Raises
     ------
     ConfigError
-        When the file is missing, no result of hgorun, damaged, or larger than allowed.
+        When the file is missing, not a result of hgorun, damaged, or larger than allowed.
+
+    Examples
+    --------
+    >>> path = result.save("first.h5")
+    >>> hgorun.read(path).states
+    ('x1', 'x2')
     """
     path = file_at(path)
     if path.suffix.lower() in {".yaml", ".yml"}:

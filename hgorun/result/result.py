@@ -13,7 +13,28 @@ if TYPE_CHECKING:
 
 
 class Result(ResultData):
-    """A finished run: the arrays of :class:`~hgorun.result.data.ResultData`, with conveniences."""
+    """A finished run: the arrays of :class:`~hgorun.result.data.ResultData`, with conveniences.
+
+    The most used ones, with Nt points of time, n states, m inputs and q outputs; units are those of the model:
+
+    Attributes
+    ----------
+    time : ndarray, shape (Nt,)
+    x, u, y : ndarray, shapes (Nt, n), (Nt, m), (Nt, q)
+        Plant states, inputs and noise-free outputs.
+    states, inputs, outputs : tuple of str
+        Their names.
+    observers : mapping of str to ObserverResult
+        By label; ``xhat`` is the estimate, shape (Nt, n), and ``status`` says whether it can be trusted.
+    units : mapping of str to str
+        Of ``time``, states, outputs and inputs, where known.
+
+    Examples
+    --------
+    >>> error = result.observers["SHGO"].xhat - result.x
+    >>> error.shape == (len(result.time), len(result.states))
+    True
+    """
 
     def _repr_html_(self) -> str:
         """In a notebook: the observers with their metrics."""
@@ -22,25 +43,63 @@ class Result(ResultData):
         return as_html(self)
 
     def save(self, path: str | Path) -> Path:
-        """Write the HDF5 file, whole or not at all."""
+        """Write the HDF5 file, whole or not at all.
+
+        Parameters
+        ----------
+        path : path
+            What is there is replaced.
+
+        Returns
+        -------
+        Path
+            That of the file.
+
+        Raises
+        ------
+        HgorunError
+            When it cannot be written.
+        """
         from hgorun.result.writing import save
 
         return save(self, Path(path))
 
     def to_xarray(self) -> xarray.Dataset:
-        """Truth, estimates and outputs with labelled coordinates; needs the package xarray."""
+        """Truth, estimates and outputs with labelled coordinates; needs the package xarray.
+
+        Raises
+        ------
+        HgorunError
+            Where xarray is not installed.
+        """
         from hgorun.result.labelled import to_xarray
 
         return to_xarray(self)
 
     def to_pandas(self) -> pandas.DataFrame:
-        """Truth and estimates as a table, a row for every time; needs the package pandas."""
+        """Truth and estimates as a table, a row for every time; needs the package pandas.
+
+        Raises
+        ------
+        HgorunError
+            Where pandas is not installed.
+        """
         from hgorun.result.labelled import to_pandas
 
         return to_pandas(self)
 
     def plot(self, path: str | Path | None = None) -> Any:
-        """A comparison figure (matplotlib); saved where ``path`` (png, pdf or svg) is given."""
+        """Draw truth, estimates and errors.
+
+        Parameters
+        ----------
+        path : path, optional
+            Where the figure is saved, too: .png, .pdf or .svg.
+
+        Returns
+        -------
+        matplotlib.figure.Figure
+        """
         from hgorun.figures.drawing import comparison
         from hgorun.figures.files import save
 

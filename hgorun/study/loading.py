@@ -30,10 +30,19 @@ def load(
     run : str, optional
         Which, of a file with several ``runs``; of an ensemble the first member.
 
+    Returns
+    -------
+    Experiment
+
     Raises
     ------
     ConfigError
         For anything wrong in it: file, line, key, what was found and what would be right.
+
+    Examples
+    --------
+    >>> hgorun.load("config.yaml", ["observers.SHGO.theta=4"], seed=7).observers["SHGO"].theta
+    4.0
     """
     text, source = _read(path, overrides, seed)
     if not isinstance(source.data, dict) or "runs" not in source.data:
@@ -59,10 +68,20 @@ def load_study(path: str | Path, overrides: Sequence[str] = (), *, seed: int | N
     path, overrides, seed
         As for :func:`load`.
 
+    Returns
+    -------
+    Study
+        Its ``runs`` are experiments by name; a file without ``runs`` has one, called as the file.
+
     Raises
     ------
     ConfigError
         For anything wrong in it: file, line, key, what was found and what would be right.
+
+    Examples
+    --------
+    >>> {name: list(run.experiment.observers) for name, run in hgorun.load_study("config.yaml").runs.items()}
+    {'config': ['SHGO']}
     """
     text, source = _read(path, overrides, seed)
     return study_of(source, Path(path).stem, text)

@@ -85,11 +85,9 @@ def simulate(
     Examples
     --------
     >>> plant = {"states": ["x1", "x2"], "dynamics": {"x1": "x2", "x2": "-sin(x1)"}, "output": "x1"}
-    >>> observers = {"SHGO": {"type": "shgo", "theta": 5}}
-    >>> result = simulate(
-    ...     {"time": {"end": 5}, "plant": plant | {"initial": {"x1": 1, "x2": 0}}, "observers": observers}
-    ... )
-    >>> result.status
+    >>> plant["initial"], observers = {"x1": 1, "x2": 0}, {"SHGO": {"type": "shgo", "theta": 5}}
+    >>> time = {"end": 5, "output_step": 0.1}
+    >>> hgorun.simulate({"time": time, "plant": plant, "observers": observers}).status
     'ok'
     """
     return simulated(experiment_of(experiment, run), check_step=check_step, progress=progress)

@@ -109,6 +109,18 @@ def test_what_is_wrong_is_said(shell: Shell, arguments: tuple[str, ...], message
     assert message in err
 
 
+def test_what_was_found_in_a_log_is_said_where_an_estimate_fails(shell: Shell) -> None:
+    """A stamp that jumps makes a grid that no memory holds: the line of the jump is what helps."""
+    log = shell.folder / "log.csv"
+    rows = log.read_text().splitlines()
+    log.write_text("\n".join([*rows[:30], *("1e9" + row[row.index(",") :] for row in rows[30:31])]) + "\n")
+    code, _, err = shell("estimate", "pendulum.yaml", "--no-plots")
+    first, second = err.splitlines()
+    assert code == 2
+    assert "log.csv:31: outputs.a: the time stamps jump by more than 20 usual steps" in first
+    assert "the output grid has" in second
+
+
 def test_without_data_there_is_nothing_to_estimate(shell: Shell) -> None:
     (shell.folder / "none.yaml").write_text(CONFIG.replace("data:", "figures:").split("figures:", maxsplit=1)[0])
     code, _, err = shell("estimate", "none.yaml")

@@ -208,3 +208,14 @@ def test_the_nearest_name_is_told(shell: Shell, arguments: tuple[str, ...], near
     (shell.folder / "c.yaml").write_text(CONFIG)
     code, _, err = shell(*arguments)
     assert (code, near in err) == (2, True), err
+
+
+def test_a_file_of_another_kind_is_told_what_it_is(shell: Shell) -> None:
+    (shell.folder / "c.yaml").write_text(CONFIG)
+    assert shell("simulate", "c.yaml")[0] == 0
+    code, _, err = shell("report", "results/c.h5")
+    assert (code, "this is the result of a single run, not an ensemble: hgorun compare reads it" in err) == (2, True)
+    code, _, err = shell("benchmark", "c.yaml")
+    assert (code, "c.yaml: this is a configuration; the file of a benchmark names plants" in err) == (2, True)
+    code, _, err = shell("merge", "results/d")
+    assert (code, "results/d: there is no such folder" in err) == (2, True)

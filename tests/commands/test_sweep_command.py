@@ -163,7 +163,7 @@ def test_a_sweep_all_of_whose_members_fail_has_failed(shell: Shell) -> None:
         (("s.yaml", "--scheduler", "tcp://x:1"), "--scheduler goes with --executor dask"),
         (("s.yaml", "--executor", "dask", "--scheduler", "tcp://x:1", "--jobs", "2"), "--jobs does not go with"),
         (("s.yaml", "--collect", "--fresh"), "--collect carries nothing out"),
-        (("s.yaml", "--collect"), "results/s.sweep: no folder of a sweep: manifest.json is missing"),
+        (("s.yaml", "--collect"), "results/s.sweep: there is no such folder"),
         (("base.yaml",), "base.yaml: none of its runs has seeds or vary; a sweep file has base, axes and keep"),
         (("s.yaml", "--run", "one"), "s.yaml: --run goes with a configuration; a sweep file has the key run"),
         (("nowhere.yaml",), "nowhere.yaml: there is no such file"),

@@ -108,6 +108,13 @@ def open_quote(rows: Rows, random: Random) -> int:
     return k
 
 
+def number_on_two_lines(rows: Rows, random: Random) -> int:
+    """Inside quotes, where the end of a line belongs to the cell."""
+    k = place(rows, random)
+    rows[k][1] = '"0.\n5"'
+    return k
+
+
 def slip(rows: Rows, random: Random) -> int:
     k = int(random.integers(3, len(rows) - 3)) if len(rows) < 30 else int(random.integers(5, len(rows) - 5))
     for row in rows[k:]:
@@ -125,7 +132,8 @@ def interpolated(rows: Rows, random: Random) -> int:
 
 
 ROW_FAULTS: list[Callable[[Rows, Random], int | None]] = [
-    unharmed, text, missing, no_stamp, short, long, twice, reversed_stamp, huge_cell, open_quote, slip, interpolated,
+    unharmed, text, missing, no_stamp, short, long, twice, reversed_stamp, huge_cell, open_quote, number_on_two_lines,
+    slip, interpolated,
 ]  # fmt: skip
 
 

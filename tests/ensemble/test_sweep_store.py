@@ -231,8 +231,11 @@ def test_a_manifest_that_is_none_is_refused(tmp_path: Path, text: str) -> None:
         Store.existing(tmp_path)
     with pytest.raises(Changed, match=f"{words}.*; --fresh starts anew"):
         Store.opened(tmp_path, small())
-    with pytest.raises(ConfigError, match="no folder of a sweep"):
+    with pytest.raises(ConfigError, match="there is no such folder"):
         Store.existing(tmp_path / "nowhere")
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(ConfigError, match=r"not the folder of a sweep: manifest\.json is missing"):
+        Store.existing(tmp_path / "empty")
 
 
 @pytest.mark.parametrize(

@@ -13,6 +13,7 @@ from pendulum_filter import corrected
 from recordings import NOISE, PENDULUM, START, assessed_of, recorded_of, recording, signal, source
 
 from hgorun.data.recording import Recording
+from hgorun.estimate import gated
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.estimator import Estimator
 from hgorun.result.result import Result
@@ -129,3 +130,19 @@ def test_samples_that_are_left_out_when_late_are_not_judged() -> None:
     wanted, outliers = filtered(in_time, END)
     np.testing.assert_allclose(result.observers["O"].xhat[-1], wanted[:2], rtol=0, atol=1e-6)
     assert assessed_of(result, "O").scores["gated"] == {"a": float(len(outliers))}
+
+
+@pytest.mark.parametrize("most", [2, 64])
+def test_samples_that_are_passed_at_once_are_judged_as_one_by_one(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    block = {"type": "shgo", "theta": 2, "poles": -1, "initial": START}
+    monkeypatch.setattr(gated, "_MOST", most)
+    at_once = found(block, np.zeros(TAKEN.size))
+    monkeypatch.setattr(gated._GatedRun, "_pass", lambda *_: 0)
+    one_by_one = found(block, np.zeros(TAKEN.size))
+    left_out = ~recorded_of(one_by_one).outputs["a"].used[:, 0]
+    assert left_out[[17, 30, 31, 44]].all()
+    assert not left_out[:17].any()
+    for name in ("used", "innovation"):
+        both = [getattr(recorded_of(one).outputs["a"], name) for one in (at_once, one_by_one)]
+        np.testing.assert_array_equal(*both)
+    np.testing.assert_array_equal(at_once.observers["O"].xhat, one_by_one.observers["O"].xhat)
