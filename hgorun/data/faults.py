@@ -230,5 +230,5 @@ def _shifted(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
 
 def _true_runs(flags: np.ndarray) -> list[Stretch]:
     """Samples around runs of true flags, where flag k is about the samples k and k + 1."""
-    edges = np.flatnonzero(np.diff(np.concatenate(([False], flags, [False])).astype(np.int8)))
+    edges = np.flatnonzero(np.concatenate([flags[:1], flags[1:] != flags[:-1], flags[-1:]]))
     return [Stretch(int(a), int(b) + 1) for a, b in edges.reshape(-1, 2)]

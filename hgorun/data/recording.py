@@ -192,6 +192,8 @@ class Recording:
         return min((median for median in medians if not np.isnan(median)), default=float("nan"))
 
 
+_PIECE = 2**15  # times whose steps are compared at once: as many as a cache of the processor holds
+
 # the outputs of a file share their times
 _STEPS: Memo[float] = Memo(2)
 _EVEN_STEPS: Memo[float] = Memo(2)
@@ -204,9 +206,14 @@ def even_step(times: np.ndarray) -> float:
 
 def _even_step(times: np.ndarray) -> float:
     if times.size > 2:
-        steps = np.diff(times)
         slack = 4 * np.spacing(max(abs(float(times[0])), abs(float(times[-1]))))
-        if steps.max() - steps.min() <= slack:
+        shortest, longest = np.inf, -np.inf
+        for first in range(0, times.size - 1, _PIECE):
+            steps = np.diff(times[first : first + _PIECE + 1])
+            shortest, longest = min(shortest, float(steps.min())), max(longest, float(steps.max()))
+            if not longest - shortest <= slack:
+                break
+        else:
             return float(times[-1] - times[0]) / (times.size - 1)
     return median_step(times)
 

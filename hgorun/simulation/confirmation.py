@@ -120,7 +120,7 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
 
 def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> SimulationError:
     """What is to be said of a plant that could not be followed: whether it can be, and shorter steps can."""
-    from hgorun.simulation.escape import escaped  # not for runs that can be followed
+    from hgorun.simulation.escape import escaped, explained  # not for runs that can be followed
 
     escape = escaped(run)
     if escape is not None or run.adaptive or run.plant.block.discretise:
@@ -135,7 +135,7 @@ def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> Simulati
             f"it diverges with steps of {step:.3g}, but not with shorter ones: give a step of at most "
             f"{step / shorter:.3g}, or solver: {{method: rodas5p}} if its equations are stiff"
         )
-    return error
+    return explained(run, error)
 
 
 def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Verdict:

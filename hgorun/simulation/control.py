@@ -19,12 +19,12 @@ import numpy as np
 from hgorun.config.models import Method
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
-from hgorun.errors import Problem
+from hgorun.errors import NoStep, Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.between_steps import Missed, jumping, missed
 from hgorun.simulation.confirmation import ended
-from hgorun.simulation.escape import escaped
+from hgorun.simulation.escape import escaped, explained
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.passes import Again, Pass, integrate
@@ -95,7 +95,8 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         if escape is not None:
             raise escape
     if found is None:
-        raise search.failure or search.lost or _not_enough(run)
+        failure = search.failure or search.lost or _not_enough(run)
+        raise explained(run, failure) if isinstance(failure, NoStep) else failure
     how, known, tolerance = found.finished.how, found.finished.measured, found.finished.how.tolerance
     integration = Integration(
         method=how.method,

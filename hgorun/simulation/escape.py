@@ -4,12 +4,16 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import casadi as ca
 import numpy as np
 
-from hgorun.errors import NoStep, PlantDiverged, SimulationError
+from hgorun.errors import NoStep, PlantDiverged, PlantEnded, SimulationError
 from hgorun.simulation.plant_alone import PlantRun
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.domains import first_undefined
 
+_SHORTLY = 2e-6, 1e-6  # of the time until then: from there the state goes on in a straight line
+_ONWARDS = 1, 2, 4, 8  # times the way between these
 _BEFORE = 1e-3, 1e-6  # of the time until then
 _GROWS = 0.2  # between these, of what it was before: (t* - t)^-p does for p > 0.03, and so does log(t* - t)
 
@@ -22,19 +26,13 @@ def escaped(run: PreparedRun) -> PlantDiverged | None:
     """
     if run.closed or run.plant.block.discretise:
         return None
-    alone = PlantRun(run.plant, run.time, run.step, run.origin, stiff=True)
-    try:
-        alone.states(np.zeros(0))
-    except NoStep as error:
-        end = error.at
-    except SimulationError:
-        return None
-    else:
+    end = _end(run)
+    if end is None:
         return None
     start = run.time.start
     last = [end - part * (end - start) for part in _BEFORE]
     times = np.concatenate([np.linspace(start, last[0], 50), last[1:]])
-    until = replace(alone, time=run.time.model_copy(update={"end": last[-1]}))
+    until = replace(_alone(run), time=run.time.model_copy(update={"end": last[-1]}))
     try:
         x = np.abs(until.states(times))
     except SimulationError:
@@ -49,3 +47,48 @@ def escaped(run: PreparedRun) -> PlantDiverged | None:
         "observers after that; end the run before",
         at=end,
     )
+
+
+def _alone(run: PreparedRun) -> PlantRun:
+    return PlantRun(run.plant, run.time, run.step, run.origin, stiff=True)
+
+
+def _end(run: PreparedRun) -> float | None:
+    """When no step is small enough any more for the plant alone; None where that does not happen."""
+    try:
+        _alone(run).states(np.zeros(0))
+    except NoStep as error:
+        return error.at
+    except SimulationError:
+        pass
+    return None
+
+
+def explained(run: PreparedRun, error: PlantEnded) -> PlantEnded:
+    """The same, with what stops being defined in the plant's equations: the root of a level that falls below 0."""
+    if run.closed or run.plant.block.discretise:
+        return error
+    end, start = error.at if isinstance(error, NoStep) else _end(run), run.time.start
+    if end is None:
+        return error
+    times = np.array([end - part * (end - start) for part in _SHORTLY])
+    if not times[0] < times[1] < end:
+        return error
+    near = replace(_alone(run), time=run.time.model_copy(update={"end": times[1]}))
+    try:
+        before, last = near.states(times)
+    except SimulationError:
+        return error
+    plant, model = run.plant.symbolic, run.plant.model
+    names = [(model.x[i], name) for i, name in enumerate(model.states)]
+    rates = model.f(model.t, model.x, plant.inputs, model.p)
+    for far in _ONWARDS:
+        numbers = [np.array([end]), last + far * (last - before), run.plant.everything]
+        what = first_undefined(ca.SX(rates), [model.t, model.x, plant.everything], numbers, names)
+        if what is not None:
+            return NoStep(
+                f"the plant cannot be followed beyond t = {run.origin + end:.6g}: {what} in its equations; end the run "
+                "before, or limit the argument, as in sqrt(max(x, 0))",
+                at=end,
+            )
+    return error

@@ -74,9 +74,9 @@ def simulate_prepared(
         except PlantDiverged as error:
             raise plant_lost(run, error, again) from error
         except NoStep as error:
-            from hgorun.simulation.escape import escaped  # not for runs that can be followed
+            from hgorun.simulation.escape import escaped, explained  # not for runs that can be followed
 
-            raise escaped(run) or error from error
+            raise escaped(run) or explained(run, error) from error
         return finished(run, raw, again, check_step=check_step)
 
 

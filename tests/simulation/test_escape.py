@@ -34,6 +34,14 @@ def test_a_plant_that_is_singular_where_it_stays_finite_has_not_diverged() -> No
         simulated(inline({"x": "-1/x"}, "x", 1.0), SHGO, time=RUN, solver={"method": "dopri5"})
 
 
+@pytest.mark.parametrize("solver", [{}, {"method": "dopri5"}, {"step": 0.01}], ids=["auto", "dopri5", "given"])
+def test_a_level_that_falls_below_zero_under_a_root_is_named(solver: Block) -> None:
+    """x' = -1 - sqrt(x) reaches 0 at 2 - 2 log 2 = 0.6137, with all steps."""
+    words = r"cannot be followed beyond t = 5\.61\d*: sqrt of a negative number \(x = -.*as in sqrt\(max\(x, 0\)\)"
+    with pytest.raises(SimulationError, match=words):
+        simulated(inline({"x": "-1 - sqrt(x)"}, "x", 1.0), SHGO, time=RUN, solver=solver)
+
+
 def test_a_plant_that_overflows_has_diverged_though_long_steps_stay_behind() -> None:
     """exp(300 t) leaves the doubles at t = 2.37; with four steps until t = 3 it would be 3e+26."""
     with pytest.raises(SimulationError, match=r"the plant itself diverged at t = 2\.3"):

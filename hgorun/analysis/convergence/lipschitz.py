@@ -77,7 +77,8 @@ class Lipschitz:
         most n L_phi, (3.17).
         """
         scale = float(theta) ** -self.positions.astype(float)
-        return float(np.linalg.norm(scale[:, None] * self.slopes / scale, 2)) if self.slopes.size else 0.0
+        scaled = scale[:, None] * self.slopes / scale
+        return float(np.linalg.svd(scaled, compute_uv=False).max()) if self.slopes.size else 0.0
 
 
 def lipschitz(
@@ -87,6 +88,8 @@ def lipschitz(
     result: Result,
     label: str,
     truth: np.ndarray,
+    estimate: np.ndarray,
+    met: np.ndarray,
     reach: np.ndarray | None = None,
 ) -> Lipschitz:
     """Bound the slopes of phi over the box of an observer's saturation, or of its simulated run.
@@ -95,15 +98,15 @@ def lipschitz(
     ----------
     saturation : mapping
         Bounds on the arguments of phi, in the chart's coordinates.
-    truth : ndarray, shape (Nt, n)
-        z of the simulated truth.
+    truth, estimate : ndarray, shape (Nt, n)
+        z of the simulated truth and estimate.
+    met : ndarray, shape (n, n)
+        The largest slopes on both, of :func:`slopes_met`.
     reach : ndarray, shape (n,), optional
         How far the estimate may be from the truth, where the run's grid is too coarse to show it.
     """
-    xhat = result.observers[label].xhat
-    with np.errstate(all="ignore"):
-        guess = chart.image(xhat[np.all(np.isfinite(xhat), axis=1)])
-    points = np.vstack([truth, guess[np.all(np.isfinite(guess), axis=1)]])
+    known = np.isfinite(np.hstack([result.observers[label].xhat, estimate]))
+    points = np.vstack([truth, estimate if known.all() else estimate[np.all(known, axis=1)]])
     where = "simulated truth and estimate, 5 % wider"
     if reach is not None:
         points = np.vstack([truth - reach, truth + reach])
@@ -123,13 +126,13 @@ def lipschitz(
     region = "saturation" if len(limited) == len(chart.names) else where
     if limited and len(limited) < len(chart.names):
         region = f"saturation of {', '.join(limited)}; else {region}"
-    reached = _met(chart, result, label)
+    reached = met
     box = {name: (float(a), float(b)) for name, a, b in zip(chart.names, low, high, strict=True)}
     slopes, kind = reached, "trajectory"
     if chart.invertible:
-        bounds, met = _over_box(run, chart, low, high)
+        bounds, inside = _over_box(run, chart, low, high)
         if np.all(np.isfinite(bounds)):
-            slopes, reached, kind = bounds, np.maximum(met, reached), "interval over box"
+            slopes, reached, kind = bounds, np.maximum(inside, reached), "interval over box"
     if kind == "trajectory":
         bounds = along(chart, result, label)
         if np.all(np.isfinite(bounds)):
@@ -142,18 +145,15 @@ def lipschitz(
         remarks.append("phi is not triangular: a component depends on a coordinate further down its chains")
     if _jumps(chart):
         remarks.append("phi is switched (sign, floor, a comparison): its slopes say nothing of its jumps")
-    inside = ~above_
-    return Lipschitz(slopes * inside, reached * inside, kind, region, box, chart.positions, tuple(remarks))
+    triangle = ~above_
+    return Lipschitz(slopes * triangle, reached * triangle, kind, region, box, chart.positions, tuple(remarks))
 
 
-def _met(chart: Chart, result: Result, label: str) -> np.ndarray:
-    """The largest slopes on the simulated truth and estimate."""
+def slopes_met(chart: Chart, result: Result, trajectory: np.ndarray) -> np.ndarray:
+    """The largest slopes on a trajectory of the plant's states, (Nt, n) of a run: shape (n, n)."""
     kept = slice(None, None, max(1, len(result.time) // _POINTS))
-    found = np.zeros((len(chart.names),) * 2)
-    for trajectory in (result.x, result.observers[label].xhat):
-        stack = np.abs(chart.slopes_at(result.time[kept], trajectory[kept], result.u[kept]))
-        found = np.maximum(found, np.max(stack, axis=0, initial=0.0, where=np.isfinite(stack)))
-    return found
+    stack = np.abs(chart.slopes_at(result.time[kept], trajectory[kept], result.u[kept]))
+    return np.asarray(np.max(stack, axis=0, initial=0.0, where=np.isfinite(stack)))
 
 
 def _over_box(run: PreparedRun, chart: Chart, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

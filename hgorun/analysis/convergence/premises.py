@@ -11,7 +11,7 @@ from hgorun.analysis.convergence import envelope
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.charts import Chart, chart_of
 from hgorun.analysis.convergence.gains import ErrorDynamics, error_dynamics
-from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz
+from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz, slopes_met
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.reasons import RECALLS, NoValue, Outcome, outcome, require_innovation
 from hgorun.analysis.subject import Subject, once
@@ -91,7 +91,9 @@ def premises_of(subject: Subject) -> Premises:
     constant = isinstance(subject.form, ChainForm) and not isinstance(subject.observer, SettlingGain)
     bounded = dynamics is not None and dynamics.lyapunov.hurwitz and constant
     reach = _reach(dynamics, start, theta, a) if dynamics is not None and bounded and is_coarse(subject) else None
-    slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, truth, reach)
+    met = np.maximum(_met_by_truth(subject, chart), slopes_met(chart, subject.result, subject.found.xhat))
+    estimate = estimate_of(subject, chart)
+    slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, truth, estimate, met, reach)
     return Premises(theta=theta, chart=chart, lipschitz=slopes, amplitudes=a, reach=reach, start=start)
 
 
@@ -100,6 +102,23 @@ def truth_of(subject: Subject, chart: Chart) -> np.ndarray:
     known, key = subject.context.known, (truth_of, chart)
     if key not in known:
         known[key] = Outcome(chart.image(subject.result.x))
+    return np.asarray(known[key].value)
+
+
+def estimate_of(subject: Subject, chart: Chart) -> np.ndarray:
+    """z of the estimate, shape (Nt, n): found once."""
+    key = (estimate_of, chart)
+    if key not in subject.known:
+        with np.errstate(all="ignore"):
+            subject.known[key] = Outcome(chart.image(subject.found.xhat))
+    return np.asarray(subject.known[key].value)
+
+
+def _met_by_truth(subject: Subject, chart: Chart) -> np.ndarray:
+    """The largest slopes on the simulated truth, shape (n, n): found once for all observers of a chart."""
+    known, key = subject.context.known, (_met_by_truth, chart)
+    if key not in known:
+        known[key] = Outcome(slopes_met(chart, subject.result, subject.result.x))
     return np.asarray(known[key].value)
 
 

@@ -12,6 +12,7 @@ from hgorun.analysis.convergence.envelope import Envelope
 from hgorun.analysis.convergence.premises import (
     Premises,
     dynamics_of,
+    estimate_of,
     is_coarse,
     premises_of,
     require_linear,
@@ -153,7 +154,7 @@ def error_of(subject: Subject) -> np.ndarray:
     """|zhat - z| of the run, shape (Nt, n), in the coordinates of the theory."""
     chart = premises_of(subject).chart
     with np.errstate(all="ignore"):
-        return np.asarray(np.abs(chart.image(subject.found.xhat) - truth_of(subject, chart)))
+        return np.asarray(np.abs(estimate_of(subject, chart) - truth_of(subject, chart)))
 
 
 @dataclass(frozen=True)

@@ -7,12 +7,14 @@ import pytest
 from examples import experiment, said
 
 from hgorun import Experiment
-from hgorun.analysis.convergence.charts import chart_of
-from hgorun.analysis.convergence.lipschitz import lipschitz
+from hgorun.analysis.convergence.charts import Chart, chart_of
+from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz, slopes_met
 from hgorun.analysis.convergence.segments import along
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Findings, analyze
 from hgorun.reproduce.shipped import experiments
+from hgorun.result.result import Result
+from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
 TIME = {"end": 2, "output_step": 0.01}
@@ -27,15 +29,21 @@ def inline(n: int, **dynamics: str) -> dict[str, Any]:
     return {"states": list(initial), "dynamics": dynamics, "output": "x1", "initial": initial}
 
 
+def of_run(run: PreparedRun, chart: Chart, saturation: dict[str, tuple[float, float]], result: Result) -> Lipschitz:
+    """The bounds of the only observer."""
+    trajectories = result.x, result.observers["observer"].xhat
+    truth, estimate = (chart.image(one) for one in trajectories)
+    met = np.maximum(*(slopes_met(chart, result, one) for one in trajectories))
+    return lipschitz(run, chart, saturation, result, "observer", truth, estimate, met)
+
+
 def test_each_slope_and_its_norms() -> None:
     plant = inline(3, x1="x2 - 2*x1", x2="x3 + 0.5*sin(x2)", x3="tanh(x1) - 4*x3")
     config = {"time": TIME, "plant": plant, "observers": {"observer": {"type": "shgo", "theta": 2}}}
     run = prepare(Experiment(config))
     result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
-    got = lipschitz(
-        run, chart, {"x1": (-1, 1), "x2": (-1, 1), "x3": (-9, 9)}, result, "observer", chart.image(result.x)
-    )
+    got = of_run(run, chart, {"x1": (-1, 1), "x2": (-1, 1), "x3": (-9, 9)}, result)
     expected = np.array([[2, 0, 0], [0, 0.5, 0], [1, 0, 4]])
     assert got.kind == "interval over box"
     assert got.region == "saturation"
@@ -109,7 +117,7 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
     )
     result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
-    box, own = lipschitz(run, chart, {}, result, "observer", chart.image(result.x)), along(chart, result, "observer")
+    box, own = of_run(run, chart, {}, result), along(chart, result, "observer")
     assert box.kind == "interval over box"
     assert np.all(own <= box.slopes + 1e-9)
     met = np.array([[0.5, 0], [1, 0.3]])
