@@ -10,7 +10,7 @@ from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Analyze
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds, written
+from hgorun.commands.outputs import RESULTS, formats, refuse_other_kinds, there, written
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
 from hgorun.errors import ConfigError
@@ -34,21 +34,23 @@ def analyze(options: Analyze) -> int:
     result = run_with_progress(run, show=options.text)
     warn(result)
     analysis = analysis_of(run, result, search=options.search)
-    drawn: list[Path] = []
+    drawn: list[list[Path]] = []
+    before = there([] if options.output is None else [options.output])
     if options.plots and analysis.transients:
         from hgorun.figures.files import save
         from hgorun.figures.peaking import peaking
 
-        drawn = save(peaking(result, analysis.transients, page), target)
+        drawn.append(save(peaking(result, analysis.transients, page), target, formats(options.output)))
     if options.plots:
-        drawn += _bode(analysis.context, page, target.with_name(target.name.removesuffix("-analysis") + "-bode"))
+        bode = target.with_name(target.name.removesuffix("-analysis") + "-bode")
+        drawn.append(_bode(analysis.context, page, bode, formats(options.output)))
     if options.json:
         print(json_text.dumps(analysis.as_json(str(options.config)), indent=2, allow_nan=False))
     elif not options.quiet:
         print("\n".join(advice(analysis)))
         print(f"\n{table.text(analysis)}" if options.verbose else "every number, and why others are missing: -v")
-        for png, pdf in zip(drawn[::2], drawn[1::2], strict=True):
-            print(written([png, pdf]))
+        for files in filter(None, drawn):
+            print(written(files, before))
     return 0
 
 
@@ -61,11 +63,11 @@ def _target(name: str, output: Path | None) -> Path:
     return (output or RESULTS) / f"{name}-analysis"
 
 
-def _bode(context: Context, page: Page, target: Path) -> list[Path]:
+def _bode(context: Context, page: Page, target: Path, suffixes: tuple[str, ...]) -> list[Path]:
     """The observers' frequency responses, where there are some."""
     from hgorun.analysis.noise.responses import frequency_responses
     from hgorun.figures.bode import bode_figure
     from hgorun.figures.files import save
 
     data = frequency_responses(context)
-    return save(bode_figure(data, context.result, page), target) if data.magnitude else []
+    return save(bode_figure(data, context.result, page), target, suffixes) if data.magnitude else []

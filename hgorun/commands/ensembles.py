@@ -11,7 +11,7 @@ from typing import Any
 
 from hgorun.commands.ensemble_options import Compare, OfEnsembles, Report
 from hgorun.commands.options import Simulate
-from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, refuse_other_kinds, there, written
+from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, formats, refuse_other_kinds, there, written
 from hgorun.config.expressions import nearest
 from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
@@ -55,9 +55,10 @@ def compare_ensembles(options: Compare) -> int:
     elif not options.quiet:
         print(style(found))
     if options.plots:
+        before = there([] if options.output is None else [options.output])
         drawn = [path for one in found for path in draw(one, options)]
         if drawn and options.text and options.format == "text":
-            print(written(drawn))
+            print(written(drawn, before))
     return NOT_OK if options.strict and not all(one.members.all_ok for one in found) else 0
 
 
@@ -129,7 +130,9 @@ def draw(found: Compared, options: Compare) -> list[Path]:
     output = options.output or RESULTS
     figures = figures_of(found.members, options.metrics, page=Page.named(options.width, options.style))
     if output.suffix.lower() in DRAWING_SUFFIXES:
-        return [path for _, figure in islice(figures, 1) for path in save(figure, output.with_suffix(""))]
+        return [
+            path for _, figure in islice(figures, 1) for path in save(figure, output.with_suffix(""), formats(output))
+        ]
     return [path for kind, figure in figures for path in save(figure, output / f"{found.members.name}-{kind}")]
 
 

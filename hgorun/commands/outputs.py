@@ -51,6 +51,12 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str], advice: M
     raise ConfigError(f"--output: expected {kinds}, found {output}{instead}")
 
 
+def formats(output: Path | None) -> tuple[str, ...]:
+    """In which formats figures are written: in that of the file that is named, else in both."""
+    suffix = "" if output is None else output.suffix.lower()
+    return (suffix[1:],) if suffix in DRAWING_SUFFIXES else ("png", "pdf")
+
+
 def there(files: Iterable[Path]) -> frozenset[Path]:
     """Those files that exist: a command that writes them replaces them."""
     return frozenset(file for file in files if file.exists())

@@ -15,6 +15,7 @@ from hgorun.commands.outputs import (
     NOT_OK,
     RESULT_SUFFIXES,
     RESULTS,
+    formats,
     refuse_other_kinds,
     there,
     written,
@@ -126,9 +127,10 @@ def compare(options: Compare) -> int:
     elif not options.quiet:
         print(style(results, predicted))
     if options.plots:
+        before = there([] if options.output is None else [options.output])
         drawn = _draw(results, options, page)
         if options.text and options.format == "text":
-            print(written(drawn))
+            print(written(drawn, before))
     return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
 
 
@@ -161,7 +163,7 @@ def _draw(results: Sequence[Result], options: Compare, page: Page) -> list[Path]
     from hgorun.figures.files import save
 
     if options.output is not None and options.output.suffix.lower() in DRAWING_SUFFIXES:
-        return save(comparison(results, page), options.output.with_suffix(""))
+        return save(comparison(results, page), options.output.with_suffix(""), formats(options.output))
     several = len(options.sources) > 1
     name = "comparison" if several else f"{options.sources[0].stem}-comparison"
     return save(comparison(results, page), (options.output or RESULTS) / name)

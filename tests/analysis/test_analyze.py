@@ -111,6 +111,7 @@ def test_options(shell: Shell) -> None:
     assert json.loads(out)["observers"]["SHGO"]["theta"] == 3
     assert shell("analyze", "vdp.yaml", "--quiet", "-o", "one.png")[0] == 0
     assert Path("one.png").exists()
+    assert not Path("one.pdf").exists()
 
 
 @pytest.mark.parametrize(

@@ -43,6 +43,7 @@ def test_figures_and_tables_are_written(shell: Shell) -> None:
     assert out.splitlines()[-1].startswith("written: figures/a-against-theta.png")
     assert shell("compare", "a.sweep.h5", "-o", "one.png", "-q")[0] == 0
     assert (shell.folder / "one.png").is_file()
+    assert not (shell.folder / "one.pdf").exists()
     assert shell("compare", "a.sweep.h5", "-o", "narrow.png", "-q", "--width", "one", "--style", "dark")[0] == 0
     assert imread(shell.folder / "narrow.png").shape[1] == pytest.approx(3.5 * 300, abs=1)
 

@@ -219,3 +219,10 @@ def test_a_file_of_another_kind_is_told_what_it_is(shell: Shell) -> None:
     assert (code, "c.yaml: this is a configuration; the file of a benchmark names plants" in err) == (2, True)
     code, _, err = shell("merge", "results/d")
     assert (code, "results/d: there is no such folder" in err) == (2, True)
+
+
+def test_a_figure_that_is_named_is_the_only_one_and_what_it_replaces_is_told(shell: Shell) -> None:
+    (shell.folder / "c.yaml").write_text(CONFIG)
+    assert shell("compare", "c.yaml", "-o", "one.png")[1].endswith("\nwritten: one.png\n")
+    assert shell("compare", "c.yaml", "-o", "one.png")[1].endswith("\nwritten: one.png (replaced)\n")
+    assert not (shell.folder / "one.pdf").exists()
