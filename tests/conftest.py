@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+from collections.abc import Generator
 
 import pytest
 
@@ -10,7 +11,10 @@ os.environ.pop("COLUMNS", None)  # workers of pytest-xdist are told another widt
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
 from hypothesis import HealthCheck, settings
+from measured_cases import further_cases, unmeasured
 from measured_forks import measure_forks
+
+FURTHER = pytest.StashKey[set[str]]()
 
 settings.register_profile(
     "repeatable", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
@@ -36,8 +40,17 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         items[:] = kept
 
 
-def pytest_collection_finish() -> None:
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    if item.nodeid not in item.session.stash[FURTHER]:
+        return (yield)
+    with unmeasured():
+        return (yield)
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
     """Take what is imported and collected out of each search for garbage, of which there are fewer."""
+    session.stash[FURTHER] = further_cases(session.items)
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)

@@ -373,6 +373,7 @@ def number_of(i: int) -> str:
 
 
 # One in five runs with the fast tests: each is a whole command.
+@pytest.mark.measured_once
 @pytest.mark.parametrize(
     "i",
     [pytest.param(i, id=number_of(i), marks=[pytest.mark.slow] if i % 5 else []) for i in range(len(CASES))],

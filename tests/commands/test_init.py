@@ -105,6 +105,7 @@ def test_an_observer_gets_what_it_needs_to_follow(plant: str, observer: str, tmp
     assert list(tmp_path.iterdir())  # none of these is refused
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("plant", PLANTS.names())
 def test_every_observer_of_every_plant_runs_or_is_refused(plant: str, tmp_path: Path) -> None:

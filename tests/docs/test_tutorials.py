@@ -29,6 +29,7 @@ def told(shown: str, out: str) -> None:
     assert not shown or doctest.OutputChecker().check_output(shown.rstrip("\n") + "\n", out, LIKE), out
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("page", TUTORIALS, ids=[page.stem for page in TUTORIALS])
 @pytest.mark.filterwarnings("ignore")  # of Jupyter's own

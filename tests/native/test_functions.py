@@ -58,6 +58,7 @@ def bounds(name: str, arguments: Sequence[Array]) -> Array:
     return found
 
 
+@pytest.mark.measured_once
 @pytest.mark.parametrize("name", NAMES)
 def test_within_the_stated_error(name: str) -> None:
     arguments = points(name)

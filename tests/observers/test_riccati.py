@@ -483,6 +483,7 @@ EVERY = [
 ]
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", [{"step": 0.01}, {"step": "auto"}, {"method": "dopri5", "step": "auto"}], ids=str)
 @pytest.mark.parametrize("block", EVERY, ids=str)

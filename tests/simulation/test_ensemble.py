@@ -126,6 +126,7 @@ def test_numbers_of_any_strides(stride: int) -> None:
     np.testing.assert_array_equal(found, straight)
 
 
+@pytest.mark.measured_once
 @pytest.mark.parametrize(
     "changed",
     [

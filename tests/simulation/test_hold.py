@@ -64,6 +64,7 @@ def test_held_and_shrinking_innovations_against_a_few_lines(gamma: float) -> Non
         np.testing.assert_allclose(run.observers["S"].xhat[k + 1], x, rtol=0, atol=1e-10)
 
 
+@pytest.mark.measured_once
 @pytest.mark.parametrize(
     ("n", "gamma", "limit"),
     [(1, 0, 2), (2, "common", 4.9999), (2, 1, 2), (2, 0, 1), (3, "common", 2.8963), (3, 1, 1), (3, 0, 0.6752)],

@@ -77,6 +77,7 @@ JUMPING: list[Block] = [
 ]
 
 
+@pytest.mark.measured_once
 @pytest.mark.parametrize("block", JUMPING, ids=lambda block: f"{block['type']} {block.get('update', '')}")
 def test_with_all_samples_in_hand_any_filter_is_the_one_in_order_bit_for_bit(block: Block) -> None:
     """One output; every second sample is 0.5 late, so that it comes after the one that was taken behind it."""

@@ -126,6 +126,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, int]]:
         yield counts
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OBSERVED)
 @pytest.mark.parametrize("change", CHANGES)

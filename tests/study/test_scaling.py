@@ -58,6 +58,7 @@ CASES: dict[str, Block] = {
 }
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("of", ["amplitude", "rmse", "sup", "hf"])
 @pytest.mark.parametrize("case", CASES)

@@ -32,6 +32,7 @@ FAMILIES = OBSERVERS.all()
 ALWAYS = {"takes a plant", "finite design", "repeatable", "states", "equations", "refusal", "company", "lanes"}
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FAMILIES)
 def test_every_observer_keeps_the_contract(name: str) -> None:

@@ -127,6 +127,7 @@ def assert_near(found: Findings, transient: Transient | None) -> None:
     assert np.nanmin(transient.sharp / error) < 100
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "r"), OBSERVERS)
 @settings(max_examples=5)
@@ -165,6 +166,7 @@ def test_no_error_is_above_its_bound_with_late_outputs(
     assert_bounded(found, transient)
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 2), ("treangle", 0)])
 @settings(max_examples=5)

@@ -50,6 +50,7 @@ def config(rng: np.random.Generator, block: dict[str, Any], theta: float, *, noi
     }
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("block", FAMILIES)
 @settings(max_examples=4)

@@ -25,6 +25,7 @@ def ratios(experiment: Experiment) -> dict[str, np.ndarray]:
     }
 
 
+@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "name", "end"),
