@@ -86,7 +86,7 @@
   }
   function take(told) {
     const further = told.further || (told.theories && !told.picture);
-    if (told.number < number) return;
+    if (told.number < number && !further) return;  // what is further is of what is shown, whatever is asked meanwhile
     if (told.busy) { clearTimeout(slow); say(told.busy, "busy"); return; }
     if (further) {
       if (told.theories?.some((one) => one.drawn !== undefined)) bounds_are(true);

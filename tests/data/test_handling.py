@@ -198,6 +198,7 @@ def test_names_that_stand_twice(tmp_path: Path) -> None:
     [
         ("Messung 3;\nt;glucose [g/L]\n0;1.5\n1;2.5\n", "glucose [g/L]", r"csv: {skip: 1}"),
         ("Messung 3\n\nam 3.5.\nt,glucose\n0,1.5\n1,2.5\n", "glucose", r"csv: {skip: 3}"),
+        ("# tank 3\nt;glucose [g/L]\n0;1.5\n1;2.5\n", "glucose", r"column 'glucose'. Did you mean `glucose \[g/L\]`"),
         ("t;glucose [g/L]\n0;1.5\n1;2.5\n", "Glucose", r"Did you mean `glucose \[g/L\]`"),
     ],
 )
