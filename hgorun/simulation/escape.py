@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import casadi as ca
@@ -68,27 +69,29 @@ def explained(run: PreparedRun, error: PlantEnded) -> PlantEnded:
     """The same, with what stops being defined in the plant's equations: the root of a level that falls below 0."""
     if run.closed or run.plant.block.discretise:
         return error
-    end, start = error.at if isinstance(error, NoStep) else _end(run), run.time.start
-    if end is None:
-        return error
-    times = np.array([end - part * (end - start) for part in _SHORTLY])
-    if not times[0] < times[1] < end:
-        return error
-    near = replace(_alone(run), time=run.time.model_copy(update={"end": times[1]}))
-    try:
-        before, last = near.states(times)
-    except SimulationError:
-        return error
-    plant, model = run.plant.symbolic, run.plant.model
-    names = [(model.x[i], name) for i, name in enumerate(model.states)]
-    rates = model.f(model.t, model.x, plant.inputs, model.p)
-    for far in _ONWARDS:
-        numbers = [np.array([end]), last + far * (last - before), run.plant.everything]
-        what = first_undefined(ca.SX(rates), [model.t, model.x, plant.everything], numbers, names)
-        if what is not None:
+    end = error.at if isinstance(error, NoStep) else _end(run)
+    with suppress(SimulationError):
+        what = None if end is None else _undefined(run, end)
+        if what is not None and end is not None:
             return NoStep(
                 f"the plant cannot be followed beyond t = {run.origin + end:.6g}: {what} in its equations; end the run "
                 "before, or limit the argument, as in sqrt(max(x, 0))",
                 at=end,
             )
     return error
+
+
+def _undefined(run: PreparedRun, end: float) -> str | None:
+    """What is not defined in the plant's equations where its state goes on as before a time."""
+    times = np.array([end - part * (end - run.time.start) for part in _SHORTLY])
+    if not times[0] < times[1] < end:  # nearly at the start
+        return None
+    near = replace(_alone(run), time=run.time.model_copy(update={"end": times[1]}))
+    before, last = near.states(times)
+    plant, model = run.plant.symbolic, run.plant.model
+    rates = ca.SX(model.f(model.t, model.x, plant.inputs, model.p))
+    symbols = [model.t, model.x, plant.everything]
+    names = [(model.x[i], name) for i, name in enumerate(model.states)]
+    onwards = (last + far * (last - before) for far in _ONWARDS)
+    found = (first_undefined(rates, symbols, [np.array([end]), x, run.plant.everything], names) for x in onwards)
+    return next(filter(None, found), None)
