@@ -146,10 +146,14 @@ def _tuned(
 def _warn(one: _Tuned, name: str, block: Tune) -> None:
     """Gains at an end of their range are reported on stderr."""
     for key, given in block.gains.items():
-        low, high = given.ends
+        ends = given.ends
+        if given.log is not None:
+            first, last = (ends[0] * (ends[1] / ends[0]) ** part for part in (_END, 1 - _END))
+        else:
+            first, last = (ends[0] + part * (ends[1] - ends[0]) for part in (_END, 1 - _END))
         for path, value in one.gains.items():
             matches = path == key or ("*" in key and path.rpartition(".")[2] == key.rpartition(".")[2])
-            if matches and not low + _END * (high - low) < value < high - _END * (high - low):
+            if matches and not first < value < last:
                 say(f"hgorun: {name}: {path} = {value:g} is at an end of its range: better values may lie beyond it")
 
 

@@ -46,6 +46,8 @@ class Dialect:
         The line on which the numbers begin.
     missing : frozenset of str
         Texts for a missing value, in small letters.
+    missing_numbers : tuple of float
+        Numbers for a missing value.
     thousands : str or None
         What stands between thousands; None where nothing does.
     units : tuple of str
@@ -63,6 +65,7 @@ class Dialect:
     missing: frozenset[str]
     units: tuple[str, ...]
     sample: tuple[str, ...]
+    missing_numbers: tuple[float, ...] = ()
     thousands: str | None = None
 
 
@@ -118,6 +121,9 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
         missing=missing,
         units=units,
         sample=tuple(sample),
+        missing_numbers=tuple(
+            float(text.replace(",", ".")) for text in told.missing if _NUMBER.fullmatch(text.strip())
+        ),
         thousands=told.thousands,
     )
 

@@ -81,6 +81,25 @@ def _described(data: h5py.Dataset, place: int | None) -> ArrayColumn:
 def _values(data: h5py.Dataset, place: int | None, count: int | None = None) -> np.ndarray:
     rows = slice(count)
     if data.dtype.kind in "fiub":
-        return np.asarray(data[rows] if place is None else data[rows, place])
+        return _unpacked(np.asarray(data[rows] if place is None else data[rows, place]), data.attrs)
     texts = data.asstr()
     return np.asarray(texts[rows] if place is None else texts[rows, place], dtype=object)
+
+
+def _unpacked(stored: np.ndarray, attributes: Mapping[str, object]) -> np.ndarray:
+    """The values that stored ones stand for in netCDF: NaN where one is missing, else scaled."""
+    absent = [_number(attributes, name) for name in ("_FillValue", "missing_value")]
+    scale, offset = _number(attributes, "scale_factor"), _number(attributes, "add_offset")
+    if scale is None and offset is None and not any(np.any(stored == one) for one in absent if one is not None):
+        return stored
+    values = stored.astype(float)
+    for one in absent:
+        if one is not None:
+            values[stored == one] = np.nan
+    return values * (1.0 if scale is None else scale) + (0.0 if offset is None else offset)
+
+
+def _number(attributes: Mapping[str, object], name: str) -> float | None:
+    """An attribute that is a number; None where there is none."""
+    value = np.asarray(attributes.get(name))
+    return float(value.ravel()[0]) if value.size == 1 and value.dtype.kind in "fiu" else None

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hgorun.data.arrays import ArrayColumn
-from hgorun.errors import HgorunError, printable
+from hgorun.errors import ConfigError, HgorunError, printable
 
 if TYPE_CHECKING:
     import pyarrow
@@ -46,10 +46,21 @@ class Parquet:
             }
 
     def columns(self, path: Path, names: Sequence[str]) -> Mapping[str, np.ndarray]:
-        """Numbers, dates or texts; what is missing is NaN, NaT or None."""
+        """Numbers, dates or texts; what is missing is NaN, NaT or None.
+
+        Raises
+        ------
+        ConfigError
+            For a column of durations.
+        """
+        from pyarrow import types
         from pyarrow.parquet import read_table
 
         found = read_table(path, columns=list(names), use_threads=False)
+        for name in names:
+            if types.is_duration(found.column(name).type):
+                said = "durations, whose unit is not that of numbers: write them as numbers of seconds"
+                raise ConfigError(said, file=str(path), key=name)
         return {name: _array(found.column(name)) for name in names}
 
     def zoned(self, path: Path, name: str) -> bool:

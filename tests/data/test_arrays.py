@@ -76,6 +76,24 @@ def test_integers_and_texts_that_are_numbers(tmp_path: Path) -> None:
     np.testing.assert_array_equal(signal.values, [1.5, 2.25])
 
 
+def test_durations_are_refused_by_name(tmp_path: Path) -> None:
+    parquet_file(tmp_path / "log.parquet", t=np.arange(3).astype("timedelta64[ns]"), glucose=[1.0, 2.0, 3.0])
+    with pytest.raises(ConfigError, match=r"log\.parquet: t: durations, .*: write them as numbers of seconds"):
+        recorded(tmp_path / "log.parquet", "")
+
+
+def test_what_netcdf_stores_is_unpacked(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["t"] = np.arange(4.0)
+        file["glucose"] = np.array([-9999, 1500, -9999, -250], dtype="i2")
+        file["glucose"].attrs.update(
+            {"_FillValue": np.array([-9999], dtype="i2"), "scale_factor": 0.5, "add_offset": 10.0}
+        )
+    signal = recorded(tmp_path / "log.h5", "").outputs["S"]
+    np.testing.assert_array_equal(signal.taken, [1, 3])
+    np.testing.assert_array_equal(signal.values, [760, -115])
+
+
 def test_labelled_columns_of_a_result(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "run.h5", "w") as file:
         file["time"] = TIMES

@@ -124,6 +124,18 @@ def test_missing_values_are_left_out_and_told(tmp_path: Path) -> None:
         recorded(tmp_path, "\n".join(rows), changes | {"faults": {"missing": "refuse"}})
 
 
+@pytest.mark.parametrize("cell", ["-9999", "-9999.0", '"-9999"', " -9999 "])
+@pytest.mark.parametrize("quoted", [False, True])  # rows with quotes are read one by one
+def test_a_number_that_stands_for_a_missing_value_is_left_out(cell: str, quoted: bool, tmp_path: Path) -> None:
+    rows = PLAIN.splitlines()
+    rows[4] = rows[4].split(",")[0] + "," + cell
+    if quoted:
+        rows[2] = rows[2].split(",")[0] + ',"' + rows[2].split(",")[1] + '"'
+    recording = recorded(tmp_path, "\n".join(rows), {"csv": {"missing": ["-9999"]}})
+    assert set(recording.outputs["S"].lines) == set(range(2, 42)) - {5}
+    assert recording.outputs["S"].values.min() > -9999
+
+
 def test_signals_of_one_table_have_clocks_of_their_own(tmp_path: Path) -> None:
     text = "t,glucose,ethanol\n0,1.5,\n1,1.25,\n2,1.75,0.5\n3,1.5,\n4,,0.75\n"
     recording = recorded(tmp_path, text, {"outputs": {"S": "glucose", "E": "ethanol"}})
