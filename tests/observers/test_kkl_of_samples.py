@@ -105,7 +105,9 @@ def test_lanes_of_other_starts() -> None:
 def test_an_estimate_that_does_not_live_until_the_first_sample_is_refused() -> None:
     plant = inline({"a": "a**2"}, "a", initial={"a": -1})
     kkl: Block = {"type": "kkl", "box": {"a": [-1, 1]}, "outside": "saturate", "initial": {"a": 2}}
-    with pytest.raises(ConfigError, match=r"K\.\w+: the first sample comes at 0.9, and the estimate has run"):
+    with pytest.raises(
+        ConfigError, match=r"K\.\w+: the first sample comes at 0.9, and the estimate is lost before that, after 0\.5"
+    ):
         prepare(experiment(plant, {"K": kkl}, measurement={"sampling": {"period": 0.3, "offset": 0.9}}))
 
 

@@ -185,7 +185,7 @@ def test_adaptive_steps_end_at_time_zero() -> None:
     """The smallest step is measured by the larger end of a segment, so it is never zero."""
     plant = inline("x1", {"x1": "-1 + 1.0e-30*sqrt(x1)"}, "x1")
     config = {"time": {"start": -2, "end": 0, "output_step": 0.1}, "solver": {"method": "dopri5", "rtol": 1e-8}}
-    with pytest.raises(hgorun.SimulationError, match=r"no step is small enough|diverged"):
+    with pytest.raises(hgorun.SimulationError, match=r"beyond t = -1\.5: sqrt of a negative number"):
         hgorun.simulate(experiment(plant, {}, measurement={}, **config))
 
 
