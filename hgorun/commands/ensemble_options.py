@@ -11,7 +11,7 @@ import typer
 
 from hgorun.commands import completion
 from hgorun.commands.numbers import whole
-from hgorun.commands.options import Configured, Drawing, Printing, Strict
+from hgorun.commands.options import Configured, Drawing, Printing, Strict, WhichRun
 
 Threads = Annotated[
     int | None,
@@ -194,12 +194,7 @@ class Tune(Printing):
             autocompletion=completion.keys,
         ),
     ] = field(default_factory=list)
-    run: Annotated[
-        str | None,
-        typer.Option(
-            "--run", metavar="NAME", help="Which run of the file, where it has several.", autocompletion=completion.runs
-        ),
-    ] = None
+    run: WhichRun = None
     plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
         True
     )

@@ -22,6 +22,22 @@ Seed = Annotated[
 ]
 """Of commands that read a configuration."""
 
+OnlyRun = Annotated[
+    str | None,
+    typer.Option(
+        "--run", metavar="NAME", help="Only this run of the file (default: all).", autocompletion=completion.runs
+    ),
+]
+"""Of commands that carry out the runs of a configuration."""
+
+WhichRun = Annotated[
+    str | None,
+    typer.Option(
+        "--run", metavar="NAME", help="Which run of the file, where it has several.", autocompletion=completion.runs
+    ),
+]
+"""Of commands that take one run."""
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Printing:
@@ -54,12 +70,7 @@ class Configured(Printing):
         ),
     ] = field(default_factory=list)
     seed: Seed = None
-    run: Annotated[
-        str | None,
-        typer.Option(
-            "--run", metavar="NAME", help="Only this run of the file (default: all).", autocompletion=completion.runs
-        ),
-    ] = None
+    run: OnlyRun = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -229,12 +240,7 @@ class Explore:
         ),
     ] = field(default_factory=list)
     seed: Seed = None
-    run: Annotated[
-        str | None,
-        typer.Option(
-            "--run", metavar="NAME", help="Which run of the file, where it has several.", autocompletion=completion.runs
-        ),
-    ] = None
+    run: WhichRun = None
     port: Annotated[
         int,
         typer.Option(
@@ -343,10 +349,5 @@ class Cite(Printing):
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="Write the BibTeX to this file (.bib).")
     ] = None
-    run: Annotated[
-        str | None,
-        typer.Option(
-            "--run", metavar="NAME", help="Only this run of the file (default: all).", autocompletion=completion.runs
-        ),
-    ] = None
+    run: OnlyRun = None
     bibtex: Annotated[bool, typer.Option("--bibtex", help="Print only BibTeX.")] = False
