@@ -94,10 +94,10 @@ def _warn(one: Evidence, name: str) -> None:
 def _at_an_end(one: Evidence) -> Iterator[str]:
     """Which of the gains chosen are at an end of their range, where better ones may lie beyond it."""
     for gain, value in zip(one.task.gains, one.gains[one.chosen].tolist(), strict=True):
-        low, high = gain.at(np.array([_END, 1 - _END]))
+        low, high = gain.range.at(np.array([_END, 1 - _END]))
         if not low < value < high:
-            end = "lower" if value <= low else "upper"
-            yield f"{gain.path} = {value:g} is at the {end} end of its range [{gain.low:g}, {gain.high:g}]"
+            end, ends = "lower" if value <= low else "upper", gain.range.ends
+            yield f"{gain.path} = {value:g} is at the {end} end of its range [{ends[0]:g}, {ends[1]:g}]"
 
 
 def _write(found: Sequence[Evidence], asked: Asked, options: Tune) -> list[str]:
@@ -127,7 +127,7 @@ def _draw(found: Sequence[Evidence], path: Path) -> list[Path]:
                 type=block.type if block is not None else "",
                 filter_order=block.r if isinstance(block, FilterOrder) else None,
                 paths=tuple(gain.path for gain in one.task.gains),
-                logarithmic=tuple(gain.logarithmic for gain in one.task.gains),
+                logarithmic=tuple(gain.range.log is not None for gain in one.task.gains),
                 gains=trials.gains[trials.complete],
                 goals=trials.means[trials.complete][:, :count],
                 met=admissible(trials)[trials.complete],

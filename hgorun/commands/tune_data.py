@@ -7,6 +7,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
+
 from hgorun.commands.ensemble_options import Tune as Options
 from hgorun.commands.outputs import RESULTS, there, written
 from hgorun.config.tuning import Range, Tune, require_few
@@ -146,11 +148,7 @@ def _tuned(
 def _warn(one: _Tuned, name: str, block: Tune) -> None:
     """Gains at an end of their range are reported on stderr."""
     for key, given in block.gains.items():
-        ends = given.ends
-        if given.log is not None:
-            first, last = (ends[0] * (ends[1] / ends[0]) ** part for part in (_END, 1 - _END))
-        else:
-            first, last = (ends[0] + part * (ends[1] - ends[0]) for part in (_END, 1 - _END))
+        first, last = given.at(np.array([_END, 1 - _END]))
         for path, value in one.gains.items():
             matches = path == key or ("*" in key and path.rpartition(".")[2] == key.rpartition(".")[2])
             if matches and not first < value < last:

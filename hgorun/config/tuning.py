@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from typing import Annotated, Any
 
+import numpy as np
 from pydantic import BeforeValidator, ConfigDict, Field, WithJsonSchema, model_validator
 
 from hgorun.config.types import Block, NonEmpty, Number, describe
@@ -37,6 +38,12 @@ class Range(Block):
     def ends(self) -> tuple[float, float]:
         """The least and the largest value."""
         return self.log or self.linear or (0.0, 0.0)
+
+    def at(self, place: np.ndarray | float) -> np.ndarray:
+        """The values at places between 0 and 1: the ends, and what lies between them."""
+        low, high = self.ends
+        value = low * (high / low) ** place if self.log is not None else low + (high - low) * place
+        return np.asarray(np.clip(value, low, high))
 
 
 def _texts(value: Any) -> Any:

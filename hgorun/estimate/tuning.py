@@ -40,12 +40,8 @@ class Trials:
 
     def at(self, u: Floats) -> dict[str, float]:
         """The gains at a place in the unit cube."""
-        found = {}
-        for (path, given), place in zip(self.gains.items(), np.clip(u, 0.0, 1.0).tolist(), strict=True):
-            low, high = given.ends
-            value = low * (high / low) ** place if given.log is not None else low + (high - low) * place
-            found[path] = float(np.clip(value, low, high))
-        return found
+        places = np.clip(u, 0.0, 1.0).tolist()
+        return {path: float(one.at(place)) for (path, one), place in zip(self.gains.items(), places, strict=True)}
 
     def errors(self, u: Floats) -> Floats | None:
         """The errors on the samples of the search; None where the estimate is lost, or nothing more may be tried."""

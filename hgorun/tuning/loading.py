@@ -77,6 +77,6 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
 
 def _ends(task: Task) -> Iterator[Experiment]:
     """With all gains at the lower ends of their ranges, and at the upper ones, as far as that is admitted."""
-    for end in ("low", "high"):
+    for end in (0, 1):
         with suppress(HgorunError):
-            yield task.base.varied({gain.path: getattr(gain, end) for gain in task.gains})
+            yield task.base.varied({gain.path: gain.range.ends[end] for gain in task.gains})

@@ -34,21 +34,12 @@ class Gain:
     ----------
     path : str
         As after ``--set``.
-    low, high : float
-    logarithmic : bool
-        Whether equal ratios are equally far apart.
+    range : Range
+        Between which values.
     """
 
     path: str
-    low: float
-    high: float
-    logarithmic: bool
-
-    def at(self, u: Floats) -> Floats:
-        """The values at places between 0 and 1."""
-        if self.logarithmic:
-            return np.clip(self.low * (self.high / self.low) ** u, self.low, self.high)
-        return np.clip(self.low + (self.high - self.low) * u, self.low, self.high)
+    range: Range
 
 
 @dataclass(frozen=True)
@@ -188,7 +179,7 @@ def _gain(base: Experiment, path: str, key: str, given: Range) -> Gain:
             base.varied({path: value})
         except ConfigError as error:
             raise Problem(("tune", "gains", key), f"{error.message} (for the value {value:g})") from None
-    return Gain(path, *given.ends, given.log is not None)
+    return Gain(path, given)
 
 
 def _limit(bound: Bound, label: str, experiment: Experiment, i: int) -> Limit:

@@ -97,7 +97,7 @@ class Trials:
 
 def gains_at(task: Task, u: Floats) -> Floats:
     """Gains at places in the unit cube, shape (C, k)."""
-    return np.column_stack([gain.at(u[:, i]) for i, gain in enumerate(task.gains)])
+    return np.column_stack([gain.range.at(u[:, i]) for i, gain in enumerate(task.gains)])
 
 
 def measured(task: Task, gains: Floats, seeds: Sequence[int] | NDArray[np.int64], threads: int = 1) -> Floats:

@@ -489,6 +489,10 @@ def test_gains_by_a_reference_and_at_the_end_of_a_range(shell: Shell) -> None:
     assert code == 0
     assert "reference_rmse a: search" in out
     assert "theta = 0.5 is at an end of its range" in err
+    # on its logarithmic scale a number is in the middle of a range of which it is a thousandth
+    file.write_text(given + TUNE.format(goal="reference_rmse(o, a)").replace("8]", "1e5]"))
+    code, _, err = shell("tune", "pendulum.yaml")
+    assert (code, "end of its range" in err) == (0, False)
 
 
 @pytest.mark.parametrize(
