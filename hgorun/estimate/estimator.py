@@ -104,7 +104,9 @@ class Estimator:
         run = self._run
         return {
             label: {
-                name: (run.outliers[i][j], run.offered[i]) for name, i in self._system.outputs.items() if run.limited[i]
+                name: (run.outliers[i][j], run.offered[i][j])
+                for name, i in self._system.outputs.items()
+                if run.limited[i]
             }
             for j, label in enumerate(self.labels)
         }
@@ -204,27 +206,25 @@ class Estimator:
         values = [(system.output(name), value) for name, value in numbers_by_name("y", y)]
         values = sorted((i, value) for i, value in values if np.isfinite(value))
         changed = () if u is None else tuple((system.input(name), value) for name, value in numbers_by_name("u", u))
-        newest = self._run.newest
         if available is None or available == t:
             now = self._since_start(t)
-            samples = tuple((i, slot_of(i), value, now >= newest[i]) for i, value in values)
-            past.go_on(Event(now, tuple((i, slot) for i, slot, _, _ in samples), samples, changed, now))
+            samples = tuple((i, slot_of(i), value) for i, value in values)
+            past.go_on(Event(now, tuple((i, slot) for i, slot, _ in samples), samples, changed, now))
             return
         now, taken = self._since_start(available, "available"), t - self._experiment.origin
         if taken > now:
             raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
         if taken < now and not self._run.by_innovation(t):
             if "replay" in system.treatments.values():
-                samples = tuple((i, slot_of(i), value, True) for i, value in values)
+                samples = tuple((i, slot_of(i), value) for i, value in values)
                 past.go_back(
-                    Event(taken, tuple((i, slot) for i, slot, _, _ in samples), samples, (), taken), together=True
+                    Event(taken, tuple((i, slot) for i, slot, _ in samples), samples, (), taken), together=True
                 )
             past.go_on(Event(now, (), (), changed, now))
             return
         slots = tuple((i, self._run.next_slot(i)) for i, _ in values)
         past.go_back(Event(taken, slots))
-        newest = self._run.newest  # which may have gone back
-        samples = tuple((i, slot, v, taken >= newest[i]) for (i, slot), (_, v) in zip(slots, values, strict=True))
+        samples = tuple((i, slot, value) for (i, slot), (_, value) in zip(slots, values, strict=True))
         past.go_on(Event(now, (), samples, changed, taken))
 
     @property
@@ -273,7 +273,7 @@ class Estimator:
         for i in range(len(self._system.outputs)):
             own = since[kinds == i]
             if own.size:
-                self._run.newest[i] = float(own[-1])
+                self._run.newest[i] = [float(own[-1])] * len(self.labels)
         lost = self._live.diverged[:, None] <= since
         readouts = zip(self.labels, self._system.structure.estimates, lost, strict=True)
         return {label: (readout.along(since, self._system.p, rows), gone) for label, readout, gone in readouts}
