@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from hgorun.config.reading import read_source
 from hgorun.engine.plan import Floats, Integers
 from hgorun.estimate.checkpoint import Checkpoint, damaged
+from hgorun.estimate.completed import streamed
 from hgorun.estimate.event import Event
 from hgorun.estimate.following import Following
 from hgorun.estimate.given import as_number, numbers_by_name
 from hgorun.estimate.live_system import LATE, TOGETHER, LiveSystem, slot_of
 from hgorun.estimate.remembered import Remembered
+from hgorun.estimate.stated_of_data import StatedOfData, with_noise
 from hgorun.estimate.together import Kinds
 from hgorun.simulation.experiment import Experiment
 
@@ -32,8 +36,11 @@ class Estimator:
     experiment : Experiment
         Its plant is what the observers copy. Estimates begin at ``time.start`` with the observers' ``initial``.
     gates : mapping of str to float, optional
-        By output, standard deviations of the innovation beyond which a sample is not used.
-    inputs : sequence of str
+        By output, standard deviations of the innovation beyond which a sample is not used. By default, as for what
+        follows, that of the block ``data``; none where it is empty.
+    std : mapping of str to float, optional
+        By output, the standard deviation of its noise, where ``measurement`` says nothing of it.
+    inputs : sequence of str, optional
         Inputs that are given with the samples, and held; the others are expressions of the time.
     remembered : int
         So many events are remembered for samples that come late; what was taken before them is refused.
@@ -55,12 +62,16 @@ class Estimator:
         experiment: Experiment,
         *,
         gates: Mapping[str, float] | None = None,
-        inputs: tuple[str, ...] = (),
+        std: Mapping[str, float] | None = None,
+        inputs: Sequence[str] | None = None,
         remembered: int = 1000,
     ) -> None:
-        self._experiment, gates = experiment, gates or {}
+        said = StatedOfData.of(experiment.source)
+        gates = said.gates if gates is None else gates
+        experiment = with_noise(experiment, said.std if std is None else std)
+        self._experiment = experiment
         with experiment.located():
-            self._system = system = LiveSystem.of(experiment, tuple(inputs))
+            self._system = system = LiveSystem.of(experiment, tuple(said.inputs if inputs is None else inputs))
             for name in gates:
                 system.output(name)
             self._run = Following(system, gates)
@@ -69,6 +80,19 @@ class Estimator:
         self._kinds = Kinds.of(system.structure, list(system.corrections), len(system.inputs), LATE)
         self._reach = _FARTHEST * system.step
         self._simple = system.follows_states and not (gates or system.steps or remembered > 0)
+
+    @classmethod
+    def load(cls, path: str | Path, overrides: Sequence[str] = ()) -> Estimator:
+        """The observers of a configuration of recorded data, as ``hgorun estimate CONFIG -`` has them.
+
+        The file needs neither ``time.end`` nor ``plant.initial``; arguments are those of :func:`hgorun.load`.
+
+        Raises
+        ------
+        ConfigError
+        """
+        _, source = read_source(path, overrides)
+        return cls(streamed(source, StatedOfData.of(source), Path(path).stem))
 
     @property
     def t(self) -> float:
