@@ -21,7 +21,11 @@ def test_the_largest_norm(seed: int, rows: int, columns: int) -> None:
 def test_the_outermost_eigenvalues(seed: int, n: int, kind: str) -> None:
     """Also where the extreme ones are of one matrix of thousands, and where the matrices are hardly different."""
     rng = np.random.default_rng(seed)
-    A = rng.standard_normal((3000, n, n)) if kind == "random" else np.repeat(rng.standard_normal((1, n, n)), 3000, axis=0)
+    A = (
+        rng.standard_normal((3000, n, n))
+        if kind == "random"
+        else np.repeat(rng.standard_normal((1, n, n)), 3000, axis=0)
+    )
     stack = A + np.swapaxes(A, 1, 2)
     if kind == "settling":
         stack = stack + np.exp(-np.arange(3000) / 3)[:, None, None] * np.diag(rng.uniform(-9, 9, n))
