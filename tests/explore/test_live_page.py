@@ -253,7 +253,7 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
         await page.value(f"{TOOLS}[1].focus()")
         await page.press(" ")
         seen["pressed"] = await page.value(f"{TOOLS}.map(one => one.getAttribute('aria-pressed'))")
-        await page.value("document.querySelector('#undo').focus()")
+        await page.value("document.querySelector('#reset').focus()")
         reached = []
         for _ in range(12):
             await page.press("Tab")
