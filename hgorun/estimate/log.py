@@ -84,8 +84,8 @@ class Log:
             files = (self.folder / block.file,) if block.file is not None else self.shared_files
             if block.column == column and file.resolve() in (one.resolve() for one in files):
                 raise ConfigError(
-                    f"--holdout {name}={file}: observers get this column {column} as the output {output}: hold out some of "
-                    f"its samples, --holdout {output}=5"
+                    f"--holdout {name}={file}: observers get this column {column} as the output {output}: hold out "
+                    f"some of its samples, --holdout {output}=5"
                 )
 
     def from_file(self, output: str, file: Path, origin: Origin) -> Signal:
