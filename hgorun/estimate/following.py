@@ -56,6 +56,7 @@ class Following:
         self.outliers = [[0] * len(system.labels) for _ in limits]
         self._pending = [0] * len(limits)
         self._last_sample = np.nan
+        self._told: dict[int, float] = {}
         self._rows: dict[object, Integers] = {}
 
     @property
@@ -81,6 +82,8 @@ class Following:
     def carry_out(self, event: Event) -> None:
         """Go on to an event, and let it happen."""
         live, layout = self.live, self.system.structure.system.held
+        if self.system.driven and live.t <= 0.0 and not any(self.heard):
+            self._begin(event)
         live.advance(event.t, self.regime)
         for number, value in event.inputs:
             place, slope, since, _ = layout.input(number)
@@ -110,6 +113,27 @@ class Following:
                         leave_out(self.system.structure.system, live, i, j, z, w)
         for j, samples in out.items():
             self._jump_without(event, j, samples, actions, z, w)
+
+    def _begin(self, event: Event) -> None:
+        """Let observers start with the inputs that are known by now.
+
+        Raises
+        ------
+        ValueError
+            Where they cannot, and something follows from their states.
+        """
+        system, live = self.system, self.live
+        first = {number: value for number, value in event.inputs if event.t <= 0.0 or number not in self._told}
+        if first:
+            told = self._told | first
+            live.z[...] = system.start_with(told)
+            self._told = told
+        if (event.samples or event.t > live.t) and np.isnan(live.z).any():
+            missing = ", ".join(name for name, number in system.inputs.items() if number not in self._told)
+            raise ValueError(
+                f"{', '.join(system.driven)}: the derivatives of the output at the start depend on inputs, and "
+                f"{missing} is not known yet: give inputs before the first sample, or with it"
+            )
 
     def _jump_without(
         self, event: Event, j: int, samples: list[tuple[int, int]], actions: Integers, z: Floats, w: Floats
@@ -160,15 +184,16 @@ class Following:
     def state(self) -> State:
         """All that the run goes on from, copied."""
         gate = None if self.gate is None else [[one.state() for one in row] for row in self.gate.deviations]
-        told = [self.heard, self.newest, self._pending, self._last_sample, gate, self.offered, self.outliers]
-        return self.live.state(), json.dumps(told).encode()
+        known = [self.heard, self.newest, self._pending, self._last_sample, gate, self.offered, self.outliers]
+        return self.live.state(), json.dumps([*known, list(self._told.items())]).encode()
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
         numbers, notes = state
         self.heard, self.newest, self._pending, self._last_sample, gate, *counts = json.loads(notes)
         if counts:  # checkpoints of before have none
-            self.offered, self.outliers = counts
+            self.offered, self.outliers, *more = counts
+            self._told = {number: value for pairs in more for number, value in pairs}
         if self.gate is not None and gate is not None:
             for row, kept in zip(self.gate.deviations, gate, strict=True):
                 for one, innovations in zip(row, kept, strict=True):
