@@ -14,6 +14,7 @@ from hgorun.config.data import Csv
 from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Numbers
 from hgorun.data.dialect import Dialect, cells, dialect_of
+from hgorun.data.missing import leave_out
 from hgorun.data.rows import Rows
 from hgorun.data.table import Columns, Table
 from hgorun.data.text import Block, blocks
@@ -91,16 +92,11 @@ class CsvFile:
         else:
             with ahead(rest, _AHEAD) as following:
                 reading.read(chain([block], following))
-        return _without(dialect.missing_numbers, columns.table())
-
-
-def _without(numbers: Sequence[float], table: Table) -> Table:
-    """Numbers that stand for a missing value, as -9999, are NaN."""
-    for cells_of, values in table.columns.items():
-        if isinstance(cells_of, Numbers):
-            for number in numbers:
-                values[values == number] = np.nan
-    return table
+        table = columns.table()
+        for cells_of, values in table.columns.items():
+            if isinstance(cells_of, Numbers):
+                leave_out(dialect.missing_numbers, values)
+        return table
 
 
 class _Reading:

@@ -8,8 +8,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from hgorun.config.data import MISSING
 from hgorun.data.arrays import ArrayColumn
-from hgorun.data.cells import MISSING
 from hgorun.errors import ConfigError, printable
 
 _DEEP = 5  # groups inside each other
