@@ -179,7 +179,8 @@ class LongLog:
         for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
             self._write(file, found, path, rows, self._grid.size)
         for i, one in enumerate(prepared.samples):
-            predicted = innovations_of(prepared, i, times, everywhere, Carried(raw, prepared.used(), step, own.z, 0))
+            used = prepared.used()
+            predicted = innovations_of(prepared, i, times, everywhere, Carried(raw, used, used, step, own.z, 0))
             first = found.done.setdefault((i, ""), 0)
             found.predicted[i][:, first : first + one.values.size] = predicted
             found.done[i, ""] += one.values.size
@@ -232,7 +233,7 @@ class LongLog:
         whole = {key: with_lag(prepared, together(parts), self._lags[key]) for key, parts in found.compared.items()}
         shown = found.all_shown
         evaluated = Evaluated(
-            Carried(raw, used, step, found.error(prepared.method), spent),
+            Carried(raw, used, used, step, found.error(prepared.method), spent),
             self._grid[:0],
             [shown(f"observers/{b.label}/xhat") for b in prepared.run.observers],
             np.zeros((0, own.z.size)),
