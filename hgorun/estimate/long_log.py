@@ -272,8 +272,9 @@ class LongLog:
         file.append(path, rows, total, lasting=True)
 
     def _write_band(self, file: ResultInParts, found: Found, label: str, widths: Widths) -> None:
+        written = file.whole(f"observers/{label}/xhat")
         for first in range(0, self._grid.size, _ROWS):
-            some = slice(first, min(first + _ROWS, self._grid.size))
-            xhat, width = file.read(f"observers/{label}/xhat", some), widths.at(self._grid[some])
+            stop = min(first + _ROWS, self._grid.size)
+            xhat, width = written.read(first, stop), widths.at(self._grid[first:stop])
             for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
                 self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)
