@@ -178,8 +178,9 @@ class LongLog:
             found.undefined[j] = min(found.undefined[j], first_undefined(grid, x))
         for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
             self._write(file, found, path, rows, self._grid.size)
+        carried = Carried(raw, np.zeros(0, dtype=bool), step, own.z, 0)  # all samples are used, and no one asks
         for i, one in enumerate(prepared.samples):
-            predicted = innovations_of(prepared, i, times, everywhere, Carried(raw, prepared.used(), step, own.z, 0))
+            predicted = innovations_of(prepared, i, times, everywhere, carried)
             first = found.done.setdefault((i, ""), 0)
             found.predicted[i][:, first : first + one.values.size] = predicted
             found.done[i, ""] += one.values.size
