@@ -149,7 +149,7 @@ class Sources:
             return
         if count > 1:
             raise Problem(path, f"{file.path} has {count} columns called {column!r}")
-        shown = ", ".join(known[:20]) + (", ..." if len(known) > 20 else "")
+        shown = ", ".join(map(_visible, known[:20])) + (", ..." if len(known) > 20 else "")
         hint = file.table.hint(column) or _meant(column, known)
         raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has: {shown}")
 
@@ -168,6 +168,11 @@ class Sources:
                 budget -= table.lines.nbytes + sum(column.nbytes for column in table.columns.values())
                 found[file] = table
         return found
+
+
+def _visible(name: str) -> str:
+    """A name with escapes for characters that one does not see, such as a mark of the byte order inside a file."""
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in name)
 
 
 def _meant(column: str, known: Sequence[str]) -> str:

@@ -178,7 +178,8 @@ class LongLog:
             found.undefined[j] = min(found.undefined[j], first_undefined(grid, x))
         for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
             self._write(file, found, path, rows, self._grid.size)
-        carried = Carried(raw, np.zeros(0, dtype=bool), step, own.z, 0)  # all samples are used, and no one asks
+        used = np.zeros(0, dtype=bool)  # all samples are, and no one asks
+        carried = Carried(raw, used, used, step, own.z, 0)
         for i, one in enumerate(prepared.samples):
             predicted = innovations_of(prepared, i, times, everywhere, carried)
             first = found.done.setdefault((i, ""), 0)
@@ -233,7 +234,7 @@ class LongLog:
         whole = {key: with_lag(prepared, together(parts), self._lags[key]) for key, parts in found.compared.items()}
         shown = found.all_shown
         evaluated = Evaluated(
-            Carried(raw, used, step, found.error(prepared.method), spent),
+            Carried(raw, used, used, step, found.error(prepared.method), spent),
             self._grid[:0],
             [shown(f"observers/{b.label}/xhat") for b in prepared.run.observers],
             np.zeros((0, own.z.size)),

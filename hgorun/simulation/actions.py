@@ -127,7 +127,6 @@ class Actions:
     ) -> None:
         layout = system.held
         rebase = system.has_alpha and not system.compares_with_past
-        jumps = bool(system.stepped or system.corrections)  # at samples
         kinds: list[Kind] = []
         arrivals: list[np.ndarray] = []
         base, held, self.snapshots = 0, 0, 0
@@ -149,6 +148,9 @@ class Actions:
             kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
             if isinstance(c, HeardOtherwise) and c.retaken:
                 kinds.append(Kind.of(arrive, 0, RETAKE, i, Numbered(base)))
+            jumps = bool(system.stepped) or any(
+                first <= i < stop for _, first, stop in system.corrections
+            )  # at samples
             heard = s.used & _last_of_equal(arrive) if jumps else s.used
             arrivals.append(arrive if heard.all() else arrive[heard])
             what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)
