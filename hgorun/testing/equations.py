@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.config.reads import Reads
-from hgorun.errors import HgorunError, PluginError, Problem
+from hgorun.errors import HgorunError, PluginError, Problem, raised
 from hgorun.observers.base import (
     AnyObserver,
     Arrival,
@@ -227,11 +227,11 @@ def told(method: str) -> Iterator[None]:
         cause = error.__cause__
         if cause is None:
             raise Broken(*returned(error)) from error
-        raise Broken(f"{method}() raised {type(cause).__name__}: {cause}", "no exception") from error
+        raise Broken(f"{method}() raised {raised(cause)}", "no exception") from error
     except (HgorunError, Problem, Broken):
         raise
     except Exception as error:
-        raise Broken(f"{method}() raised {type(error).__name__}: {error}", "no exception") from error
+        raise Broken(f"{method}() raised {raised(error)}", "no exception") from error
 
 
 def _closed(name: str, inputs: list[ca.SX], expressions: list[ca.SX]) -> ca.Function:
