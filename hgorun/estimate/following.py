@@ -14,6 +14,7 @@ from hgorun.engine.session import without
 from hgorun.estimate.event import Event
 from hgorun.estimate.gate import Gate
 from hgorun.estimate.gated import jumps_by_several, leave_out
+from hgorun.estimate.lateness import disagreement
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 
 State: TypeAlias = tuple[dict[str, Floats], bytes]  # the numbers of a run, and what is known beside them
@@ -50,6 +51,7 @@ class Following:
         limits = [gates.get(name) for name in system.outputs]
         self.gate = Gate(system.experiment, limits, system.covariances) if gates else None
         self.limited = [limit is not None for limit in limits]
+        self._different = disagreement(system.experiment)
         self.heard = [False] * len(limits)
         self._every, count = range(len(system.labels)), len(system.labels)
         self.newest = [[-np.inf] * count for _ in limits]
@@ -67,13 +69,9 @@ class Following:
 
     def by_innovation(self, t: float) -> bool:
         """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
-        found = {treatment: label for label, treatment in self.system.treatments.items()}
-        if len(found) > 1:
-            said = ", ".join(f"{label}: {treatment}" for treatment, label in found.items())
-            raise ValueError(
-                f"the sample taken at {t:g} is late, and in a stream all observers treat late samples alike ({said})"
-            )
-        return "innovation" in found
+        if self._different is not None:
+            raise ValueError(f"the sample taken at {t:g} is late, and {self._different.message}")
+        return "innovation" in self.system.treatments.values()
 
     def next_slot(self, output: int) -> int:
         """A place for a late sample: one after the other, around."""
