@@ -63,6 +63,10 @@ class CsvFile:
         place = self.dialect.names.index(column)
         return units[place].strip("[]() ") if place < len(units) else ""
 
+    def counts_from_a_date(self, column: str) -> bool:
+        """Text has dates as dates."""
+        return False
+
     def hint(self, column: str) -> str:
         """How many lines stand above the header, where a line below that which was taken for it has the column."""
         lines = next(blocks(self._path, self._told.encoding)).text.split(b"\n", _ABOVE)[:_ABOVE]

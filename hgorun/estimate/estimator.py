@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from hgorun.config.reading import read_source
 from hgorun.engine.plan import Floats, Integers
 from hgorun.estimate.checkpoint import Checkpoint, damaged
+from hgorun.estimate.completed import streamed
 from hgorun.estimate.event import Event
 from hgorun.estimate.following import Following
 from hgorun.estimate.given import as_number, numbers_by_name
 from hgorun.estimate.live_system import LATE, TOGETHER, LiveSystem, slot_of
 from hgorun.estimate.remembered import Remembered
+from hgorun.estimate.stated_of_data import StatedOfData, with_noise
 from hgorun.estimate.together import Kinds
 from hgorun.simulation.experiment import Experiment
 
@@ -32,8 +36,11 @@ class Estimator:
     experiment : Experiment
         Its plant is what the observers copy. Estimates begin at ``time.start`` with the observers' ``initial``.
     gates : mapping of str to float, optional
-        By output, standard deviations of the innovation beyond which a sample is not used.
-    inputs : sequence of str
+        By output, standard deviations of the innovation beyond which a sample is not used. By default, as for what
+        follows, that of the block ``data``; none where it is empty.
+    std : mapping of str to float, optional
+        By output, the standard deviation of its noise, where ``measurement`` says nothing of it.
+    inputs : sequence of str, optional
         Inputs that are given with the samples, and held; the others are expressions of the time.
     remembered : int
         So many events are remembered for samples that come late; what was taken before them is refused.
@@ -55,12 +62,16 @@ class Estimator:
         experiment: Experiment,
         *,
         gates: Mapping[str, float] | None = None,
-        inputs: tuple[str, ...] = (),
+        std: Mapping[str, float] | None = None,
+        inputs: Sequence[str] | None = None,
         remembered: int = 1000,
     ) -> None:
-        self._experiment, gates = experiment, gates or {}
+        said = StatedOfData.of(experiment.source)
+        gates = said.gates if gates is None else gates
+        experiment = with_noise(experiment, said.std if std is None else std)
+        self._experiment = experiment
         with experiment.located():
-            self._system = system = LiveSystem.of(experiment, tuple(inputs))
+            self._system = system = LiveSystem.of(experiment, tuple(said.inputs if inputs is None else inputs))
             for name in gates:
                 system.output(name)
             self._run = Following(system, gates)
@@ -69,6 +80,19 @@ class Estimator:
         self._kinds = Kinds.of(system.structure, list(system.corrections), len(system.inputs), LATE)
         self._reach = _FARTHEST * system.step
         self._simple = system.follows_states and not (gates or system.steps or remembered > 0)
+
+    @classmethod
+    def load(cls, path: str | Path, overrides: Sequence[str] = ()) -> Estimator:
+        """The observers of a configuration of recorded data, as ``hgorun estimate CONFIG -`` has them.
+
+        The file needs neither ``time.end`` nor ``plant.initial``; arguments are those of :func:`hgorun.load`.
+
+        Raises
+        ------
+        ConfigError
+        """
+        _, source = read_source(path, overrides)
+        return cls(streamed(source, StatedOfData.of(source), Path(path).stem))
 
     @property
     def t(self) -> float:
@@ -104,7 +128,9 @@ class Estimator:
         run = self._run
         return {
             label: {
-                name: (run.outliers[i][j], run.offered[i]) for name, i in self._system.outputs.items() if run.limited[i]
+                name: (run.outliers[i][j], run.offered[i][j])
+                for name, i in self._system.outputs.items()
+                if run.limited[i]
             }
             for j, label in enumerate(self.labels)
         }
@@ -204,27 +230,25 @@ class Estimator:
         values = [(system.output(name), value) for name, value in numbers_by_name("y", y)]
         values = sorted((i, value) for i, value in values if np.isfinite(value))
         changed = () if u is None else tuple((system.input(name), value) for name, value in numbers_by_name("u", u))
-        newest = self._run.newest
         if available is None or available == t:
             now = self._since_start(t)
-            samples = tuple((i, slot_of(i), value, now >= newest[i]) for i, value in values)
-            past.go_on(Event(now, tuple((i, slot) for i, slot, _, _ in samples), samples, changed, now))
+            samples = tuple((i, slot_of(i), value) for i, value in values)
+            past.go_on(Event(now, tuple((i, slot) for i, slot, _ in samples), samples, changed, now))
             return
         now, taken = self._since_start(available, "available"), t - self._experiment.origin
         if taken > now:
             raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
         if taken < now and not self._run.by_innovation(t):
             if "replay" in system.treatments.values():
-                samples = tuple((i, slot_of(i), value, True) for i, value in values)
+                samples = tuple((i, slot_of(i), value) for i, value in values)
                 past.go_back(
-                    Event(taken, tuple((i, slot) for i, slot, _, _ in samples), samples, (), taken), together=True
+                    Event(taken, tuple((i, slot) for i, slot, _ in samples), samples, (), taken), together=True
                 )
             past.go_on(Event(now, (), (), changed, now))
             return
         slots = tuple((i, self._run.next_slot(i)) for i, _ in values)
         past.go_back(Event(taken, slots))
-        newest = self._run.newest  # which may have gone back
-        samples = tuple((i, slot, v, taken >= newest[i]) for (i, slot), (_, v) in zip(slots, values, strict=True))
+        samples = tuple((i, slot, value) for (i, slot), (_, value) in zip(slots, values, strict=True))
         past.go_on(Event(now, (), samples, changed, taken))
 
     @property
@@ -273,7 +297,7 @@ class Estimator:
         for i in range(len(self._system.outputs)):
             own = since[kinds == i]
             if own.size:
-                self._run.newest[i] = float(own[-1])
+                self._run.newest[i] = [float(own[-1])] * len(self.labels)
         lost = self._live.diverged[:, None] <= since
         readouts = zip(self.labels, self._system.structure.estimates, lost, strict=True)
         return {label: (readout.along(since, self._system.p, rows), gone) for label, readout, gone in readouts}
