@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import MutableSequence
+from typing import cast
 
 import numpy as np
 
@@ -58,8 +60,8 @@ class Live:
         own = {"slots": slots * program.system.width, "innovations": slots}
         self._kept = {name: arrays[name][: own.get(name)] for name in _KEPT}
         # of at most two segments: words are written much faster than rows of arrays
-        self._span_words = memoryview(arrays["spans"].reshape(-1))
-        self._count_words = memoryview(arrays["counts"].reshape(-1))
+        self._span_words = cast("MutableSequence[float]", arrays["spans"].reshape(-1).data)
+        self._count_words = cast("MutableSequence[int]", arrays["counts"].reshape(-1).data)
         self._actions: Integers | None = None  # those in the memory
 
     def advance(self, t: float, regime: int) -> None:
