@@ -11,7 +11,7 @@ from hgorun.commands.exported_samples import export_samples
 from hgorun.commands.inputs import configuration
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
-from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, there, written
+from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_no_csv, refuse_other_kinds, there, written
 from hgorun.commands.remarks import warn
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
@@ -31,6 +31,8 @@ from hgorun.study.split import split
 def estimate(options: Estimate) -> int:
     """Run the observers of a configuration on recorded data and write the result."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES, {".csv": "--export-csv FILE writes the estimates"})
+    refuse_no_csv("--export-csv", options.export_csv)
+    refuse_no_csv("--export-samples", options.export_samples)
     page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config))
     text, source = read_source(options.config, options.overrides, seed=options.seed)
@@ -115,7 +117,7 @@ def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Record
         if every is None:
             if not Path(what).is_file():
                 raise ConfigError(f"--holdout {text}: expected a number of samples, or a file; there is no file {what}")
-            aside[output] = log.from_file(output, Path(what), recording.origin)
+            recording, aside[output] = log.held_out(recording, output, Path(what))
         else:
             chosen.append(every)
     recording, found = held_out(recording, chosen)

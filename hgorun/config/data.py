@@ -10,7 +10,19 @@ from pydantic_core import CoreSchema
 
 from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positive, describe
 
+MISSING = ("", "nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "nil", "none")
+"""Texts that stand for a missing value in every file, in small letters."""
+
 _TEXT_OR_BLOCK = "the name of a column, or a mapping with column and more"
+
+
+def _texts(value: Any) -> Any:
+    """One text or several; a number as YAML reads it is one."""
+    given = value if isinstance(value, (list, tuple)) else (value,)
+    return tuple(str(one) if isinstance(one, (int, float)) and not isinstance(one, bool) else one for one in given)
+
+
+_ONE = {"type": ["string", "number"]}
 
 
 class Csv(Block):
@@ -33,8 +45,12 @@ class Csv(Block):
     units_row: Annotated[bool, Field(strict=True)] | None = Field(
         default=None, description="whether a row of units follows the header (default: found)"
     )
-    missing: tuple[str, ...] = Field(
-        default=(), description="texts that stand for a missing value, beside empty, NaN, NA, N/A, null and none"
+    missing: Annotated[
+        tuple[str, ...], BeforeValidator(_texts), WithJsonSchema({"anyOf": [_ONE, {"type": "array", "items": _ONE}]})
+    ] = Field(
+        default=(),
+        description="texts and numbers that stand for a missing value, also in Parquet and HDF5, beside empty cells, "
+        f"{', '.join(MISSING[1:-1])} and {MISSING[-1]}",
     )
 
     @model_validator(mode="after")
@@ -138,24 +154,37 @@ class Column(Block):
     faults: Faults = Field(default_factory=Faults, description="what is done about faults (default: data.faults)")
 
 
-class Measured(Column):
-    """A measured quantity."""
+class Judged(Column):
+    """A measured quantity, not each value of which is used."""
+
+    plausible: Interval | None = Field(
+        default=None, description="[low, high] in the model's unit: values outside are not used"
+    )
+    quality: Quality | None = Field(default=None, description="{column, good: [...]}: other values are not used")
+
+
+class Measured(Judged):
+    """A measured quantity that observers get."""
 
     available: ClockKey | None = Field(
         default=None, description="the column that says when each value was known (default: when it was taken)"
     )
-    plausible: Interval | None = Field(
-        default=None, description="[low, high] in the model's unit: values outside are not used"
-    )
     gate: Positive | None = Field(
         default=None, description="standard deviations of the innovation beyond which a sample is not used"
     )
-    quality: Quality | None = Field(default=None, description="{column, good: [...]}: other values are not used")
     std: Positive | None = Field(default=None, description="standard deviation of its noise, in the model's unit")
 
 
-class Beside(Measured):
+class Beside(Judged):
     """A measured quantity that estimates are compared with."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _never_used(cls, value: Any) -> Any:
+        for key in ("available", "gate", "std"):
+            if isinstance(value, dict) and key in value:
+                raise ValueError(f"{key} is of samples that observers get, and none gets a reference: leave it out")
+        return value
 
     lag: Positive | None = Field(
         default=None,

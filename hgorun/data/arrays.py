@@ -9,7 +9,11 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from hgorun.data.cells import MISSING, NAT, Cells, Flags, Numbers, Stamps
+from hgorun.config.data import Csv
+from hgorun.data.cells import NAT, Cells, Flags, Numbers, Stamps
+from hgorun.data.dates import counted
+from hgorun.data.missing import leave_out, missing_numbers, missing_texts
+from hgorun.data.since import counts_from_a_date, since
 from hgorun.data.table import Table
 from hgorun.errors import ConfigError, printable
 from hgorun.result.guarded import Failed, guarded
@@ -31,11 +35,14 @@ class ArrayColumn:
         As the file states it; empty where it does not.
     sample : str
         Its first value that is not missing; a date in ISO 8601.
+    calendar : str
+        Of numbers whose unit is such as ``minutes since 2024-01-01``; empty where the file names none.
     """
 
     rows: int
     unit: str
     sample: str
+    calendar: str = ""
 
 
 class ArrayFormat(Protocol):
@@ -58,6 +65,8 @@ class ArrayFile:
     ----------
     path : Path
     form : ArrayFormat
+    told : Csv
+        How texts are written, and what stands for a missing value.
 
     Raises
     ------
@@ -65,8 +74,10 @@ class ArrayFile:
         When it is damaged.
     """
 
-    def __init__(self, path: Path, form: ArrayFormat) -> None:
-        self._path, self._form = path, form
+    def __init__(self, path: Path, form: ArrayFormat, told: Csv) -> None:
+        self._path, self._form, self._told = path, form, told
+        self._decimal = told.decimal or ("," if told.thousands == "." else ".")
+        self._missing_numbers = missing_numbers(told, self._decimal)
         self._columns = _aside(path, lambda: dict(form.catalogue(path)), 2**28)
 
     @property
@@ -81,6 +92,10 @@ class ArrayFile:
     def unit(self, column: str) -> str:
         """The unit that the file states."""
         return printable(self._columns[column].unit)
+
+    def counts_from_a_date(self, column: str) -> bool:
+        """Whether its unit is such as ``minutes since 2024-01-01``."""
+        return counts_from_a_date(self._columns[column].unit)
 
     def hint(self, column: str) -> str:
         """Nothing is known of columns that are not there."""
@@ -113,28 +128,50 @@ class ArrayFile:
 
     def _values(self, cells: Cells, array: np.ndarray) -> np.ndarray:
         kind = array.dtype.kind
-        if isinstance(cells, Numbers) and kind in "fiub":
-            values = np.asarray(array, dtype=float)
+        if isinstance(cells, Numbers) and kind in "fiu":
+            values = np.array(array, dtype=float)
+            with np.errstate(over="ignore"):  # -999.9 is another number in single precision
+                absent = np.array(self._missing_numbers).astype(array.dtype if kind == "f" else float)
+            leave_out(absent.astype(float).tolist(), values)
             if (wrong := np.flatnonzero(np.isinf(values))).size:
                 raise self._error("expected a number, found an infinite one", int(wrong[0]), cells.column)
             return values
         if isinstance(cells, Stamps) and kind == "M":
             return np.asarray(array).astype("datetime64[ns]").astype(np.int64)
-        if isinstance(cells, Flags) and kind in "fiub":
+        if isinstance(cells, Flags) and kind in "fiu":
             return np.isin(array, [good for good in cells.good if not isinstance(good, str)]).astype(float)
-        if kind == "M" or (isinstance(cells, Stamps) and kind != "O"):
+        if isinstance(cells, Stamps) and kind in "fiu" and self.counts_from_a_date(cells.column):
+            return self._counted(cells, array)
+        if kind == "M" or (isinstance(cells, Stamps) and kind not in "Ob"):
             raise self._error(f"expected {'dates' if isinstance(cells, Stamps) else 'numbers'}", 0, cells.column)
         return self._read(cells, array)
 
+    def _counted(self, cells: Stamps, array: np.ndarray) -> np.ndarray:
+        """Dates of numbers that count from one."""
+        column = self._columns[cells.column]
+        try:
+            told = since(column.unit, column.calendar)
+        except ValueError as error:
+            hint = "with unit: the numbers are times of their own, as in time: {column: ..., unit: d}"
+            raise self._error(f"{error}; {hint}", None, cells.column) from None
+        found, wrong = counted(array, told.unit, told.start)
+        if wrong is not None:
+            message = f"expected a date between 1678 and 2262, found {array[wrong]:g} {column.unit}"
+            raise self._error(message, wrong, cells.column)
+        cells.zoned.add(told.zoned)
+        return found
+
     def _read(self, cells: Cells, texts: np.ndarray) -> np.ndarray:
         """Texts, cell by cell."""
-        read = cells.reader(".", frozenset(MISSING))
+        read = cells.reader(self._decimal, missing_texts(self._told), self._told.thousands)
         values = np.full(texts.size, NAT if isinstance(cells, Stamps) else np.nan, dtype=cells.dtype)
         for row, text in enumerate(texts.tolist()):
             try:
                 values[row] = read("" if text is None else str(text))
             except ValueError as error:
                 raise self._error(str(error), row, cells.column) from None
+        if isinstance(cells, Numbers):
+            leave_out(self._missing_numbers, values)
         return values
 
     def _error(self, message: str, row: int | None = None, column: str | None = None) -> ConfigError:

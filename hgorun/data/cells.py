@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 from collections.abc import Callable
@@ -15,8 +16,6 @@ from hgorun.config.types import describe
 
 NAT = int(np.iinfo(np.int64).min)
 """The stamp of a missing value: that of numpy."""
-MISSING = ("", "nan", "na", "n/a", "#n/a", "null", "none", "nil", "-nan", "<na>")
-"""Texts for a missing value, in small letters."""
 
 _DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}
@@ -24,6 +23,9 @@ _BETWEEN = {".": r"\.", ",": ",", " ": "[ \u00a0\u202f]", "'": "['\u2019]"}  # w
 _ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?)?\s?(Z|[-+]\d\d:?\d\d)?", re.ASCII
 )
+_BEGINS_AS_NUMBER = re.compile(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
+_WORD = 40  # characters of a text that may mean a missing value
+_TRUTH = {"true": 1.0, "false": 0.0}
 _EPOCH = datetime(1970, 1, 1)
 _SECOND = timedelta(seconds=1)
 
@@ -76,6 +78,10 @@ def _no_number(text: str, decimal: str, thousands: str | None) -> str:
         return f'{said}; for signs between thousands: csv: {{thousands: "{signs[0]}"}}'
     if looks_like_iso(text):
         return f"{said}; dates are read with format: iso"
+    if text.lower() in _TRUTH:
+        return f"{said}; write 1 for true and 0 for false"
+    if len(text) <= _WORD and text.isprintable() and not _BEGINS_AS_NUMBER.match(text):
+        return f"{said}; if it means a missing value: csv: {{missing: [{json.dumps(text, ensure_ascii=False)}]}}"
     return said
 
 
@@ -91,13 +97,14 @@ class Flags:
     def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
         texts = {good.strip() for good in self.good if isinstance(good, str)}
         numbers = {good for good in self.good if not isinstance(good, str)}
+        numbers |= {_TRUTH[text.lower()] for text in texts if text.lower() in _TRUTH}
 
         def read(cell: str) -> float:
             text = cell.strip()
             if text in texts:
                 return 1.0
             try:
-                return float(float(text) in numbers)
+                return float(_TRUTH.get(text.lower(), math.nan) in numbers or float(text) in numbers)
             except ValueError:
                 return 0.0
 

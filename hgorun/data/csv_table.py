@@ -14,6 +14,7 @@ from hgorun.config.data import Csv
 from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Numbers
 from hgorun.data.dialect import Dialect, cells, dialect_of
+from hgorun.data.missing import leave_out
 from hgorun.data.rows import Rows
 from hgorun.data.table import Columns, Table
 from hgorun.data.text import Block, blocks
@@ -62,6 +63,10 @@ class CsvFile:
         place = self.dialect.names.index(column)
         return units[place].strip("[]() ") if place < len(units) else ""
 
+    def counts_from_a_date(self, column: str) -> bool:
+        """Text has dates as dates."""
+        return False
+
     def hint(self, column: str) -> str:
         """How many lines stand above the header, where a line below that which was taken for it has the column."""
         lines = next(blocks(self._path, self._told.encoding)).text.split(b"\n", _ABOVE)[:_ABOVE]
@@ -91,16 +96,11 @@ class CsvFile:
         else:
             with ahead(rest, _AHEAD) as following:
                 reading.read(chain([block], following))
-        return _without(dialect.missing_numbers, columns.table())
-
-
-def _without(numbers: Sequence[float], table: Table) -> Table:
-    """Numbers that stand for a missing value, as -9999, are NaN."""
-    for cells_of, values in table.columns.items():
-        if isinstance(cells_of, Numbers):
-            for number in numbers:
-                values[values == number] = np.nan
-    return table
+        table = columns.table()
+        for cells_of, values in table.columns.items():
+            if isinstance(cells_of, Numbers):
+                leave_out(dialect.missing_numbers, values)
+        return table
 
 
 class _Reading:

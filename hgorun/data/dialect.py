@@ -10,7 +10,8 @@ from itertools import zip_longest
 from pathlib import Path
 
 from hgorun.config.data import Csv
-from hgorun.data.cells import MISSING, looks_like_iso
+from hgorun.data.cells import looks_like_iso
+from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
 from hgorun.errors import ConfigError
 
@@ -97,7 +98,7 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
             message = f"expected a line with the names of the columns, found numbers: {header.text[:60]}"
             raise ConfigError(message, file=str(path), line=header.number)
         names, body = above, rows
-    missing = frozenset((*MISSING, *(text.strip().lower() for text in told.missing)))
+    missing = missing_texts(told)
     units: tuple[str, ...] = ()
     if told.units_row or (told.units_row is None and body and _are_units(body[0][1], missing)):
         units = tuple(text.strip() for text in body[0][1]) if body else ()
@@ -109,11 +110,11 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
         raise ConfigError("a header without values below it", file=str(path), line=header.number)
     first, sample = body[0]
     ends = len(sample) == len(names) + 1 and not sample[-1].strip()
+    known = [["" if text.strip().lower() in missing else text for text in row] for _, row in body]
+    decimal = told.decimal or _OTHER.get(told.thousands or "") or _decimal(known, path, first.number)
     return Dialect(
         separator=separator,
-        decimal=told.decimal
-        or _OTHER.get(told.thousands or "")
-        or _decimal([row for _, row in body], separator, path, first.number),
+        decimal=decimal,
         comment=told.comment,
         names=tuple(name.strip() for name in names),
         width=len(names) + ends,
@@ -121,9 +122,7 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
         missing=missing,
         units=units,
         sample=tuple(sample),
-        missing_numbers=tuple(
-            float(text.replace(",", ".")) for text in told.missing if _NUMBER.fullmatch(text.strip())
-        ),
+        missing_numbers=missing_numbers(told, decimal),
         thousands=told.thousands,
     )
 
@@ -188,7 +187,7 @@ def _are_units(row: Sequence[str], missing: frozenset[str]) -> bool:
     return not any(map(_is_value, texts)) and any(text.lower() not in missing for text in texts)
 
 
-def _decimal(rows: Sequence[Sequence[str]], separator: str, path: Path, line: int) -> str:
+def _decimal(rows: Sequence[Sequence[str]], path: Path, line: int) -> str:
     """The sign between the digits of numbers.
 
     Raises

@@ -50,5 +50,5 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
         if begin.startswith(mark):
             raise ConfigError(f"this is {what}", file=str(path), line=1)
     if begin == _HDF5:
-        return ArrayFile(path, Hdf5())
-    return ArrayFile(path, Parquet()) if begin.startswith(_PARQUET) else CsvFile(path, told)
+        return ArrayFile(path, Hdf5(), told)
+    return ArrayFile(path, Parquet(), told) if begin.startswith(_PARQUET) else CsvFile(path, told)

@@ -87,6 +87,7 @@ def _array(values: pyarrow.ChunkedArray) -> np.ndarray:
     kind = values.type
     if types.is_timestamp(kind) or types.is_date(kind):
         return np.asarray(values.cast(pyarrow.timestamp("ns")).to_numpy())
-    if types.is_boolean(kind) or types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
-        return np.asarray(values.cast(pyarrow.float64(), safe=False).to_numpy())
+    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+        double = values if types.is_float32(kind) else values.cast(pyarrow.float64(), safe=False)
+        return np.asarray(double.to_numpy())
     return np.asarray(values.cast(pyarrow.string()).to_numpy(zero_copy_only=False), dtype=object)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hgorun.config.data import Clock, Column, Csv, Data, Measured
+from hgorun.config.data import Clock, Column, Csv, Data, Judged, Measured
 from hgorun.config.expressions import nearest
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, clock_column
@@ -116,12 +116,11 @@ class Sources:
     def _part(self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath) -> Part:
         available = quality = None
         time = self._clock(file, clock, clock_path)
-        if isinstance(column, Measured):
-            if column.available is not None:
-                available = self._clock(file, column.available, (*path, "available"))
-            if column.quality is not None:
-                self._known(file, column.quality.column, (*path, "quality", "column"))
-                quality = Flags(column.quality.column, column.quality.good)
+        if isinstance(column, Measured) and column.available is not None:
+            available = self._clock(file, column.available, (*path, "available"))
+        if isinstance(column, Judged) and column.quality is not None:
+            self._known(file, column.quality.column, (*path, "quality", "column"))
+            quality = Flags(column.quality.column, column.quality.good)
         part = Part(file, Numbers(column.column), time, available, quality)
         file.wanted |= dict.fromkeys(part.cells)
         return part
@@ -149,7 +148,7 @@ class Sources:
             return
         if count > 1:
             raise Problem(path, f"{file.path} has {count} columns called {column!r}")
-        shown = ", ".join(known[:20]) + (", ..." if len(known) > 20 else "")
+        shown = ", ".join(map(_visible, known[:20])) + (", ..." if len(known) > 20 else "")
         hint = file.table.hint(column) or _meant(column, known)
         raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has: {shown}")
 
@@ -168,6 +167,11 @@ class Sources:
                 budget -= table.lines.nbytes + sum(column.nbytes for column in table.columns.values())
                 found[file] = table
         return found
+
+
+def _visible(name: str) -> str:
+    """A name with escapes for characters that one does not see, such as a mark of the byte order inside a file."""
+    return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in name)
 
 
 def _meant(column: str, known: Sequence[str]) -> str:

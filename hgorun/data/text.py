@@ -112,7 +112,8 @@ def _decoded(path: Path, encoding: str | None, size: int) -> Iterator[bytes]:
             first = stream.read(size)
             mark, found = next(((m, name) for m, name in _MARKS if first.startswith(m)), (b"", None))
             coded = found or ("utf-16-le" if encoding == "utf-16" else encoding) or "utf-8"
-            first = first[len(mark) :]
+            while mark and first.startswith(mark):  # more than one where programs have added theirs
+                first = first[len(mark) :]
             if coded == "utf-8":
                 yield first
                 while piece := stream.read(size):

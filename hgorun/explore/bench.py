@@ -134,6 +134,6 @@ class Bench(ABC):
         """What the theory says of an observer of a run; a reason where it says nothing."""
         return Promise()
 
-    def limits(self, shown: Shown, label: str) -> Promise:
-        """What it says that takes longer."""
+    def limits(self, shown: Shown, label: str, names: Sequence[str]) -> Promise:
+        """Findings that take longer, by their names."""
         return Promise()

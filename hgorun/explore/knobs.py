@@ -90,18 +90,17 @@ class Knob:
         return {target.path: target.value(value) for target in self.targets}
 
     def checked(self, value: object) -> float:
-        """A value that has come from a page or an address.
+        """A value that has come from a page or an address; as in the file, it may be an expression of numbers.
 
         Raises
         ------
         ConfigError
         """
         try:
-            found = float(value)  # type: ignore[arg-type]  # what is no number is refused here
-        except (TypeError, ValueError):
-            found = math.nan
-        if not math.isfinite(found):
-            raise ConfigError(f"expected a number, found {str(value)[:40]!r}", key=self.name)
+            found = number(value)
+        except (ValueError, ExpressionError) as error:
+            words = f"expected a number or an expression of numbers, such as 0.5 or pi/4: {error}"
+            raise ConfigError(words, key=self.name) from error
         if self.scale == "integer" and found != round(found):
             raise ConfigError(f"expected a whole number, found {found:g}", key=self.name)
         return found

@@ -102,7 +102,7 @@
     knobs.forEach((knob, i) => { if (!held || document.activeElement !== slider(i)) show(i, told.values[knob.name]); });
     const fault = Boolean(told.error);
     knobs.forEach((knob, i) => field(i).setAttribute("aria-invalid", String(fault && question?.name === knob.name)));
-    if (fault && question?.name !== undefined) {
+    if ((fault || question?.typed) && question?.name !== undefined) {
       const i = knobs.findIndex((knob) => knob.name === question.name);
       field(i).value = text(told.values[question.name]);
     }
@@ -229,7 +229,7 @@
     };
     slider(i).addEventListener("input", moved(false));
     slider(i).addEventListener("change", moved(true));
-    const typed = () => { seen[i] = undefined; ask({ do: "set", name: knob.name, value: field(i).value.trim(), final: true }); };
+    const typed = () => { seen[i] = undefined; ask({ do: "set", name: knob.name, value: field(i).value.trim(), final: true, typed: true }); };
     field(i).addEventListener("change", typed);
   });
   for (const box of document.querySelectorAll("[data-observer]"))
@@ -287,14 +287,35 @@
     };
   }
   try { keep_styles(); } catch { /* as Bokeh does it */ }
-  // What of a figure takes the focus says whose it is; Bokeh's parts stand in roots of their own.
+  // What of a figure takes the focus says what it is and whose; Bokeh's parts stand in roots of their own.
+  const rim = new CSSStyleSheet();
+  rim.replaceSync(`:host { --icon-color: #4a4a4a; --active-border: #00517f; }
+    :host(:focus-visible), :focus-visible { outline: 3px solid #00517f !important; outline-offset: -3px; }`);
   function name_figures() {
     const inside = (root) => [...root.querySelectorAll("*")].flatMap((one) => one.shadowRoot ? [one, ...inside(one.shadowRoot)] : [one]);
-    for (const figure of document.querySelectorAll("figure"))
-      for (const one of inside(figure).filter((part) => part.matches(".bk-events"))) {
-        one.setAttribute("role", "img");
-        one.setAttribute("aria-label", figure.getAttribute("aria-label"));
+    for (const figure of document.querySelectorAll("figure")) {
+      const whose = figure.getAttribute("aria-label");
+      for (const one of inside(figure)) {
+        if (one.shadowRoot && !one.shadowRoot.adoptedStyleSheets.includes(rim)) one.shadowRoot.adoptedStyleSheets.push(rim);
+        if (one.matches(".bk-events")) { one.setAttribute("role", "img"); one.setAttribute("aria-label", whose); }
+        if (one.matches(".bk-OnOffButton, .bk-ClickButton")) name_tool(one, whose);
       }
+    }
+  }
+  function name_tool(one, whose) {
+    if (one.getAttribute("role") === "button") return;
+    one.setAttribute("role", "button");
+    one.setAttribute("aria-label", `${one.title}: ${whose}`);
+    one.addEventListener("keydown", (event) => {  // a button answers to the space bar, too
+      if (event.key !== " ") return;
+      event.preventDefault();
+      event.stopImmediatePropagation();
+      one.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }));
+    }, true);
+    if (!one.matches(".bk-OnOffButton")) return;
+    const pressed = () => one.setAttribute("aria-pressed", String(one.classList.contains("bk-active")));
+    new MutationObserver(pressed).observe(one, { attributes: true, attributeFilter: ["class"] });
+    pressed();
   }
   function begin() {
     const found = window.Bokeh?.documents?.[0]?.get_model_by_name("channel");

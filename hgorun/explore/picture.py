@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
@@ -117,19 +118,19 @@ def _panel(result: Result, i: int) -> Panel:
         if result.closed_loop:
             own[label] = thinned(finite(result.time, result.truth_of(label)[:, i]), _POINTS)
     truths = [truth.v, *(curve.v for curve in own.values())]
-    limits = state_limits(truths, sound, lost) or (0.0, 1.0)
-    beyond = [_beyond(label, name, curve, limits) for label, curve in estimates.items() if _leaves(curve, limits)]
+    limits = _round_about(*(state_limits(truths, sound, lost) or (0.0, 1.0)))
+    measured = _measured(result, name)
     return Panel(
         name=name,
         unit=result.units.get(name, ""),
         truth=thinned(truth, _POINTS),
-        measured=_measured(result, name),
+        measured=thinned(measured, _SAMPLES),
         estimates=estimates,
         errors=errors,
         own_truths=own,
         limits=limits,
         error_limits=magnitude_limits(sizes, [c.v for c in errors.values()]) or (1e-3, 1.0),
-        beyond=tuple(beyond),
+        beyond=(*_cut(name, estimates, limits), *_cut_samples(name, measured, limits)),
     )
 
 
@@ -150,8 +151,7 @@ def _estimated(recorded: Recorded, result: Result, i: int) -> Panel:
     names = dict.fromkeys((name, *result.outputs_of(name)))
     others = [of[key] for of in (recorded.reference, recorded.held_out) for key in names if key in of]
     unseen = _joined([(one.taken, one.y) for one in others])
-    limits = state_limits([measured.v, unseen.v], sound, lost) or (0.0, 1.0)
-    beyond = [_beyond(label, name, curve, limits) for label, curve in estimates.items() if _leaves(curve, limits)]
+    limits = _round_about(*(state_limits([measured.v, unseen.v], sound, lost) or (0.0, 1.0)))
     return Panel(
         name=name,
         unit=result.units.get(name, ""),
@@ -163,7 +163,7 @@ def _estimated(recorded: Recorded, result: Result, i: int) -> Panel:
         own_truths={},
         limits=limits,
         error_limits=(1e-3, 1.0),
-        beyond=tuple(beyond),
+        beyond=_cut(name, estimates, limits),
     )
 
 
@@ -172,6 +172,7 @@ def _innovation(result: Result, name: str, output: RecordedOutput) -> Panel:
     curves = {label: finite(output.taken, output.innovation[:, j]) for j, label in enumerate(result.observers)}
     lost = {label for label, observer in result.observers.items() if observer.lost}
     sizes = [[curve.v for label, curve in curves.items() if (label in lost) is gone] for gone in (False, True)]
+    limits = _round_about(*(state_limits([], *sizes) or (-1.0, 1.0)))
     return Panel(
         name=name,
         unit=result.units.get(name, ""),
@@ -180,8 +181,9 @@ def _innovation(result: Result, name: str, output: RecordedOutput) -> Panel:
         estimates={label: thinned(curve, _POINTS) for label, curve in curves.items()},
         errors={},
         own_truths={},
-        limits=state_limits([], *sizes) or (-1.0, 1.0),
+        limits=limits,
         error_limits=(1e-3, 1.0),
+        beyond=_cut(f"the innovation of {name}", curves, limits),
     )
 
 
@@ -213,18 +215,41 @@ def _measured(result: Result, name: str) -> Curve:
         return NOTHING
     y = result.measurements.y[:, columns[0]]
     known = np.isfinite(y)
-    return thinned(Curve(result.measurements.time[known], y[known]), _SAMPLES)
+    return Curve(result.measurements.time[known], y[known])
 
 
-def _leaves(curve: Curve, limits: Limits) -> bool:
-    return bool(curve.v.size) and bool(curve.v.min() < limits[0] or curve.v.max() > limits[1])
+def _round_about(low: float, high: float) -> Limits:
+    """Limits moved outwards to whole parts of what lies between them: not every small change moves an axis."""
+    step = 10.0 ** math.floor(math.log10(max(high - low, 1e-300))) / 4
+    return math.floor(low / step) * step, math.ceil(high / step) * step
 
 
-def _beyond(label: str, name: str, curve: Curve, limits: Limits) -> str:
-    """That a peak is outside the axes, and how large it is."""
+def _cut(name: str, curves: Mapping[str, Curve], limits: Limits) -> tuple[str, ...]:
+    """Which curves have a peak outside the axes, and how large it is."""
+    found = []
+    for label, curve in curves.items():
+        count, t, v = _beyond(curve, limits)
+        if count:
+            found.append(f"{printable(label)}: {name} reaches {v:.4g} at t = {t:.4g}, beyond the axis")
+    return tuple(found)
+
+
+def _cut_samples(name: str, samples: Curve, limits: Limits) -> tuple[str, ...]:
+    """How many samples are outside the axes, and where the farthest is."""
+    count, t, v = _beyond(samples, limits)
+    if not count:
+        return ()
+    are = "sample is" if count == 1 else "samples are"
+    return (f"{count} {are} beyond the axis of {name}, the farthest {v:.4g} at t = {t:.4g}",)
+
+
+def _beyond(curve: Curve, limits: Limits) -> tuple[int, float, float]:
+    """How many points are outside the axes, and the farthest of them."""
+    if not curve.v.size:
+        return 0, 0.0, 0.0
     far = np.maximum(limits[0] - curve.v, curve.v - limits[1])
     k = int(np.argmax(far))
-    return f"{printable(label)}: {name} reaches {curve.v[k]:.4g} at t = {curve.t[k]:.4g}, beyond the axis"
+    return int(np.count_nonzero(far > 0)), float(curve.t[k]), float(curve.v[k])
 
 
 @dataclass(frozen=True)

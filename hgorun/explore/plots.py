@@ -126,21 +126,16 @@ class Lines:
             self._changes.dashes(self._glyphs[name], dashes)
 
     def set_limits(self, low: float, high: float) -> None:
-        """Between which the axis of values goes: about, so that it need not be drawn again for every small change."""
-        low, high = (_logarithmic if self._logarithmic else _round_about)(low, high)
+        """Between which the axis of values goes; a logarithmic one about, so that not every small change moves it."""
+        if self._logarithmic:
+            low, high = _in_decades(low, high)
         if (low, high) != self._limits:
             self._limits = low, high
             self._changes.limits(self.plot.y_range, low, high)
 
 
-def _round_about(low: float, high: float) -> tuple[float, float]:
-    """Limits moved outwards to whole parts of what lies between them."""
-    step = 10.0 ** math.floor(math.log10(max(high - low, 1e-300))) / 4
-    return math.floor(low / step) * step, math.ceil(high / step) * step
-
-
-def _logarithmic(low: float, high: float) -> tuple[float, float]:
-    """The same in decades: a third each."""
+def _in_decades(low: float, high: float) -> tuple[float, float]:
+    """Limits moved outwards to thirds of decades."""
     ends = math.floor(3 * math.log10(low)) / 3, math.ceil(3 * math.log10(high)) / 3
     return 10.0 ** ends[0], 10.0 ** ends[1]
 

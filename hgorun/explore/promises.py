@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from hgorun.analysis.convergence.theorem import transient_of
 from hgorun.analysis.finding import FINDINGS, Finding, Remarked
@@ -37,6 +37,10 @@ class Promise:
     numbers: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
     reasons: Mapping[str, str] = field(default_factory=dict)
     reason: str = ""
+
+    def with_more(self, other: Promise) -> Promise:
+        """The same with another's findings."""
+        return replace(self, numbers={**self.numbers, **other.numbers}, reasons={**self.reasons, **other.reasons})
 
 
 def promise_of(subject: Subject) -> Promise:

@@ -151,7 +151,7 @@ class Session:
                     self.post(lambda: self._tell(number, busy="compiling new equations"))
                 shown = ready.carry_out()
                 picture = picture_of(shown)
-                theories = self._at_once(shown)
+                theories = self._known(shown)
             except HgorunError as problem:
                 words = f"{problem}" + ("" if self._shown is None else ": the values before are shown")
                 self.post(lambda: self._failed(number, words))
@@ -164,11 +164,10 @@ class Session:
         self._drawn = max(self._drawn, number)  # what is shown stays
         self._tell(number, error=words)
 
-    def _at_once(self, shown: Shown) -> list[Theory]:
-        """The bounds that come with the curves: all, where no more than those of one observer have to be computed."""
-        labels = list(shown.result.observers) if self.bench.theory else []
-        new = [label for label in labels if not self.bench.known(shown, label)]
-        return [self._theory(shown, label) for label in labels if label not in new or len(new) == 1]
+    def _known(self, shown: Shown) -> list[Theory]:
+        """The bounds that come with the curves: those that need not be computed. The others follow."""
+        labels = shown.result.observers if self.bench.theory else ()
+        return [self._theory(shown, label) for label in labels if self.bench.known(shown, label)]
 
     def _theory(self, shown: Shown, label: str) -> Theory:
         promise = self.bench.promise(shown, label)
@@ -196,7 +195,7 @@ class Session:
     def _later(self, shown: Shown) -> None:
         """Have the numbers computed that take longest."""
         for label in shown.result.observers if self.bench.theory else ():
-            self.worker.submit(lambda label=label: self._limits(shown, label), LATER)  # type: ignore[misc]  # label is bound early
+            self._limit(shown, label, SLOW, Promise())
         self.worker.submit(lambda: self._finish(shown), LATER)
 
     def _promises(self, shown: Shown, labels: list[str]) -> None:
@@ -214,11 +213,18 @@ class Session:
             self.page.draw_bounds({one.label: one.bounds for one in theories})
             self._tell(self._latest, theories=_told(theories, shown))
 
-    def _limits(self, shown: Shown, label: str) -> None:
-        """What takes longer: while a slider is held there is no end to what is asked, and it waits."""
-        if not self._waits(shown):
-            promise = self.bench.limits(shown, label)
-            self.post(lambda: self._limited(shown, label, promise))
+    def _limit(self, shown: Shown, label: str, names: tuple[str, ...], found: Promise) -> None:
+        """What takes longer, one by one: while a slider is held there is no end to what is asked, and it waits."""
+
+        def job() -> None:
+            if not self._waits(shown):
+                more = found.with_more(self.bench.limits(shown, label, names[:1]))
+                if names[1:]:
+                    self._limit(shown, label, names[1:], more)
+                else:
+                    self.post(lambda: self._limited(shown, label, more))
+
+        self.worker.submit(job, LATER)
 
     def _limited(self, shown: Shown, label: str, promise: Promise) -> None:
         if not self._stale(shown):
@@ -267,7 +273,7 @@ class Session:
 
 def _as_json(picture: Picture) -> Told:
     table = picture.table
-    beyond = [words for panel in picture.panels for words in panel.beyond]
+    beyond = [words for panel in (*picture.panels, *picture.innovations) for words in panel.beyond]
     return {
         "status": picture.status,
         "said": [*picture.said, *beyond],

@@ -15,7 +15,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench, Ready, Shown
 from hgorun.explore.knobs import Knob, knobs_of
-from hgorun.explore.promises import LATER, Promise, numbers_of, promise_of
+from hgorun.explore.promises import Promise, numbers_of, promise_of
 from hgorun.explore.state import State
 from hgorun.memo import Memo
 from hgorun.simulation.blocks import as_yaml
@@ -34,14 +34,14 @@ class Simulated(Shown):
     run: PreparedRun
 
     @cached_property
-    def context(self) -> Context:
-        """What the theory looks at."""
-        return Context(self.run, since_start(self.run, self.result))
+    def subjects(self) -> Mapping[str, Subject]:
+        """What the theory looks at, by observer; what it has found of one is kept with it."""
+        return Context(self.run, since_start(self.run, self.result)).subjects
 
     @cached_property
     def keys(self) -> dict[str, str]:
         """By observer, what its theory depends on."""
-        return {label: _key(subject) for label, subject in self.context.subjects.items()}
+        return {label: _key(subject) for label, subject in self.subjects.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,12 +79,12 @@ class SimulatedBench(Bench):
             return Promise(reason="in a closed loop the inputs follow from the estimates; the theorems are about "
                            "inputs that are functions of time")  # fmt: skip
         simulated = _of(shown)
-        return self._promises.get(simulated.keys[label], lambda: _promised(simulated.context.subjects[label]))
+        return self._promises.get(simulated.keys[label], lambda: _promised(simulated.subjects[label]))
 
-    def limits(self, shown: Shown, label: str) -> Promise:
+    def limits(self, shown: Shown, label: str, names: Sequence[str]) -> Promise:
         if shown.experiment.closed:
             return Promise()
-        numbers, reasons = numbers_of(_of(shown).context.subjects[label], LATER)
+        numbers, reasons = numbers_of(_of(shown).subjects[label], names)
         return Promise(numbers=numbers, reasons=reasons)
 
 

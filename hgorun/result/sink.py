@@ -24,6 +24,7 @@ class Sink(io.FileIO):
     def __init__(self, path: Path) -> None:
         super().__init__(path, "w+")
         self.failed: OSError | None = None
+        self._reserved = False
 
     def write(self, data: ReadableBuffer) -> int:
         left = memoryview(data).cast("B")
@@ -46,6 +47,19 @@ class Sink(io.FileIO):
                 return
             left, place = left[done:], place + done
 
+    def read_at(self, place: int, room: memoryview) -> None:
+        """Read what was written at a place."""
+        left = room.cast("B")
+        while left and self.failed is None:
+            try:
+                done = os.preadv(self.fileno(), [left], place)
+                if not done:
+                    raise EOFError(f"the file ends at byte {place}")
+            except OSError as error:
+                self.failed = error
+                return
+            left, place = left[done:], place + done
+
     def reserve(self, place: int, size: int) -> None:
         """Take the room for bytes that will come: a disk that is too small says so at once, and the file ends sooner.
 
@@ -54,9 +68,19 @@ class Sink(io.FileIO):
         if size and self.failed is None and hasattr(os, "posix_fallocate"):
             try:
                 os.posix_fallocate(self.fileno(), place, size)
+                self._reserved = True
             except OSError as error:
                 if error.errno in (ENOSPC, EFBIG, EDQUOT):  # others: this file system cannot
                     self.failed = error
+
+    def settle(self) -> None:
+        """Take the room for what HDF5 has written itself, where room was reserved for the rest.
+
+        A file system that has still to choose the place of a few bytes sends the whole file to the disk when it is
+        closed or gets its name, and waits for that: a gigabyte takes seconds.
+        """
+        if self._reserved:
+            self.reserve(0, os.fstat(self.fileno()).st_size)
 
     def truncate(self, size: int | None = None) -> int:
         try:
@@ -85,6 +109,7 @@ def hdf5_and_sink(path: Path, libver: tuple[str, str] | None = None) -> Iterator
         try:
             with h5py.File(sink, "w", track_order=True, libver=libver) as file:
                 yield file, sink
+            sink.settle()
         except Exception:
             if sink.failed is None:
                 raise

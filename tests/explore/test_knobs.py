@@ -119,6 +119,18 @@ def test_the_file_s_own_value_changes_nothing() -> None:
         assert State().with_value(knob, knob.high).with_value(knob, knob.start) == State()
 
 
+@pytest.mark.parametrize(("typed", "value"), [("1+1", 2.0), (" 0.5*pi ", math.pi / 2), ("1e-3", 1e-3)])
+def test_what_is_typed_may_be_an_expression(typed: str, value: float) -> None:
+    state = State().with_value(KNOBS["observers.F.theta"], typed)
+    assert state.values.get("observers.F.theta", KNOBS["observers.F.theta"].start) == value
+
+
+@pytest.mark.parametrize(("typed", "said"), [("2,5", "with a point"), ("2 h", "no unit"), ("2*theta", "`theta`")])
+def test_what_is_typed_wrongly_is_told_with_what_is_right(typed: str, said: str) -> None:
+    with pytest.raises(ConfigError, match=said):
+        State().with_value(KNOBS["observers.F.theta"], typed)
+
+
 @pytest.mark.parametrize("value", ["", "two", "nan", "inf", None, [], "1e999", "0x10"])
 def test_what_is_no_number_is_refused(value: object) -> None:
     with pytest.raises(ConfigError, match="expected a number"):
@@ -172,7 +184,7 @@ def test_undo_and_redo(steps: list[State | str]) -> None:
     ("query", "said"),
     [
         ("observers.F.thata=2", "Did you mean `observers.F.theta`?"),
-        ("observers.F.theta=two", "expected a number, found 'two'"),
+        ("observers.F.theta=two", "expected a number or an expression of numbers, such as 0.5 or pi/4: `two`"),
         ("off=G", "no observer is called 'G'"),
         ("seed=1.5", "expected a whole number"),
         ("plant.parameters.mu=__import__('os')", "nothing here is called"),

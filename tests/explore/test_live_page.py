@@ -193,6 +193,11 @@ def test_what_is_typed(tmp_path: Path) -> None:
         assert await numbers(page) == before
         assert await page.value("document.querySelector('[data-number=\"0\"]').getAttribute('aria-invalid')") == "true"
         assert await page.value("document.querySelector('[data-number=\"0\"]').value") == "2"
+        await page.value("document.querySelector('[data-number=\"0\"]').select()")
+        for key in "1+2":
+            await page.press(key)
+        await page.press("Enter")
+        await page.until(f"{IDLE} && {SAID} == 'ok' && document.querySelector('[data-number=\"0\"]').value == '3'")
         await page.value("document.getElementById('file').value = '../b.yaml'")
         await page.click("#write button")
         await page.until(f"{SAID}.includes('without a folder')")
@@ -221,6 +226,8 @@ LOOKED_AT = """(() => {
     faint: texts.filter(one => one.textContent.trim() || one.value)
       .filter(one => ratio(getComputedStyle(one).color, behind(one)) < 4.5).map(one => one.outerHTML.slice(0, 100)),
     nameless: used.filter(one => !named(one)).map(one => one.outerHTML.slice(0, 100)),
+    tools: inside(document).filter(one => one.matches('[class*=Button][tabindex]'))
+      .map(one => [one.getAttribute('role'), one.getAttribute('aria-label'), one.getAttribute('aria-pressed')]),
     figures: [...document.querySelectorAll('figure')].filter(one => !one.getAttribute('aria-label')).length,
     status: document.getElementById('said').getAttribute('role'),
     language: document.documentElement.lang,
@@ -228,12 +235,25 @@ LOOKED_AT = """(() => {
 })()"""
 
 
+# the tools of figures, which Bokeh builds after the page, and the second of the first figure used by the space bar
+TOOLS = """(() => {
+  const inside = (root) => [...root.querySelectorAll('*')].flatMap(
+    one => one.shadowRoot ? [one, ...inside(one.shadowRoot)] : [one]);
+  return inside(document.querySelector('figure')).filter(one => one.matches('[class*=Button][tabindex]'));
+})()"""
+NAMED = f"{TOOLS}.length > 1 && {TOOLS}.every(one => one.getAttribute('role'))"
+
+
 def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
     seen: dict[str, Any] = {}
 
     async def look(page: browser.Page) -> None:
+        await page.until(NAMED)
         seen.update(json.loads(await page.value(LOOKED_AT)))
-        await page.value("document.querySelector('#undo').focus()")
+        await page.value(f"{TOOLS}[1].focus()")
+        await page.press(" ")
+        seen["pressed"] = await page.value(f"{TOOLS}.map(one => one.getAttribute('aria-pressed'))")
+        await page.value("document.querySelector('#reset').focus()")
         reached = []
         for _ in range(12):
             await page.press("Tab")
@@ -255,6 +275,10 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
     shown(tmp_path, look)
     assert seen["faint"] == []
     assert seen["nameless"] == []
+    assert len(seen["tools"]) >= 16
+    assert all(role == "button" and ": " in label for role, label, _ in seen["tools"])
+    assert seen["tools"][0] == ["button", "Pan: x1 and its estimates over time", "true"]
+    assert seen["pressed"][:2] == ["false", "true"]
     assert (seen["figures"], seen["status"], seen["language"]) == (0, "status", "en")
     assert seen["reached"][:3] == ["0", "1", "2"]
     assert seen["beyond"] <= 0  # the table of metrics fits into its box

@@ -253,6 +253,28 @@ def test_peaks_beyond_the_axes_are_told(file: Path) -> None:
     assert panel.beyond[0] in live.begun["picture"]["said"]
 
 
+def test_samples_beyond_the_axes_are_told(file: Path) -> None:
+    file.write_text(OSCILLATOR.replace("std: 0.01", "std: 9").replace("theta: 2,", "theta: 0.1,").replace("S:", "# S:"))
+    live = Live(file)
+    panel = live.paper.pictures[-1].panels[0]
+    samples = simulate(load(file)).measurements.y[:, 0]
+    outside = samples[(samples < panel.limits[0]) | (samples > panel.limits[1])]
+    assert 1 < outside.size < samples.size
+    assert panel.beyond[-1].startswith(f"{outside.size} samples are beyond the axis of x1, the farthest ")
+    assert panel.beyond[-1] in live.begun["picture"]["said"]
+
+
+def test_the_bounds_come_after_the_curves(file: Path) -> None:
+    """Those that are known already come with them."""
+    live = Live(file)
+    live.worker.finish()
+    changed = live.set("observers.S.theta", 3.5)
+    assert [one["label"] for one in changed["theories"]] == ["F"]
+    before = len(live.paper.told)
+    live.worker.finish()
+    assert [one["label"] for told in live.paper.told[before : before + 1] for one in told["theories"]] == ["S"]
+
+
 def test_the_theory_follows(file: Path) -> None:
     """Its numbers are those of ``hgorun analyze``; what has not changed is not computed again."""
     file.write_text(OSCILLATOR.replace("  sampling: {period: 0.1}\n", "").replace("std: 0.01", "std: 0.01, hold: 0.1"))
@@ -322,5 +344,5 @@ def test_what_no_slider_changes_is_made_once(file: Path) -> None:
     for theta in (3.0, 3.5, 4.0):
         shown = live.bench.shown(live.bench.state_of(f"observers.S.theta={theta}"))
         assert isinstance(shown, Simulated)
-        charts |= {premises_of(subject).chart for subject in shown.context.subjects.values()}
+        charts |= {premises_of(subject).chart for subject in shown.subjects.values()}
     assert len(charts) == 1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hgorun.result.sink import Sink
+from hgorun.result.sink import Sink, hdf5_and_sink
 
 
 def test_what_is_written_is_there(tmp_path: Path) -> None:
@@ -34,6 +34,17 @@ def test_a_full_disk_is_told_of_what_is_written_at_a_place() -> None:
         assert isinstance(sink.failed, OSError)
 
 
+def test_what_was_written_at_a_place_is_read_there(tmp_path: Path) -> None:
+    pytest.importorskip("posix")
+    room = bytearray(3)
+    with Sink(tmp_path / "a") as sink:
+        sink.write_at(2, memoryview(b"abcdef"))
+        sink.read_at(4, memoryview(room))
+        assert room == b"cde"
+        with pytest.raises(EOFError, match="ends at byte 8"):
+            sink.read_at(6, memoryview(room))
+
+
 def test_room_is_taken_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("posix")
     refused: list[OSError] = []
@@ -53,6 +64,28 @@ def test_room_is_taken_before_anything_is_written(tmp_path: Path, monkeypatch: p
         refused[0] = OSError(ENOSPC, "No space left on device")
         sink.reserve(0, 20)
         assert sink.failed is refused[0]
+
+
+def test_a_file_of_which_room_was_reserved_has_all_its_room_when_it_is_closed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pytest.importorskip("posix")
+    taken: list[tuple[int, int, int]] = []  # and how long the file was
+    monkeypatch.setattr(
+        os,
+        "posix_fallocate",
+        lambda handle, place, size: taken.append((place, size, os.fstat(handle).st_size)),
+        raising=False,
+    )
+    with hdf5_and_sink(tmp_path / "a") as (file, sink):
+        sink.reserve(5000, 10)
+        file.attrs["what HDF5 writes"] = "itself"
+    size = (tmp_path / "a").stat().st_size
+    assert size > 0
+    assert taken[1:] == [(0, size, size)]
+    with hdf5_and_sink(tmp_path / "b") as (file, _):
+        file.attrs["nothing"] = "was reserved"
+    assert len(taken) == 2
 
 
 @pytest.mark.skipif(not os.path.exists("/dev/full"), reason="there is no device that is always full")

@@ -21,6 +21,7 @@ from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 from hgorun.symbolic.points import around, instants
 
 _CURVED = 1e-8  # relative change of a slope that is rounding
+_DEEP = 100  # operations down to which expressions are compared
 _CHARTS: Memo[Outcome[Chart]] = Memo(64)  # by form and plant: observers of one form share it, and so do their runs
 
 
@@ -108,11 +109,19 @@ class Chart:
 
     @cached_property
     def entries(self) -> dict[tuple[int, int], Enclosure]:
-        """The slopes of z that may differ from zero, of (z, u, t), by row and column: none off the chains' triangle."""
+        """The slopes of z that may differ from zero, of (z, u, t), by row and column: none off the chains' triangle.
+
+        Equal ones are one enclosure.
+        """
         slopes = self._with_numbers(self.slopes)
         arguments = ca.vertcat(self.z, self.u, self.t)
         places = [(i, j) for i, j in np.ndindex(*slopes.shape) if self.positions[j] <= self.positions[i]]
-        return {at: _enclosure(arguments, slopes[at]) for at in places if not slopes[at].is_zero()}
+        found: dict[tuple[int, int], Enclosure] = {}
+        for at in places:
+            if not slopes[at].is_zero():
+                equal = next((other for other in found if ca.is_equal(slopes[other], slopes[at], _DEEP)), None)
+                found[at] = _enclosure(arguments, slopes[at]) if equal is None else found[equal]
+        return found
 
     @cached_property
     def along_segments(self) -> Enclosure:

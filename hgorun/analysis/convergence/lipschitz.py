@@ -16,7 +16,7 @@ from hgorun.analysis.convergence.charts import Chart
 from hgorun.analysis.convergence.segments import along
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.symbolic.enclosures import Enclosure, largest
+from hgorun.symbolic.enclosures import Enclosure, Extent, largest
 from hgorun.symbolic.graph import operations
 
 _MARGIN = 0.05  # of the width of a box around trajectories, on either side: they are known on a grid
@@ -166,8 +166,9 @@ def _over_box(run: PreparedRun, chart: Chart, low: np.ndarray, high: np.ndarray)
     low, high = np.concatenate([low, below, [start]]), np.concatenate([high, above, [end]])
     n = len(chart.names)
     bounds, met = np.zeros((n, n)), np.zeros((n, n))
+    known: dict[Enclosure, Extent] = {}
     for at, entry in chart.entries.items():
-        extent = largest(entry, low, high)
+        extent = known[entry] if entry in known else known.setdefault(entry, largest(entry, low, high))
         bounds[at], met[at] = extent.bound, extent.reached
         if not np.isfinite(extent.bound):
             break

@@ -19,16 +19,20 @@ import numpy as np
 from hgorun.analysis.convergence import bounds
 from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.envelope import Envelope
+from hgorun.analysis.convergence.extremes import largest_norm, outermost
 from hgorun.analysis.convergence.lipschitz import Lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes
+from hgorun.memo import Memo, same
 from hgorun.observers.riccati import stationary
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.forms import BlockForm
 from hgorun.symbolic.triangular import superdiagonal
 
 _KEPT = 0.25  # of theta: what of the decay of sqrt V is left for theta >= theta_bound
+_LINKS: Memo[ca.Function] = Memo(64)
 
 
 @dataclass(frozen=True)
@@ -47,9 +51,13 @@ class Gramian:
 
 def gramian(observer: ObserverResult) -> Gramian:
     """S of an observer with time-varying gain, from P, from U and P, or as it is integrated."""
+    if not {"S", "U"} & observer.internal.keys():  # S is P^-1
+        P = np.asarray(observer.internal["P"])
+        low, high = outermost(P[np.all(np.isfinite(P), axis=(1, 2))])
+        if low > 0:
+            return Gramian(1 / high, 1 / low, np.linalg.inv(P[0]))
     S = _matrices(observer)
-    values = np.linalg.eigvalsh(S[np.all(np.isfinite(S), axis=(1, 2))])
-    return Gramian(float(np.min(values)), float(np.max(values)), S[0])
+    return Gramian(*outermost(S[np.all(np.isfinite(S), axis=(1, 2))]), S[0])
 
 
 def _matrices(observer: ObserverResult) -> np.ndarray:
@@ -75,17 +83,20 @@ def _matrices(observer: ObserverResult) -> np.ndarray:
 def largest_links(run: PreparedRun, form: BlockForm, result: Result, label: str) -> tuple[float, float]:
     """(F_1, F_M): the largest norm of F's first block row, and of F, along the estimate."""
     m = form.model
-    F = superdiagonal(m, form.block)(m.t, m.x, m.u, m.p)
-    there = form.coordinates(False)
-    x = form.plant.x
-    f = ca.Function("F", [m.t, x, m.u, m.p], [ca.densify(ca.substitute(F, m.x, there))])
+    f = _LINKS.get(same(form), lambda: _links_of(form))
     xhat = result.observers[label].xhat
-    values = f(ca.DM(result.time[None]), ca.DM(xhat.T), ca.DM(result.u.T), ca.DM(run.plant.parameters))
-    stack = np.moveaxis(np.asarray(values.full()).reshape(m.n, -1, m.n), 1, 0)
+    (values,) = evaluate(f, result.time[:, None], xhat, result.u, run.plant.parameters)
+    stack = values.reshape(-1, m.n, m.n)
     stack = stack[np.all(np.isfinite(stack), axis=(1, 2))]
-    norms = np.linalg.norm(stack, 2, axis=(1, 2))
-    first = np.linalg.norm(stack[:, list(form.measured)], 2, axis=(1, 2))
-    return float(np.max(first)), float(np.max(norms))
+    return largest_norm(stack[:, list(form.measured)]), largest_norm(stack)
+
+
+def _links_of(form: BlockForm) -> ca.Function:
+    """F, of the plant's time, states, inputs and parameters."""
+    m = form.model
+    F = superdiagonal(m, form.block)(m.t, m.x, m.u, m.p)
+    in_plant = ca.substitute(F, m.x, form.coordinates(False))
+    return ca.Function("F", [m.t, form.plant.x, m.u, m.p], [ca.densify(in_plant)])
 
 
 def smallest_theta(S: Gramian, lipschitz: Lipschitz) -> float:
