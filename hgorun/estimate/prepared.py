@@ -221,7 +221,8 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         stretches, variants, everything = experiment.stretches, schedule.variants, plant.everything
         structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
         _check_inputs(plant.model, recorded, structure)
-        numbers = numbers_of(structure, plant, experiment, designs)
+        at_start = () if inputs is None else inputs.first(recorded)
+        numbers = numbers_of(structure, plant, experiment, designs, at_start)
         run = PreparedRun(
             experiment=experiment,
             structure=structure,
@@ -232,6 +233,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
             smallest_delay=np.inf,
             reach=0.0,
             treatments=treatments,
+            recorded=at_start,
         )
         check_jumps(run)
         check_corrections(run)

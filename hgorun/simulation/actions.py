@@ -12,6 +12,7 @@ from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
 from hgorun.places import places_in
+from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.replay import Replay, Replayed
 from hgorun.symbolic.levels import distinct
@@ -35,6 +36,10 @@ class RecordedInputs:
     times: np.ndarray
     levels: np.ndarray
     slopes: np.ndarray
+
+    def first(self, numbers: Sequence[int]) -> Recorded:
+        """How they begin, by their numbers among all inputs."""
+        return tuple(zip(numbers, self.levels[0].tolist(), self.slopes[0].tolist(), strict=True))
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """u at several times, shape (len(times), m)."""
