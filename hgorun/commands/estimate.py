@@ -117,7 +117,7 @@ def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Record
         if every is None:
             if not Path(what).is_file():
                 raise ConfigError(f"--holdout {text}: expected a number of samples, or a file; there is no file {what}")
-            aside[output] = log.from_file(output, Path(what), recording.origin)
+            recording, aside[output] = log.held_out(recording, output, Path(what))
         else:
             chosen.append(every)
     recording, found = held_out(recording, chosen)

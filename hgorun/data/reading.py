@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from hgorun.config.data import Beside, Column, Data, Measured, Recorded
+from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
 from hgorun.data.named_units import another_unit, convertible_in_name, time_in_name
@@ -242,8 +243,8 @@ class _Reader:
     def _sorted(self, signal: Wanted, samples: Samples) -> tuple[Samples, list[Note]]:
         """The samples that are used, and what was found in them."""
         block = signal.block
-        sorting = Sorting(block.faults.over(self._block.faults), isinstance(block, Measured), self._origin)
-        plausible = block.plausible if isinstance(block, Measured) else None
+        sorting = Sorting(block.faults.over(self._block.faults), isinstance(block, Judged), self._origin)
+        plausible = block.plausible if isinstance(block, Judged) else None
         return sorting.sorted_out(samples, plausible), sorting.notes
 
     def _unit_of(self, signal: Wanted) -> str:
@@ -255,8 +256,8 @@ class _Reader:
 
     def _signal(self, signal: Wanted, samples: Samples) -> Signal:
         block = signal.block
-        assert isinstance(block, Measured)
-        return Signal(
+        assert isinstance(block, Judged)
+        found = Signal(
             name=signal.name,
             unit=self._unit_of(signal),
             taken=samples.taken,
@@ -265,11 +266,13 @@ class _Reader:
             lines=samples.lines,
             source=samples.sources[0],
             column=block.column,
-            std=block.std,
             plausible=block.plausible,
-            gate=block.gate,
-            lag=block.lag if isinstance(block, Beside) else None,
+            sources=samples.sources,
+            part=samples.part,
         )
+        if isinstance(block, Measured):
+            return replace(found, std=block.std, gate=block.gate)
+        return replace(found, lag=block.lag) if isinstance(block, Beside) else found
 
     def _input(self, signal: Wanted, samples: Samples) -> InputSignal:
         assert isinstance(signal.block, Recorded)

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from hgorun.config.data import Data, Measured
 from hgorun.config.models import Time
@@ -15,6 +17,7 @@ from hgorun.data.reading import read
 from hgorun.data.recording import Origin, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import plant_units, with_inputs
+from hgorun.estimate.holdout import part
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -35,7 +38,12 @@ class Log:
         """Every file that something is read from."""
         columns = [*self.block.outputs.values(), *self.block.inputs.values(), *self.block.reference.values()]
         own = (self.folder / column.file for column in columns if column.file is not None)
-        return (*(self.files or (self.folder / name for name in self.block.file)), *own)
+        return (*self.shared_files, *own)
+
+    @property
+    def shared_files(self) -> tuple[Path, ...]:
+        """Those of all signals that name no file of their own."""
+        return self.files or tuple(self.folder / name for name in self.block.file)
 
     def _columns(self, output: str, file: Path) -> dict[str, Any]:
         """How an output is called in a file: as the block reads it from that file, or else as it does anyway."""
@@ -45,6 +53,40 @@ class Log:
             raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands")
         of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
         return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})
+
+    def held_out(self, recording: Recording, output: str, file: Path) -> tuple[Recording, Signal]:
+        """A recording without what it has of an output from a file, and what is compared with estimates.
+
+        What stands in another file than those that observers get is read from there.
+
+        Raises
+        ------
+        ConfigError
+            Where observers would get what they are compared with, or nothing.
+        """
+        signal = recording.outputs.get(output)
+        out = np.zeros(0, dtype=bool) if signal is None else signal.stands_in(file)
+        if signal is None or not out.any():
+            self._refuse_used(output, file)
+            return recording, self.from_file(output, file, recording.origin)
+        if out.all():
+            raise ConfigError(
+                f"--holdout {output}={file}: all samples of the output {output} stand there, and observers would get "
+                f"none: hold out some of them, --holdout {output}=5, or leave {output} out of plant.output and "
+                "data.outputs and name it in data.reference"
+            )
+        return replace(recording, outputs={**recording.outputs, output: part(signal, ~out)}), part(signal, out)
+
+    def _refuse_used(self, name: str, file: Path) -> None:
+        """Refuse a column that observers get as an output of another name."""
+        column = self._columns(name, file)["column"]
+        for output, block in self.block.outputs.items():
+            files = (self.folder / block.file,) if block.file is not None else self.shared_files
+            if block.column == column and file.resolve() in (one.resolve() for one in files):
+                raise ConfigError(
+                    f"--holdout {name}={file}: observers get this column {column} as the output {output}: hold out "
+                    f"some of its samples, --holdout {output}=5"
+                )
 
     def from_file(self, output: str, file: Path, origin: Origin) -> Signal:
         """An output as it stands in another file, at times that count from the origin of the log."""

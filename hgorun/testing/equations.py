@@ -22,6 +22,7 @@ from hgorun.observers.base import (
     SampledObserver,
 )
 from hgorun.plants.build import BuiltPlant
+from hgorun.simulation.first_inputs import started
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock, Symmetric
@@ -194,7 +195,7 @@ class Equations:
     def start(self, x: np.ndarray) -> np.ndarray:
         """z with the estimate at the plant's state x and the other states where they start."""
         with told("start"):
-            estimate = np.asarray(self.form.start(x, self.plant.parameters, self.observer.canonical))
+            estimate = started(self.form, x, self.plant, self.observer.canonical)
             xhat = self.observer.start(estimate, self.design)
         values = {n: v.values if isinstance(v, Symmetric) else v for n, v in self.defaults.items()}
         values["xhat"] = xhat
