@@ -20,6 +20,7 @@ from hgorun.data.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.lateness import disagreement
 from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.process import say, uninterrupted
 from hgorun.simulation.experiment import Experiment
@@ -38,12 +39,15 @@ class Stream:
     experiment : Experiment
     inputs : tuple of str
         Those that come with the samples.
+    late : bool
+        Whether the configuration says that samples are known later than they are taken.
     ignored : tuple of str
         What the block ``data`` says of files that does not happen to samples of a stream.
     """
 
     experiment: Experiment
     inputs: tuple[str, ...]
+    late: bool = False
     ignored: tuple[str, ...] = ()
 
     @classmethod
@@ -56,7 +60,31 @@ class Stream:
         """
         said = StatedOfData.of(source)
         experiment = streamed(source, said, name)
-        return cls(experiment, said.inputs, () if said.block is None else tuple(_ignored(said.block, experiment)))
+        if said.block is None:
+            return cls(experiment, said.inputs)
+        late = any(one.available is not None for one in said.block.outputs.values())
+        return cls(experiment, said.inputs, late, tuple(_ignored(said.block, experiment)))
+
+    def check_lateness(self, *, told: bool = False) -> None:
+        """Refuse observers that treat late samples differently where these come; where they may come, tell of it.
+
+        Parameters
+        ----------
+        told : bool
+            Whether the stream says that samples are late. Any object of JSON may be of one; that such come is known
+            beforehand only where ``data.outputs.*.available`` stands.
+
+        Raises
+        ------
+        ConfigError
+        """
+        different = disagreement(self.experiment)
+        if different is None:
+            return
+        if told or self.late:
+            with self.experiment.located():
+                raise different
+        say(f"hgorun: {self.experiment.name}: late samples will be refused: {different.message}")
 
     def tell_what_is_ignored(self) -> None:
         """On stderr: the estimates are other ones than those of a file."""
@@ -64,7 +92,7 @@ class Stream:
             say(f"hgorun: {self.experiment.name}: {words}")
 
     def estimator(self, *, remembered: int) -> Estimator:
-        """At the start of the stream."""
+        """At the start of the stream; ``remembered`` is 0 where no sample can be late."""
         return Estimator(self.experiment, remembered=remembered)
 
 

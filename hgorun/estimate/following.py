@@ -14,6 +14,7 @@ from hgorun.engine.session import without
 from hgorun.estimate.event import Event
 from hgorun.estimate.gate import Gate
 from hgorun.estimate.gated import jumps_by_several, leave_out
+from hgorun.estimate.lateness import disagreement
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 
 State: TypeAlias = tuple[dict[str, Floats], bytes]  # the numbers of a run, and what is known beside them
@@ -50,6 +51,7 @@ class Following:
         limits = [gates.get(name) for name in system.outputs]
         self.gate = Gate(system.experiment, limits, system.covariances) if gates else None
         self.limited = [limit is not None for limit in limits]
+        self._different = disagreement(system.experiment)
         self.heard = [False] * len(limits)
         self._every, count = range(len(system.labels)), len(system.labels)
         self.newest = [[-np.inf] * count for _ in limits]
@@ -57,6 +59,7 @@ class Following:
         self.outliers = [[0] * count for _ in limits]
         self._pending = [0] * len(limits)
         self._last_sample = np.nan
+        self._told: dict[int, float] = {}
         self._rows: dict[object, Integers] = {}
 
     @property
@@ -66,13 +69,9 @@ class Following:
 
     def by_innovation(self, t: float) -> bool:
         """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
-        found = {treatment: label for label, treatment in self.system.treatments.items()}
-        if len(found) > 1:
-            said = ", ".join(f"{label}: {treatment}" for treatment, label in found.items())
-            raise ValueError(
-                f"the sample taken at {t:g} is late, and in a stream all observers treat late samples alike ({said})"
-            )
-        return "innovation" in found
+        if self._different is not None:
+            raise ValueError(f"the sample taken at {t:g} is late, and {self._different.message}")
+        return "innovation" in self.system.treatments.values()
 
     def next_slot(self, output: int) -> int:
         """A place for a late sample: one after the other, around."""
@@ -82,6 +81,8 @@ class Following:
     def carry_out(self, event: Event) -> None:
         """Go on to an event, and let it happen."""
         live, layout = self.live, self.system.structure.system.held
+        if self.system.driven and live.t <= 0.0 and not any(self.heard):
+            self._begin(event)
         live.advance(event.t, self.regime)
         for number, value in event.inputs:
             place, slope, since, _ = layout.input(number)
@@ -130,6 +131,27 @@ class Following:
                 newest[j] = event.taken
         return (j for j in self._every if j in outliers or j not in taking)
 
+    def _begin(self, event: Event) -> None:
+        """Let observers start with the inputs that are known by now.
+
+        Raises
+        ------
+        ValueError
+            Where they cannot, and something follows from their states.
+        """
+        system, live = self.system, self.live
+        first = {number: value for number, value in event.inputs if event.t <= 0.0 or number not in self._told}
+        if first:
+            told = self._told | first
+            live.z[...] = system.start_with(told)
+            self._told = told
+        if (event.samples or event.t > live.t) and np.isnan(live.z).any():
+            missing = ", ".join(name for name, number in system.inputs.items() if number not in self._told)
+            raise ValueError(
+                f"{', '.join(system.driven)}: the derivatives of the output at the start depend on inputs, and "
+                f"{missing} is not known yet: give inputs before the first sample, or with it"
+            )
+
     def _jump_without(
         self, j: int, samples: list[tuple[int, int]], fresh: list[int], actions: Integers, z: Floats, w: Floats
     ) -> None:
@@ -177,8 +199,8 @@ class Following:
     def state(self) -> State:
         """All that the run goes on from, copied."""
         gate = None if self.gate is None else [[one.state() for one in row] for row in self.gate.deviations]
-        told = [self.heard, self.newest, self._pending, self._last_sample, gate, self.offered, self.outliers]
-        return self.live.state(), json.dumps(told).encode()
+        known = [self.heard, self.newest, self._pending, self._last_sample, gate, self.offered, self.outliers]
+        return self.live.state(), json.dumps([*known, list(self._told.items())]).encode()
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
@@ -187,6 +209,7 @@ class Following:
         self.newest = self._of_each(newest)
         if counts:  # older checkpoints have none
             self.offered, self.outliers = self._of_each(counts[0]), counts[1]
+            self._told = {number: value for pairs in counts[2:] for number, value in pairs}
         if self.gate is not None and gate is not None:
             for row, kept in zip(self.gate.deviations, gate, strict=True):
                 for one, innovations in zip(row, kept, strict=True):

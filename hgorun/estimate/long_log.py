@@ -178,9 +178,10 @@ class LongLog:
             found.undefined[j] = min(found.undefined[j], first_undefined(grid, x))
         for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
             self._write(file, found, path, rows, self._grid.size)
+        used = np.zeros(0, dtype=bool)  # all samples are, and no one asks
+        carried = Carried(raw, used, used, step, own.z, 0)
         for i, one in enumerate(prepared.samples):
-            used = prepared.used()
-            predicted = innovations_of(prepared, i, times, everywhere, Carried(raw, used, used, step, own.z, 0))
+            predicted = innovations_of(prepared, i, times, everywhere, carried)
             first = found.done.setdefault((i, ""), 0)
             found.predicted[i][:, first : first + one.values.size] = predicted
             found.done[i, ""] += one.values.size
@@ -273,8 +274,9 @@ class LongLog:
         file.append(path, rows, total, lasting=True)
 
     def _write_band(self, file: ResultInParts, found: Found, label: str, widths: Widths) -> None:
+        written = file.whole(f"observers/{label}/xhat")
         for first in range(0, self._grid.size, _ROWS):
-            some = slice(first, min(first + _ROWS, self._grid.size))
-            xhat, width = file.read(f"observers/{label}/xhat", some), widths.at(self._grid[some])
+            stop = min(first + _ROWS, self._grid.size)
+            xhat, width = written.read(first, stop), widths.at(self._grid[first:stop])
             for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
                 self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)
