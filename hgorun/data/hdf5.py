@@ -64,6 +64,7 @@ def _parts(data: h5py.Dataset) -> Iterator[tuple[str, int | None]]:
     elif data.ndim == 2 and data.shape[1] <= _MANY:
         labels = data.attrs.get("labels")
         texts = list(labels) if isinstance(labels, np.ndarray) and labels.shape == data.shape[1:] else []
+        texts = texts if len(set(texts)) == len(texts) else []
         for place in range(data.shape[1]):
             yield f"/{texts[place] if texts and isinstance(texts[place], str) else place}", place
 
