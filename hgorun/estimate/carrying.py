@@ -112,7 +112,7 @@ def _error(
     beside: Sequence[Floats],
     step: float,
 ) -> Floats:
-    """Of every observer, from its estimates, found piece by piece where they are not known, and those in a second pass."""
+    """Of every observer, from its estimates, found piece by piece unless they are known, and those of another pass."""
     steps = steps_between(prepared.run.schedule, step)
     part = part_of_difference(steps, UNEVEN, min(METHODS[prepared.method].order, ORDER))
     count, n = len(prepared.run.observers), len(prepared.run.plant.model.states)
