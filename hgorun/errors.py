@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TypeAlias
 
 KeyPath: TypeAlias = tuple[str | int, ...]  # keys and list indices from the top of a file
@@ -141,4 +142,29 @@ def called(kind: str, name: str, method: str) -> Iterator[None]:
     except (HgorunError, Problem, MemoryError):
         raise
     except Exception as error:
-        raise PluginError(f"{kind} {name!r}: {method} raised {type(error).__name__}: {error}") from error
+        raise PluginError(f"{kind} {name!r}: {method} raised {raised(error)}") from error
+
+
+_OF_SYMBOLS = {  # methods of CasADi's symbols by which Python asks for a value, and what is right
+    "__bool__": "`if`, `and`, `or`, `not`, `max` and `min` of Python need a number, and this is a symbol: write "
+    "casadi.if_else(condition, a, b), casadi.logic_and, casadi.logic_or, casadi.fmax, casadi.fmin",
+    "__int__": "a whole number is needed, and this is a symbol: write casadi.floor",
+    "__float__": "a number is needed, and this is a symbol: write casadi.sin, casadi.exp, ... for functions of math",
+    "__iter__": "`for` and `sum` of Python do not go through a symbol: write casadi.vertsplit, casadi.sum1",
+}
+
+
+def raised(error: BaseException) -> str:
+    """An exception of code that anybody may have written; where a symbol is taken for a number, the place and the way.
+
+    Where CasADi raises it is told by the method, since its text says nothing of what to write.
+    """
+    said, trace, user = f"{type(error).__name__}: {error}", error.__traceback__, None
+    while trace is not None:
+        code = trace.tb_frame.f_code
+        if trace.tb_frame.f_globals.get("__name__", "").partition(".")[0] != "casadi":
+            user = f"{Path(code.co_filename).name}:{trace.tb_lineno}"
+        elif user is not None and code.co_name in _OF_SYMBOLS:
+            return f"{type(error).__name__} at {user}: {_OF_SYMBOLS[code.co_name]}"
+        trace = trace.tb_next
+    return said

@@ -10,6 +10,7 @@ import pytest
 os.environ.pop("COLUMNS", None)  # workers of pytest-xdist are told another width than what is tested
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
+from chosen_cases import few_of_a_file, one_case
 from hypothesis import HealthCheck, settings
 from measured_cases import further_cases, unmeasured
 from measured_forks import measure_forks
@@ -29,14 +30,20 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--one-case", action="store_true", help="of each test that has several cases, the last one only")
+    parser.addoption("--few", action="store_true", help="of files that do not use libraries directly, three tests")
 
 
+@pytest.hookimpl(trylast=True)  # of what -m leaves
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Other versions of Python or of libraries are found out by calls, of which every case of a test makes the same."""
+    """Other versions of Python or of libraries are found out by calls, of which many tests make the same."""
+    kept = items
     if config.getoption("--one-case"):
-        last = {item.nodeid.partition("[")[0]: item for item in items}
-        kept = list(last.values())
-        config.hook.pytest_deselected(items=[item for item in items if last[item.nodeid.partition("[")[0]] is not item])
+        kept = one_case(kept)
+    if config.getoption("--few"):
+        kept = few_of_a_file(kept)
+    if len(kept) < len(items):
+        names = {item.nodeid for item in kept}
+        config.hook.pytest_deselected(items=[item for item in items if item.nodeid not in names])
         items[:] = kept
 
 

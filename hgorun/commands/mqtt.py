@@ -56,6 +56,7 @@ def follow_topic(source: Source, name: str, options: Estimate) -> int:
     known = options.checkpoint.exists()
     stream = Stream.of(source, name)
     stream.tell_what_is_ignored()
+    stream.check_lateness()
     follower = Follower.of(stream, options)
     client_id = options.client_id or client_id_of(name, address.topic, options.checkpoint)
     session = Session(address, client_id, credentials, _tell, known=known)

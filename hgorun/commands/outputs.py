@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 
@@ -11,12 +12,9 @@ RESULTS = Path("results")
 NOT_OK = 3  # exit code of --strict
 RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 DRAWING_SUFFIXES = {".png", ".pdf"}
-# Names that somebody gives to a file, and never to a folder.
-_OF_OTHERS = {
-    *(".csv", ".dat", ".htm", ".html", ".json", ".md", ".parquet", ".tex", ".tsv", ".txt", ".xls", ".xlsx"),
-    *(".eps", ".gif", ".jpeg", ".jpg", ".mp4", ".svg", ".tif", ".tiff"),
-    *(".c", ".fmu", ".mat", ".npy", ".npz", ".pickle", ".pkl", ".py", ".yaml", ".yml", ".zip"),
-}
+_CSV = (".csv", ".dat", ".txt")
+# What somebody writes behind the name of a file, never of a folder: letters first, unlike run.2 and results.v2.
+_OF_A_FILE = re.compile(r"\.(?!v[0-9]+$)[a-z][a-z0-9]{0,7}")
 _TABLE = "; hgorun compare{} prints a table, which > FILE writes"
 _ADVICE = {
     ".csv": _TABLE.format(" --format csv"),
@@ -31,6 +29,8 @@ _ADVICE = {
 def refuse_other_kinds(output: Path | None, suffixes: Collection[str], advice: Mapping[str, str] | None = None) -> None:
     """Refuse an ``--output`` that is called like a file of a kind that the command does not write.
 
+    A folder that exists may be called anything.
+
     Parameters
     ----------
     output : Path or None
@@ -42,13 +42,19 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str], advice: M
     if output is None or output.is_dir():
         return
     suffix = output.suffix.lower()
-    known = RESULT_SUFFIXES | DRAWING_SUFFIXES | _OF_OTHERS
-    if suffix in suffixes or (suffix not in known and not output.is_file()):
+    if suffix in suffixes or not (_OF_A_FILE.fullmatch(suffix) or output.is_file()):
         return
     kinds = f"a file {', '.join(sorted(suffixes))} or a folder" if suffixes else "a folder"
     own = {} if advice is None else advice
-    instead = f"; {own[suffix]}" if suffix in own else _ADVICE.get(suffix, "")
+    advised = f"; {own[suffix]}" if suffix in own else _ADVICE.get(suffix, "")
+    instead = advised or ("" if output.is_file() else "; if it is a folder, make it first")
     raise ConfigError(f"--output: expected {kinds}, found {output}{instead}")
+
+
+def refuse_no_csv(option: str, file: Path | None) -> None:
+    """Refuse a file that is called as if it were something else than CSV."""
+    if file is not None and file.suffix and file.suffix.lower() not in _CSV and not file.exists():
+        raise ConfigError(f"{option}: expected a file {', '.join(_CSV)}, found {file}")
 
 
 def formats(output: Path | None) -> tuple[str, ...]:

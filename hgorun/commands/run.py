@@ -16,6 +16,7 @@ from hgorun.commands.outputs import (
     RESULT_SUFFIXES,
     RESULTS,
     formats,
+    refuse_no_csv,
     refuse_other_kinds,
     there,
     written,
@@ -56,6 +57,7 @@ def simulate(options: Simulate) -> int:
     Runs with seeds or vary are carried out as ensembles, and statistics of them are shown.
     """
     refuse_other_kinds(options.output, RESULT_SUFFIXES, _INSTEAD)
+    refuse_no_csv("--export-csv", options.export_csv)
     runs, targets, ensembles = _prepared(options)
     _check_export(options, runs, targets, ensembles)
     before = there([*targets, *([] if options.export_csv is None else [options.export_csv])])

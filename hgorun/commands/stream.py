@@ -26,6 +26,8 @@ def follow(source: Source, name: str, options: Estimate) -> int:
     stream = Stream.of(source, name)
     stream.tell_what_is_ignored()
     form, late, blocks = read(sys.stdin)
+    if late:
+        stream.check_lateness(told=isinstance(form, CsvForm))  # which has the column then
     estimator = stream.estimator(remembered=REMEMBERED if late else 0)
     progress = InOrder(estimator, options.checkpoint)
     writer = Writer(sys.stdout, estimator, as_json=isinstance(form, JsonForm))

@@ -15,12 +15,13 @@ from hgorun.commands.options import Estimate
 from hgorun.commands.stream_lines import INPUT, Sample
 from hgorun.commands.stream_progress import Progress
 from hgorun.config.data import Data
-from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.data.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.lateness import disagreement
+from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.process import say, uninterrupted
 from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
@@ -38,15 +39,15 @@ class Stream:
     experiment : Experiment
     inputs : tuple of str
         Those that come with the samples.
-    gates : mapping of str to float
-        By output, standard deviations beyond which a sample is not used.
+    late : bool
+        Whether the configuration says that samples are known later than they are taken.
     ignored : tuple of str
         What the block ``data`` says of files that does not happen to samples of a stream.
     """
 
     experiment: Experiment
     inputs: tuple[str, ...]
-    gates: Mapping[str, float]
+    late: bool = False
     ignored: tuple[str, ...] = ()
 
     @classmethod
@@ -57,14 +58,33 @@ class Stream:
         ------
         ConfigError
         """
-        data = source.data.get("data") if isinstance(source.data, dict) else None
-        block = None if data is None else validate(Data, data, source, ("data",))
-        outputs = {} if block is None else block.outputs
-        inputs = () if block is None else tuple(block.inputs)
-        deviations = {output: one.std for output, one in outputs.items() if one.std is not None}
-        gates = {output: one.gate for output, one in outputs.items() if one.gate is not None}
-        experiment = streamed(source, inputs, deviations, name)
-        return cls(experiment, inputs, gates, () if block is None else tuple(_ignored(block, experiment)))
+        said = StatedOfData.of(source)
+        experiment = streamed(source, said, name)
+        if said.block is None:
+            return cls(experiment, said.inputs)
+        late = any(one.available is not None for one in said.block.outputs.values())
+        return cls(experiment, said.inputs, late, tuple(_ignored(said.block, experiment)))
+
+    def check_lateness(self, *, told: bool = False) -> None:
+        """Refuse observers that treat late samples differently where these come; where they may come, tell of it.
+
+        Parameters
+        ----------
+        told : bool
+            Whether the stream says that samples are late. Any object of JSON may be of one; that such come is known
+            beforehand only where ``data.outputs.*.available`` stands.
+
+        Raises
+        ------
+        ConfigError
+        """
+        different = disagreement(self.experiment)
+        if different is None:
+            return
+        if told or self.late:
+            with self.experiment.located():
+                raise different
+        say(f"hgorun: {self.experiment.name}: late samples will be refused: {different.message}")
 
     def tell_what_is_ignored(self) -> None:
         """On stderr: the estimates are other ones than those of a file."""
@@ -72,8 +92,8 @@ class Stream:
             say(f"hgorun: {self.experiment.name}: {words}")
 
     def estimator(self, *, remembered: int) -> Estimator:
-        """At the start of the stream."""
-        return Estimator(self.experiment, gates=self.gates, inputs=self.inputs, remembered=remembered)
+        """At the start of the stream; ``remembered`` is 0 where no sample can be late."""
+        return Estimator(self.experiment, remembered=remembered)
 
 
 def _ignored(block: Data, experiment: Experiment) -> Iterator[str]:

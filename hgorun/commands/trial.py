@@ -14,7 +14,6 @@ from hgorun.observers.base import OBSERVERS
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate_prepared
-from hgorun.symbolic.derivatives import derivative_form
 
 FOLLOWS = 0.25  # of what a state moves through: the error of an estimate that follows it
 _SPEEDS = 1 / 4, 4, 1 / 16, 16  # times the first gain
@@ -118,24 +117,14 @@ def outcome_of(first: First) -> Outcome:
     if not troubles:
         return Outcome(None, error=_error(result))
     (observer,) = result.observers.values()
-    if observer.status == "undefined" and observer.status_at == result.time[0]:
-        return Outcome(f"{troubles[0]}{_at_the_start(first)}", refused=True)
-    return Outcome(troubles[0])
+    at_once = observer.status == "undefined" and observer.status_at == result.time[0]
+    return Outcome(troubles[0], refused=at_once)
 
 
 def _simulated(first: First) -> Result:
     mapping = yaml.safe_load(first.text(""))
     mapping["solver"] = {**mapping.get("solver", {}), "max_evaluations": _BUDGET}
     return simulate_prepared(prepare(Experiment(mapping)))
-
-
-def _at_the_start(first: First) -> str:
-    """What is said of observers whose estimate is not a number from the first."""
-    (keys,) = first.start.observers.values()
-    if not first.start.inputs or OBSERVERS.find(str(keys["type"])).form is not derivative_form:
-        return ""
-    inputs = ", ".join(first.start.inputs)
-    return f" (its derivatives begin with inputs of 0; {inputs} of 0 at the start would avoid that)"
 
 
 def _error(result: Result) -> float:

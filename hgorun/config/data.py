@@ -154,24 +154,37 @@ class Column(Block):
     faults: Faults = Field(default_factory=Faults, description="what is done about faults (default: data.faults)")
 
 
-class Measured(Column):
-    """A measured quantity."""
+class Judged(Column):
+    """A measured quantity, not each value of which is used."""
+
+    plausible: Interval | None = Field(
+        default=None, description="[low, high] in the model's unit: values outside are not used"
+    )
+    quality: Quality | None = Field(default=None, description="{column, good: [...]}: other values are not used")
+
+
+class Measured(Judged):
+    """A measured quantity that observers get."""
 
     available: ClockKey | None = Field(
         default=None, description="the column that says when each value was known (default: when it was taken)"
     )
-    plausible: Interval | None = Field(
-        default=None, description="[low, high] in the model's unit: values outside are not used"
-    )
     gate: Positive | None = Field(
         default=None, description="standard deviations of the innovation beyond which a sample is not used"
     )
-    quality: Quality | None = Field(default=None, description="{column, good: [...]}: other values are not used")
     std: Positive | None = Field(default=None, description="standard deviation of its noise, in the model's unit")
 
 
-class Beside(Measured):
+class Beside(Judged):
     """A measured quantity that estimates are compared with."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _never_used(cls, value: Any) -> Any:
+        for key in ("available", "gate", "std"):
+            if isinstance(value, dict) and key in value:
+                raise ValueError(f"{key} is of samples that observers get, and none gets a reference: leave it out")
+        return value
 
     lag: Positive | None = Field(
         default=None,

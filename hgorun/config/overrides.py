@@ -15,12 +15,13 @@ def set_path(source: Source, assignment: str) -> Source:
     """Carry out ``assignment``, the ``path=value`` of ``--set``.
 
     A path is keys and list indices with dots between. The longest path that exists wins, so a label may
-    contain ``=``; what follows it, up to the next ``=``, is created. The value is YAML.
+    contain ``=``; what follows it, up to the next ``=``, is created. The value is YAML; ``null`` removes the key.
 
     Raises
     ------
     ConfigError
-        There is no ``=``, the value is not YAML, or the path leads into a scalar or past the end of a list.
+        There is no ``=``, the value is not YAML, the path leads into a scalar or past the end of a list, or what is to
+        be removed is not there.
     """
     file = f"--set {assignment}"
     old, end = _longest_path(source.data, assignment)
@@ -35,12 +36,37 @@ def set_path(source: Source, assignment: str) -> Source:
         _refuse_part_of_a_path(source.data, tuple(new), file)
     path = (*old, *new)
     value = parse(text, file).data if text.strip() else None
+    if value is None and text.strip():
+        if new:
+            raise ConfigError(_nothing_there(source.data, old, new[0]), file=file, line=1)
+        return _without(source, path, file)
     data = _replaced(source.data, path, value)
     places = {p: (file, 1) if p[: len(path)] == path else source.where(p) for p, _ in walk(data)}
     created = {path[:length]: (file, 1) for length in range(len(old) + 1, len(path))}
     if max(map(len, places)) > MAX_DEPTH:
         raise ConfigError(f"lists and mappings nested more than {MAX_DEPTH} deep", file=file, line=1)
     return Source(data, places | created)
+
+
+def _without(source: Source, path: KeyPath, file: str) -> Source:
+    """The configuration without what is at a path."""
+    data, last = _removed(source.data, path), len(path) - 1
+
+    def before(now: KeyPath) -> KeyPath:
+        """Where something was: what follows in a list has moved."""
+        removed, place = path[last], now[last] if len(now) > last and now[:last] == path[:last] else None
+        if isinstance(removed, int) and isinstance(place, int) and place >= removed:
+            return (*now[:last], place + 1, *now[last + 1 :])
+        return now
+
+    return Source(data, {now: source.where(before(now)) for now, _ in walk(data)})
+
+
+def _nothing_there(data: Any, old: KeyPath, name: str) -> str:
+    """What is said where there is nothing to remove."""
+    beside = [str(key) for key, _ in entries(at(data, old))]
+    known = f" Known here: {', '.join(beside[:20])}" if beside else ""
+    return f"there is no {name!r} to remove.{nearest(name, beside)}{known}"
 
 
 def _refuse_part_of_a_path(data: Any, names: tuple[str, ...], file: str) -> None:
@@ -133,7 +159,9 @@ def _no_way(data: object, path: KeyPath, name: str) -> str:
     here, value = dotted(path) or "the file", at(data, path)
     if isinstance(value, list):
         indices = f"an index from 0 to {len(value) - 1}" if value else "nothing, as it is empty"
-        return f"`{here}` is a list of {len(value)}: `{name}` was found where there can be {indices}"
+        inside = next((i for i, part in enumerate(value) if isinstance(part, dict) and name in part), None)
+        meant = "" if inside is None else f". Did you mean `{here}.{inside}.{name}`?"
+        return f"`{here}` is a list of {len(value)}: `{name}` was found where there can be {indices}{meant}"
     beside = [str(key) for key, _ in entries(at(data, path[:-1]))]
     names = f" Beside it: {', '.join(beside[:20])}." if beside else ""
     return f"`{here}` is {str(value)[:40]!r} and has no `{name}` in it.{nearest(name, beside)}{names}"

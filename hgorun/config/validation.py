@@ -113,7 +113,11 @@ def _hint(kind: str, found: object, expected: str) -> str:
     if kind == "dict_type" and not isinstance(found, dict):
         return "; write lines `name: value`"
     if kind in ("list_type", "tuple_type"):
-        return "; a list has brackets: [a, b]"
+        return (
+            "; a list of one is [{...}], or has `- ` before its first key"
+            if isinstance(found, dict)
+            else "; a list has brackets: [a, b]"
+        )
     if kind == "literal_error" and isinstance(found, str):
         near = nearest(found, re.findall(r"'([^']*)'", expected))
         return near and f".{near}"

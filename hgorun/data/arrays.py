@@ -11,7 +11,9 @@ import numpy as np
 
 from hgorun.config.data import Csv
 from hgorun.data.cells import NAT, Cells, Flags, Numbers, Stamps
+from hgorun.data.dates import counted
 from hgorun.data.missing import leave_out, missing_numbers, missing_texts
+from hgorun.data.since import counts_from_a_date, since
 from hgorun.data.table import Table
 from hgorun.errors import ConfigError, printable
 from hgorun.result.guarded import Failed, guarded
@@ -33,11 +35,14 @@ class ArrayColumn:
         As the file states it; empty where it does not.
     sample : str
         Its first value that is not missing; a date in ISO 8601.
+    calendar : str
+        Of numbers whose unit is such as ``minutes since 2024-01-01``; empty where the file names none.
     """
 
     rows: int
     unit: str
     sample: str
+    calendar: str = ""
 
 
 class ArrayFormat(Protocol):
@@ -88,6 +93,10 @@ class ArrayFile:
         """The unit that the file states."""
         return printable(self._columns[column].unit)
 
+    def counts_from_a_date(self, column: str) -> bool:
+        """Whether its unit is such as ``minutes since 2024-01-01``."""
+        return counts_from_a_date(self._columns[column].unit)
+
     def hint(self, column: str) -> str:
         """Nothing is known of columns that are not there."""
         return ""
@@ -131,9 +140,26 @@ class ArrayFile:
             return np.asarray(array).astype("datetime64[ns]").astype(np.int64)
         if isinstance(cells, Flags) and kind in "fiu":
             return np.isin(array, [good for good in cells.good if not isinstance(good, str)]).astype(float)
+        if isinstance(cells, Stamps) and kind in "fiu" and self.counts_from_a_date(cells.column):
+            return self._counted(cells, array)
         if kind == "M" or (isinstance(cells, Stamps) and kind not in "Ob"):
             raise self._error(f"expected {'dates' if isinstance(cells, Stamps) else 'numbers'}", 0, cells.column)
         return self._read(cells, array)
+
+    def _counted(self, cells: Stamps, array: np.ndarray) -> np.ndarray:
+        """Dates of numbers that count from one."""
+        column = self._columns[cells.column]
+        try:
+            told = since(column.unit, column.calendar)
+        except ValueError as error:
+            hint = "with unit: the numbers are times of their own, as in time: {column: ..., unit: d}"
+            raise self._error(f"{error}; {hint}", None, cells.column) from None
+        found, wrong = counted(array, told.unit, told.start)
+        if wrong is not None:
+            message = f"expected a date between 1678 and 2262, found {array[wrong]:g} {column.unit}"
+            raise self._error(message, wrong, cells.column)
+        cells.zoned.add(told.zoned)
+        return found
 
     def _read(self, cells: Cells, texts: np.ndarray) -> np.ndarray:
         """Texts, cell by cell."""

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from fractions import Fraction
 from pathlib import Path
 
 import numpy as np
 
 from hgorun.config.data import Clock
 from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp, looks_like_iso
+from hgorun.data.dates import counted
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile
 from hgorun.data.units import scaled, seconds
@@ -17,7 +17,6 @@ from hgorun.errors import ConfigError, KeyPath, Problem
 
 _DAY = 86_400 * 10**9  # nanoseconds
 _EXCEL = -25_569 * _DAY  # its day 0, 1899-12-30
-_RANGE = 2.0**63
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,7 @@ def clock_column(clock: Clock, file: TableFile, path: KeyPath) -> ClockColumn:
         cells = Numbers(clock.column)
     elif form is not None:
         cells = Stamps(clock.column, None if form == "iso" else form)
-    elif looks_like_iso(file.sample(clock.column)):
+    elif looks_like_iso(file.sample(clock.column)) or (clock.unit is None and file.counts_from_a_date(clock.column)):
         cells = Stamps(clock.column)
     else:
         cells = Numbers(clock.column)
@@ -74,29 +73,21 @@ def stamps(column: ClockColumn, table: Table, unit: str) -> np.ndarray:
         return values
     said = column.clock.unit
     if column.clock.format == "excel":
-        return _nanoseconds(values, Fraction(_DAY), _EXCEL, table, column)
+        return _nanoseconds(values, _DAY, _EXCEL, table, column)
     if column.clock.format == "unix":
-        return _nanoseconds(values, seconds(said or "s", (*column.path, "unit")) * 10**9, 0, table, column)
+        return _nanoseconds(values, int(seconds(said or "s", (*column.path, "unit")) * 10**9), 0, table, column)
     if said is None or said == unit:
         return values
     return scaled(values, seconds(said, (*column.path, "unit")) / seconds(unit, ("time", "unit")))
 
 
-def _nanoseconds(values: np.ndarray, unit: Fraction, start: int, table: Table, column: ClockColumn) -> np.ndarray:
+def _nanoseconds(values: np.ndarray, unit: int, start: int, table: Table, column: ClockColumn) -> np.ndarray:
     """Dates from numbers of units since some start."""
-    there = ~np.isnan(values)
-    whole = np.floor(np.where(there, values, 0.0))
-    # in two parts: a date in nanoseconds has more digits than a float
-    with np.errstate(over="ignore"):
-        nanoseconds = whole * float(unit)
-    if (wrong := np.flatnonzero(np.abs(nanoseconds + start) >= 0.99 * _RANGE)).size:
-        line = int(table.lines[wrong[0]])
-        message = f"expected a date between 1678 and 2262, found {values[wrong[0]]:g}"
-        raise ConfigError(message, file=str(table.path), line=line, key=column.cells.column)
-    parts = np.rint((np.where(there, values, 0.0) - whole) * float(unit)).astype(np.int64)
-    numerator, denominator = unit.numerator, unit.denominator
-    found = whole.astype(np.int64) * numerator // denominator + parts + start
-    return np.where(there, found, NAT)
+    found, wrong = counted(values, unit, start)
+    if wrong is not None:
+        message = f"expected a date between 1678 and 2262, found {values[wrong]:g}"
+        raise ConfigError(message, file=str(table.path), line=int(table.lines[wrong]), key=column.cells.column)
+    return found
 
 
 def origin_stamp(said: str | float, clock: ClockColumn) -> int:

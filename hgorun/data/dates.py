@@ -8,6 +8,7 @@ from hgorun.data.cells import NAT
 
 _LONGEST = 35  # characters: nanoseconds and a zone
 _SECOND = 10**9
+_RANGE = 0.99 * 2.0**63
 
 
 def iso_stamps(text: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -34,6 +35,37 @@ def iso_stamps(text: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> tup
         stamps[rows], known[rows], with_zone = _of_one_length(cells)
         zoned[rows] = with_zone
     return stamps, known, zoned
+
+
+def counted(values: np.ndarray, unit: int, start: int) -> tuple[np.ndarray, int | None]:
+    """Dates from numbers that count from one.
+
+    Parameters
+    ----------
+    values : ndarray of floats or integers
+        NaN where one is missing.
+    unit, start : int
+        What is counted, in nanoseconds, and from where, in nanoseconds since 1970.
+
+    Returns
+    -------
+    stamps : ndarray of int64
+        Nanoseconds since 1970, ``NAT`` for missing ones.
+    wrong : int or None
+        The first that is not between 1678 and 2262, or about that.
+    """
+    there = ~np.isnan(values)
+    first, rest = divmod(start, unit)  # small numbers, wherever they count from
+    # in two parts: a date in nanoseconds has more digits than a float
+    given = values if there.all() else np.where(there, values, -float(first))
+    whole = given if given.dtype.kind in "iu" else np.floor(given)
+    with np.errstate(over="ignore"):
+        nanoseconds = (whole + float(first)) * float(unit)
+    inside = (np.abs(nanoseconds) < _RANGE) & (np.abs(whole.astype(float)) < _RANGE)
+    if (wrong := np.flatnonzero(~inside)).size:
+        return np.full(values.shape, NAT), int(wrong[0])
+    parts = np.rint((given - whole) * float(unit)).astype(np.int64)
+    return np.where(there, (whole.astype(np.int64) + first) * unit + rest + parts, NAT), None
 
 
 def _of_one_length(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
@@ -97,5 +129,7 @@ def _offset(behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     sign, digits = behind[:, 0], behind[:, [1, 2, 4, 5]]
     fits = np.isin(sign, np.frombuffer(b"+-", dtype=np.uint8)) & (behind[:, 3] == ord(":"))
     fits &= np.all((digits >= ord("0")) & (digits <= ord("9")), axis=1)
-    size = (_number(behind, 1, 3) * 3600 + _number(behind, 4, 6) * 60) * _SECOND
+    hours, minutes = _number(behind, 1, 3), _number(behind, 4, 6)
+    fits &= (hours < 24) & (minutes < 60)
+    size = (hours * 3600 + minutes * 60) * _SECOND
     return np.where(sign == ord("-"), -size, size), fits

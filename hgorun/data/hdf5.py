@@ -10,6 +10,7 @@ import numpy as np
 
 from hgorun.config.data import MISSING
 from hgorun.data.arrays import ArrayColumn
+from hgorun.data.netcdf import absent_texts, text, unpacked
 from hgorun.errors import ConfigError, printable
 
 _DEEP = 5  # groups inside each other
@@ -31,7 +32,7 @@ class Hdf5:
         """Numbers or texts."""
         with h5py.File(path, "r") as file:
             found = {name: (data, place) for name, data, place in _columns(file, path)}
-            return {name: _values(*found[name]) for name in names}
+            return {name: _values(*found[name], path, name) for name in names}
 
     def zoned(self, path: Path, name: str) -> bool:
         """Dates are texts there."""
@@ -63,43 +64,44 @@ def _parts(data: h5py.Dataset) -> Iterator[tuple[str, int | None]]:
     elif data.ndim == 2 and data.shape[1] <= _MANY:
         labels = data.attrs.get("labels")
         texts = list(labels) if isinstance(labels, np.ndarray) and labels.shape == data.shape[1:] else []
+        texts = texts if len(set(texts)) == len(texts) else []
         for place in range(data.shape[1]):
             yield f"/{texts[place] if texts and isinstance(texts[place], str) else place}", place
 
 
 def _described(data: h5py.Dataset, place: int | None) -> ArrayColumn:
     unit = data.attrs.get("units", "")
-    if place is not None and isinstance(unit, str) and unit.count(";") == data.shape[1] - 1:
-        unit = unit.split(";")[place].strip()  # those of several columns, as in results
     if place is not None and isinstance(unit, np.ndarray) and unit.shape == data.shape[1:]:
         unit = unit[place]
-    texts = (str(value) for value in _values(data, place, 1 if data.dtype.kind in "fiub" else _MANY))
-    sample = printable(next((text for text in texts if text.strip().lower() not in MISSING), ""))[:100]
-    return ArrayColumn(int(data.shape[0]), unit if isinstance(unit, str) else "", sample)
+    else:
+        unit = text(data.attrs, "units")
+    if place is not None and isinstance(unit, str) and unit.count(";") == data.shape[1] - 1:
+        unit = unit.split(";")[place].strip()  # those of several columns, as in results
+    sample = "" if data.dtype.kind in "fiub" else _first_text(data, place)
+    return ArrayColumn(int(data.shape[0]), unit if isinstance(unit, str) else "", sample, text(data.attrs, "calendar"))
 
 
-def _values(data: h5py.Dataset, place: int | None, count: int | None = None) -> np.ndarray:
-    rows = slice(count)
-    if data.dtype.kind in "fiub":
-        return _unpacked(np.asarray(data[rows] if place is None else data[rows, place]), data.attrs)
-    texts = data.asstr()
-    return np.asarray(texts[rows] if place is None else texts[rows, place], dtype=object)
+def _first_text(data: h5py.Dataset, place: int | None) -> str:
+    """The first that is not missing."""
+    texts = (str(value) for value in _texts(data, place, _MANY))
+    return printable(next((found for found in texts if found.strip().lower() not in MISSING), ""))[:100]
 
 
-def _unpacked(stored: np.ndarray, attributes: Mapping[str, object]) -> np.ndarray:
-    """The values that stored ones stand for in netCDF: NaN where one is missing, else scaled."""
-    absent = [_number(attributes, name) for name in ("_FillValue", "missing_value")]
-    scale, offset = _number(attributes, "scale_factor"), _number(attributes, "add_offset")
-    if scale is None and offset is None and not any(np.any(stored == one) for one in absent if one is not None):
+def _values(data: h5py.Dataset, place: int | None, path: Path, name: str) -> np.ndarray:
+    kind = data.dtype.kind
+    if kind not in "fiub":
+        return _texts(data, place)
+    stored = np.asarray(data[:] if place is None else data[:, place])
+    if kind == "b":
         return stored
-    values = stored.astype(float)
-    for one in absent:
-        if one is not None:
-            values[stored == one] = np.nan
-    return values * (1.0 if scale is None else scale) + (0.0 if offset is None else offset)
+    try:
+        return unpacked(stored, data.attrs, data.fillvalue)
+    except ValueError as error:
+        raise ConfigError(str(error), file=str(path), key=name) from None
 
 
-def _number(attributes: Mapping[str, object], name: str) -> float | None:
-    """An attribute that is a number; None where there is none."""
-    value = np.asarray(attributes.get(name))
-    return float(value.ravel()[0]) if value.size == 1 and value.dtype.kind in "fiu" else None
+def _texts(data: h5py.Dataset, place: int | None, count: int | None = None) -> np.ndarray:
+    texts, rows = data.asstr(), slice(count)
+    found = np.asarray(texts[rows] if place is None else texts[rows, place], dtype=object)
+    found[np.isin(found, list(absent_texts(data.attrs)))] = ""
+    return found

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from hgorun.config.data import Beside, Column, Data, Measured, Recorded
+from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
 from hgorun.data.named_units import another_unit, convertible_in_name, time_in_name
@@ -54,16 +55,17 @@ def read(
     Problem
         When a key names what is not there.
     """
-    return _Reader(block, Sources(block, folder, files), time_unit, units or {}, beside).recording()
+    return Reader(block, folder, files).recording(time_unit, units or {}, beside)
 
 
-class _Reader:
-    """Puts the signals of a block on one clock and in the units of the model."""
+class Reader:
+    """Reads what a block names, and then puts its signals on one clock and in the units of the model.
 
-    def __init__(
-        self, block: Data, sources: Sources, unit: str, units: Mapping[str, str], beside: Origin | None
-    ) -> None:
-        self._block, self._unit, self._units, self._beside = block, unit, units, beside
+    Arguments as of :func:`read`; a file is read when a reader is made.
+    """
+
+    def __init__(self, block: Data, folder: Path, files: Sequence[Path] = ()) -> None:
+        self._block, sources = block, Sources(block, folder, files)
         groups: dict[str, Mapping[str, Column]] = {
             "outputs": block.outputs,
             "inputs": block.inputs,
@@ -77,10 +79,10 @@ class _Reader:
         self._stamps: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
         self._times: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
         self._notes: list[Note] = []
-        self._origin = Origin(unit=unit)  # once it is known
 
-    def recording(self) -> Recording:
-        """All signals."""
+    def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
+        """All signals; arguments as of :func:`read`."""
+        self._unit, self._units, self._beside = unit, units, beside
         signals = [signal for some in self._wanted.values() for signal in some]
         epoch, zoned = self._epoch(signals)
         self._to_times(signals, epoch)
@@ -242,8 +244,8 @@ class _Reader:
     def _sorted(self, signal: Wanted, samples: Samples) -> tuple[Samples, list[Note]]:
         """The samples that are used, and what was found in them."""
         block = signal.block
-        sorting = Sorting(block.faults.over(self._block.faults), isinstance(block, Measured), self._origin)
-        plausible = block.plausible if isinstance(block, Measured) else None
+        sorting = Sorting(block.faults.over(self._block.faults), isinstance(block, Judged), self._origin)
+        plausible = block.plausible if isinstance(block, Judged) else None
         return sorting.sorted_out(samples, plausible), sorting.notes
 
     def _unit_of(self, signal: Wanted) -> str:
@@ -255,8 +257,8 @@ class _Reader:
 
     def _signal(self, signal: Wanted, samples: Samples) -> Signal:
         block = signal.block
-        assert isinstance(block, Measured)
-        return Signal(
+        assert isinstance(block, Judged)
+        found = Signal(
             name=signal.name,
             unit=self._unit_of(signal),
             taken=samples.taken,
@@ -265,11 +267,13 @@ class _Reader:
             lines=samples.lines,
             source=samples.sources[0],
             column=block.column,
-            std=block.std,
             plausible=block.plausible,
-            gate=block.gate,
-            lag=block.lag if isinstance(block, Beside) else None,
+            sources=samples.sources,
+            part=samples.part,
         )
+        if isinstance(block, Measured):
+            return replace(found, std=block.std, gate=block.gate)
+        return replace(found, lag=block.lag) if isinstance(block, Beside) else found
 
     def _input(self, signal: Wanted, samples: Samples) -> InputSignal:
         assert isinstance(signal.block, Recorded)

@@ -41,6 +41,10 @@ class Signal:
         Standard deviations of the innovation beyond which a sample is not used.
     lag : float, optional
         Time constant of the instrument, which follows the quantity with a lag of the first order.
+    sources : tuple of Path
+        All parts of a log.
+    part : ndarray of integers
+        In which of them each sample stands; empty where there is one.
     """
 
     name: str
@@ -55,9 +59,17 @@ class Signal:
     plausible: tuple[float, float] | None = None
     gate: float | None = None
     lag: float | None = None
+    sources: tuple[Path, ...] = ()
+    part: np.ndarray = field(default_factory=lambda: np.empty(0, np.int16))
 
     def __repr__(self) -> str:
         return f"<Signal {self.name!r}: {self.values.size} samples from {self.source.name}>"
+
+    def stands_in(self, file: Path) -> np.ndarray:
+        """Which of the samples stand in a file, shape (n,)."""
+        where = [k for k, source in enumerate(self.sources) if source.resolve() == file.resolve()]
+        part = self.part if self.part.size else np.zeros(self.values.size, np.int16)
+        return np.isin(part, where)
 
     @property
     def late(self) -> bool:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from hgorun.config.data import Clock, Column, Csv, Data, Measured
+from hgorun.config.data import Clock, Column, Csv, Data, Judged, Measured
 from hgorun.config.expressions import nearest
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, clock_column
@@ -116,12 +116,11 @@ class Sources:
     def _part(self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath) -> Part:
         available = quality = None
         time = self._clock(file, clock, clock_path)
-        if isinstance(column, Measured):
-            if column.available is not None:
-                available = self._clock(file, column.available, (*path, "available"))
-            if column.quality is not None:
-                self._known(file, column.quality.column, (*path, "quality", "column"))
-                quality = Flags(column.quality.column, column.quality.good)
+        if isinstance(column, Measured) and column.available is not None:
+            available = self._clock(file, column.available, (*path, "available"))
+        if isinstance(column, Judged) and column.quality is not None:
+            self._known(file, column.quality.column, (*path, "quality", "column"))
+            quality = Flags(column.quality.column, column.quality.good)
         part = Part(file, Numbers(column.column), time, available, quality)
         file.wanted |= dict.fromkeys(part.cells)
         return part

@@ -44,6 +44,9 @@ class TableFile(Protocol):
     def unit(self, column: str) -> str:
         """The unit that the file states; empty where it does not."""
 
+    def counts_from_a_date(self, column: str) -> bool:
+        """Whether its numbers count from a date that the file states."""
+
     def hint(self, column: str) -> str:
         """Why a column may not be among the names, as a sentence; empty where nothing is known."""
 

@@ -70,6 +70,11 @@ class Session:
         found: Floats = self._memory.arrays["innovations"][:, :, 0]
         return found
 
+    def arriving(self, slots: Collection[int]) -> Floats:
+        """What is kept of some samples since they were taken, shape (N, width), copied."""
+        found: Floats = self._view("slots").reshape(-1, self._program.system.width)[list(slots)]
+        return found
+
     def _view(self, name: str) -> Floats:
         found: Floats = self._memory.arrays[name].reshape(-1)
         return found
@@ -96,14 +101,20 @@ class Session:
         for name, values in mark.arrays.items():
             memory.arrays[name][...] = values
 
-    def happened_without(self, samples: Collection[tuple[int, int]], z: Floats, w: Floats) -> Floats:
-        """All states if what has just happened had done so without some of the samples; nothing follows from it.
+    def happened_without(
+        self, samples: Collection[tuple[int, int]], z: Floats, w: Floats, arriving: Mapping[int, Floats]
+    ) -> tuple[Floats, Floats]:
+        """All states, and what is held, if what has just happened had done so without some of the samples.
+
+        Nothing follows from it.
 
         Parameters
         ----------
         samples : collection of (channel, slot)
         z, w : ndarray
             The states, and what was held, before.
+        arriving : mapping of int to ndarray
+            By slot, what was kept of the samples before: see :meth:`arriving`.
         """
         memory, here = self._memory, self._at - 1
         kept = {name: memory.arrays[name].copy() for name in ("z", "w", "innovations", "slots", "diverged")}
@@ -114,11 +125,14 @@ class Session:
         actions = rows.copy()
         rows[:] = without(actions, samples, [self._program.system.held.fresh(channel) for channel, _ in samples])
         self.z[...], self.w[...] = z, w
+        slots = self._view("slots").reshape(-1, self._program.system.width)
+        for slot, row in arriving.items():
+            slots[slot] = row
         memory["segment"] = here
         try:
             if self._program.go_on(memory, self._at) != DONE:
                 raise SimulationError(f"the run cannot go on at t = {memory.real('now'):.6g}")
-            return self.z.copy()
+            return self.z.copy(), self.w.copy()
         finally:
             rows[:] = actions
             for name, values in kept.items():

@@ -211,6 +211,10 @@ class Ensemble:
         accepted = [value for value, reason in zip(tried, reasons, strict=True) if reason is None]
         if not accepted:
             return reasons[0]
+        for word in dict.fromkeys(value for value in written or () if isinstance(value, str)):
+            reason = why(word)
+            if reason is not None and reason.key in paths:  # not of another key that does not go with it
+                return reason
         if written is not None and values.at(np.arange(1)).dtype.kind == "f":
             whole = [value for value in accepted if type(value) is int]
             if whole and why(float(whole[0])) is not None:

@@ -156,7 +156,7 @@ class _Block:
             check_limit(self.base, self.label, design.observer)
             if design.structure != self._structure or not run.structure.holds_for(self._place, design.observer):
                 return None
-            z0 = design.initial(run.plant.parameters, has_alpha=run.structure.system.has_alpha)
+            z0 = design.initial(run.plant, has_alpha=run.structure.system.has_alpha, recorded=run.recorded)
             rate = 0.0
             if run.experiment.given_step is None:
                 rate = rate_of(self.label, design.observer, design.form)

@@ -55,17 +55,24 @@ class Widths:
     def at(self, grid: Floats) -> Floats:
         """At some times, shape (len(grid), n); NaN where there is no band."""
         width = np.full((grid.size, len(self.bands)), np.nan)
+        known: dict[int, Floats] = {}  # by the clocks that outputs share
         for k, bands in enumerate(self.bands):
-            if bands:
-                width[:, k] = np.min([_at(band, one, grid) for band, one in bands], axis=0)
+            found = [_at(band, one, grid, known) for band, one in bands]
+            if found:
+                width[:, k] = found[0] if len(found) == 1 else np.min(np.broadcast_arrays(*found), axis=0)
         return width
 
 
-def _at(band: Band, one: Sampled | None, grid: Floats) -> Floats:
+def _at(band: Band, one: Sampled | None, grid: Floats, known: dict[int, Floats]) -> Floats | float:
     """Half the width of a band at some times; of one that does not grow nothing is asked about samples."""
     if band.level is not None:
-        return np.full(grid.size, band.level)
-    return band.at(np.zeros(grid.size) if one is None else since(one, grid))
+        return band.level
+    if one is None:
+        return band.at(np.zeros(grid.size))
+    clock = id(one.heard[0])
+    if clock not in known:
+        known[clock] = since(one, grid)
+    return band.at(known[clock])
 
 
 def widths_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> Widths:

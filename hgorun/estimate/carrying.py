@@ -28,7 +28,9 @@ class Carried:
     ----------
     raw : Raw
     used : ndarray of bool, shape (samples, m)
-        Which samples each observer has taken: all but those that came after a newer one, and outliers.
+        Which samples each observer has taken: all but outliers and those that came after a newer one that was taken.
+    offered : ndarray of bool, shape (samples, m)
+        Those and the outliers.
     step : float
         The longest step.
     error : ndarray, shape (m,)
@@ -41,6 +43,7 @@ class Carried:
 
     raw: Raw
     used: np.ndarray
+    offered: np.ndarray
     step: float
     error: Floats
     evaluations: int
@@ -61,14 +64,14 @@ def carry_out(prepared: PreparedEstimate, grid: Floats, progress: Callable[[floa
     solver, step, spent = prepared.run.solver, prepared.run.step, 0
     for _ in range(HALVINGS):
         beside, tries = _other_estimates(prepared, grid, step, progress)  # first: little is left of it
-        raw, used = one_pass(prepared, grid, step, progress=progress)
+        raw, used, offered = one_pass(prepared, grid, step, progress=progress)
         spent += (raw.tries + tries) * len(METHODS[prepared.method].c)
         xhat = estimates(prepared, grid, raw) if grid.size <= _ROWS else None
         error = _error(prepared, grid, raw, xhat, beside, step)
         if not solver.controlled or np.all(error <= solver.accuracy) or 2 * spent > solver.max_evaluations:
             break
         step /= 2
-    return Carried(raw, used, step, error, spent, xhat)
+    return Carried(raw, used, offered, step, error, spent, xhat)
 
 
 def one_pass(
@@ -78,20 +81,21 @@ def one_pass(
     uneven: float | None = None,
     *,
     progress: Callable[[float], None] | None = None,
-) -> tuple[Raw, np.ndarray]:
-    """The engine's arrays, and which samples were used, shape (samples, m)."""
+) -> tuple[Raw, np.ndarray, np.ndarray]:
+    """The engine's arrays, and which samples were used and offered, shape (samples, m)."""
     plan, start = prepared.plan(grid, step, uneven), prepared.start()
     used = prepared.used()
     if not prepared.gated:
-        return prepared.program().run(plan, start, progress=progress), used
-    return gated_run(prepared, plan, uneven=uneven is not None, used=used), used
+        return prepared.program().run(plan, start, progress=progress), used, used
+    offered = used.copy()
+    return gated_run(prepared, plan, uneven=uneven is not None, used=used, offered=offered), used, offered
 
 
 def _other_estimates(
     prepared: PreparedEstimate, grid: Floats, step: float, progress: Callable[[float], None] | None
 ) -> tuple[list[Floats], int]:
     """xhat of every observer in a pass with other steps, shape (len(grid), n) each; and how many these are."""
-    raw, _ = one_pass(prepared, grid, step, UNEVEN, progress=progress)
+    raw, _, _ = one_pass(prepared, grid, step, UNEVEN, progress=progress)
     n = len(prepared.run.plant.model.states)
     found = [np.empty((grid.size, n)) for _ in prepared.run.observers]
     for piece in _pieces(grid.size):

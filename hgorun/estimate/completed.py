@@ -12,6 +12,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal, median_step
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.prepared import prepare_estimate
+from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.plants.base import units_of
 from hgorun.simulation.blocks import plant_of
 from hgorun.simulation.experiment import Experiment
@@ -75,24 +76,22 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     return Experiment(_with(whole, changes), name=name, text=text) if changes else experiment
 
 
-def streamed(source: Source, inputs: tuple[str, ...], deviations: Mapping[str, float], name: str) -> Experiment:
+def streamed(source: Source, said: StatedOfData, name: str) -> Experiment:
     """The experiment that the observers of a stream run in.
 
     Parameters
     ----------
     source : Source
         The configuration.
-    inputs : tuple of str
-        Those that come with the stream.
-    deviations : mapping of str to float
-        Standard deviation of the outputs' noise, where the data say so.
+    said : StatedOfData
+        What its block ``data`` says of samples.
 
     Raises
     ------
     ConfigError
         Also where neither ``time`` nor ``solver.step`` says how long a step may be.
     """
-    source = with_inputs(source, inputs)
+    source = with_inputs(source, said.inputs)
     given: Mapping[str, Any] = source.data if isinstance(source.data, dict) else {}
     changes: dict[str, Any] = {}
     if "time" not in given:
@@ -108,7 +107,7 @@ def streamed(source: Source, inputs: tuple[str, ...], deviations: Mapping[str, f
         return Experiment(_with(source, changes), name=name)  # which says what is wrong
     measurement = dict(given.get("measurement") or {})
     outputs = dict(measurement.get("outputs") or {})
-    for output, std in deviations.items():
+    for output, std in said.std.items():
         outputs[output] = {"noise": [{"type": "gaussian", "std": std}]} | dict(outputs.get(output) or {})
     # that outputs are sampled is known; how often, only where the block says so
     start = changes.get("time", {}).get("start", 0.0)

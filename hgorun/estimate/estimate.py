@@ -132,20 +132,25 @@ def result_of(
             error={b.label: float(e) for b, e in zip(run.observers, found.carried.error, strict=True)},
         ),
         measures=model.measures,
-        remarks=(*_remarks(prepared, recording), *_shut_out(prepared, found)),
+        remarks=(*_remarks(prepared, recording, found), *_shut_out(prepared, found)),
         recorded=recorded,
     )
 
 
-def _remarks(prepared: PreparedEstimate, recording: Recording) -> list[str]:
+def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated) -> list[str]:
     """What was found in the data, and where estimates start from them."""
     told = [*map(str, recording.notes), *known_later(prepared.experiment, recording)]
-    for one in prepared.samples:
-        late = int(np.count_nonzero(~one.used))
-        labels = [label for label, o in prepared.experiment.observers.items() if treatment_of(o) == "innovation"]
-        if late and labels:
-            by = "" if len(labels) == len(prepared.run.observers) else f" by {', '.join(labels)}"
-            told.append(f"{one.output}: {late} samples became known after newer ones and are not used{by}")
+    observers = prepared.run.observers
+    innovating = [j for j, block in enumerate(observers) if treatment_of(block.observer) == "innovation"]
+    for one, slots in zip(prepared.samples, prepared.slots, strict=True):
+        by_count = dict[int, list[str]]()  # a gate may have left out the newer ones for some observers
+        for j in innovating:
+            late = int(np.count_nonzero(~found.carried.offered[slots, j]))
+            by_count.setdefault(late, []).append(observers[j].label)
+        for late, labels in by_count.items():
+            by = "" if len(labels) == len(observers) else f" by {', '.join(labels)}"
+            if late:
+                told.append(f"{one.output}: {late} samples became known after newer ones and are not used{by}")
         outside = recording.outputs[one.output].values.size - one.values.size
         if outside:
             told.append(f"{one.output}: {outside} samples lie outside of the run")
@@ -154,7 +159,7 @@ def _remarks(prepared: PreparedEstimate, recording: Recording) -> list[str]:
 
 def _shut_out(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
     """Gates that leave out so many samples that these are no outliers."""
-    offered = prepared.used()
+    offered = found.carried.offered
     for j, block in enumerate(prepared.run.observers):
         for one, slots in zip(prepared.samples, prepared.slots, strict=True):
             count = int(np.count_nonzero(offered[slots, j]))

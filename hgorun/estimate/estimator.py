@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
+from pathlib import Path
 
 import numpy as np
 
+from hgorun.config.reading import read_source
 from hgorun.engine.plan import Floats, Integers
 from hgorun.estimate.checkpoint import Checkpoint, damaged
+from hgorun.estimate.completed import streamed
 from hgorun.estimate.event import Event
 from hgorun.estimate.following import Following
 from hgorun.estimate.given import as_number, numbers_by_name
 from hgorun.estimate.live_system import LATE, TOGETHER, LiveSystem, slot_of
 from hgorun.estimate.remembered import Remembered
+from hgorun.estimate.stated_of_data import StatedOfData, with_noise
 from hgorun.estimate.together import Kinds
 from hgorun.simulation.experiment import Experiment
 
@@ -32,8 +36,11 @@ class Estimator:
     experiment : Experiment
         Its plant is what the observers copy. Estimates begin at ``time.start`` with the observers' ``initial``.
     gates : mapping of str to float, optional
-        By output, standard deviations of the innovation beyond which a sample is not used.
-    inputs : sequence of str
+        By output, standard deviations of the innovation beyond which a sample is not used. By default, as for what
+        follows, that of the block ``data``; none where it is empty.
+    std : mapping of str to float, optional
+        By output, the standard deviation of its noise, where ``measurement`` says nothing of it.
+    inputs : sequence of str, optional
         Inputs that are given with the samples, and held; the others are expressions of the time.
     remembered : int
         So many events are remembered for samples that come late; what was taken before them is refused.
@@ -55,20 +62,38 @@ class Estimator:
         experiment: Experiment,
         *,
         gates: Mapping[str, float] | None = None,
-        inputs: tuple[str, ...] = (),
+        std: Mapping[str, float] | None = None,
+        inputs: Sequence[str] | None = None,
         remembered: int = 1000,
     ) -> None:
-        self._experiment, gates = experiment, gates or {}
+        said = StatedOfData.of(experiment.source)
+        gates = said.gates if gates is None else gates
+        experiment = with_noise(experiment, said.std if std is None else std)
+        self._experiment = experiment
         with experiment.located():
-            self._system = system = LiveSystem.of(experiment, tuple(inputs))
+            self._system = system = LiveSystem.of(experiment, tuple(said.inputs if inputs is None else inputs))
             for name in gates:
                 system.output(name)
             self._run = Following(system, gates)
         self._live = self._run.live
-        self._past = Remembered(self._run, remembered)
+        self._joint = system.joint
+        self._past = Remembered(self._run, max(remembered, int(self._joint)))
         self._kinds = Kinds.of(system.structure, list(system.corrections), len(system.inputs), LATE)
         self._reach = _FARTHEST * system.step
         self._simple = system.follows_states and not (gates or system.steps or remembered > 0)
+
+    @classmethod
+    def load(cls, path: str | Path, overrides: Sequence[str] = ()) -> Estimator:
+        """The observers of a configuration of recorded data, as ``hgorun estimate CONFIG -`` has them.
+
+        The file needs neither ``time.end`` nor ``plant.initial``; arguments are those of :func:`hgorun.load`.
+
+        Raises
+        ------
+        ConfigError
+        """
+        _, source = read_source(path, overrides)
+        return cls(streamed(source, StatedOfData.of(source), Path(path).stem))
 
     @property
     def t(self) -> float:
@@ -104,7 +129,9 @@ class Estimator:
         run = self._run
         return {
             label: {
-                name: (run.outliers[i][j], run.offered[i]) for name, i in self._system.outputs.items() if run.limited[i]
+                name: (run.outliers[i][j], run.offered[i][j])
+                for name, i in self._system.outputs.items()
+                if run.limited[i]
             }
             for j, label in enumerate(self.labels)
         }
@@ -204,27 +231,29 @@ class Estimator:
         values = [(system.output(name), value) for name, value in numbers_by_name("y", y)]
         values = sorted((i, value) for i, value in values if np.isfinite(value))
         changed = () if u is None else tuple((system.input(name), value) for name, value in numbers_by_name("u", u))
-        newest = self._run.newest
         if available is None or available == t:
             now = self._since_start(t)
-            samples = tuple((i, slot_of(i), value, now >= newest[i]) for i, value in values)
-            past.go_on(Event(now, tuple((i, slot) for i, slot, _, _ in samples), samples, changed, now))
+            samples = tuple((i, slot_of(i), value) for i, value in values)
+            event = Event(now, tuple((i, slot) for i, slot, _ in samples), samples, changed, now)
+            if self._joint and now == self._live.t:
+                past.go_back(event, together=True)
+            else:
+                past.go_on(event)
             return
         now, taken = self._since_start(available, "available"), t - self._experiment.origin
         if taken > now:
             raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
         if taken < now and not self._run.by_innovation(t):
             if "replay" in system.treatments.values():
-                samples = tuple((i, slot_of(i), value, True) for i, value in values)
+                samples = tuple((i, slot_of(i), value) for i, value in values)
                 past.go_back(
-                    Event(taken, tuple((i, slot) for i, slot, _, _ in samples), samples, (), taken), together=True
+                    Event(taken, tuple((i, slot) for i, slot, _ in samples), samples, (), taken), together=True
                 )
             past.go_on(Event(now, (), (), changed, now))
             return
         slots = tuple((i, self._run.next_slot(i)) for i, _ in values)
         past.go_back(Event(taken, slots))
-        newest = self._run.newest  # which may have gone back
-        samples = tuple((i, slot, v, taken >= newest[i]) for (i, slot), (_, v) in zip(slots, values, strict=True))
+        samples = tuple((i, slot, value) for (i, slot), (_, value) in zip(slots, values, strict=True))
         past.go_on(Event(now, (), samples, changed, taken))
 
     @property
@@ -238,7 +267,8 @@ class Estimator:
         """How many of some samples, from the first on, :meth:`update_many` may take together.
 
         It cannot take samples of an output that has not been heard before, and none where something is decided in
-        between: with gates, with samples that may come late, and for observers that step from sample to sample.
+        between: with gates, with samples that may come late, and for observers that step from sample to sample; nor
+        samples of several outputs that are taken at one time, where these correct an observer together.
 
         Parameters
         ----------
@@ -251,7 +281,10 @@ class Estimator:
         heard = np.array([*self._run.heard, *([True] * len(self._system.inputs))])
         since = t - self._experiment.origin
         fits = heard[kinds] & (since >= np.append(self._live.t, since[:-1]))
-        fits &= np.diff(since, prepend=self._live.t) <= self._reach  # one further off is refused by `update`
+        gaps = np.diff(since, prepend=self._live.t)
+        fits &= gaps <= self._reach  # one further off is refused by `update`
+        if self._joint:
+            fits &= (gaps > 0) & np.append(gaps[1:] > 0, False)
         count = len(fits) if fits.all() else int(np.argmin(fits))
         return min(count, TOGETHER)
 
@@ -273,7 +306,7 @@ class Estimator:
         for i in range(len(self._system.outputs)):
             own = since[kinds == i]
             if own.size:
-                self._run.newest[i] = float(own[-1])
+                self._run.newest[i] = [float(own[-1])] * len(self.labels)
         lost = self._live.diverged[:, None] <= since
         readouts = zip(self.labels, self._system.structure.estimates, lost, strict=True)
         return {label: (readout.along(since, self._system.p, rows), gone) for label, readout, gone in readouts}

@@ -222,8 +222,7 @@ def innovations_of(
     innovations, observers = carried.raw.innovations, range(len(prepared.run.observers))
     own = [innovations[prepared.own_slots(output, j), j, 0] for j in observers]
     found = -model.wrapped(output, np.reshape(own, (len(observers), one.values.size)))
-    late = one.available > one.taken
-    if np.any(late):
+    if one.available is not one.taken and np.any(late := one.available > one.taken):
         taken = one.taken[late]
         places = np.searchsorted(times, taken)
         for j, x in enumerate(xhat):

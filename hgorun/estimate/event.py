@@ -18,7 +18,7 @@ class Event:
     t : float
     take : tuple of (output, slot)
         What of the estimates is kept for samples that come later.
-    samples : tuple of (output, slot, value, used)
+    samples : tuple of (output, slot, value)
         What arrives.
     inputs : tuple of (input, value)
         What changes.
@@ -28,19 +28,14 @@ class Event:
 
     t: float
     take: tuple[tuple[int, int], ...] = ()
-    samples: tuple[tuple[int, int, float, bool], ...] = ()
+    samples: tuple[tuple[int, int, float], ...] = ()
     inputs: tuple[tuple[int, float], ...] = ()
     taken: float = np.nan
 
-    @property
-    def uses_samples(self) -> bool:
-        """Whether the observers are given one."""
-        return any(used for _, _, _, used in self.samples)
-
     def joined(self, other: Event) -> Event:
-        """With the samples of another event at the same time."""
+        """With the samples and inputs of another event at the same time."""
         take, samples = sorted(self.take + other.take), sorted(self.samples + other.samples)
-        return Event(self.t, tuple(take), tuple(samples), self.inputs, self.taken)
+        return Event(self.t, tuple(take), tuple(samples), self.inputs + other.inputs, self.taken)
 
     def told(self) -> list[Any]:
         """For a checkpoint."""
@@ -53,7 +48,7 @@ class Event:
         return cls(
             t,
             tuple((int(i), int(slot)) for i, slot in take),
-            tuple((int(i), int(slot), float(value), bool(used)) for i, slot, value, used in samples),
+            tuple((int(i), int(slot), float(value)) for i, slot, value, *_ in samples),  # older checkpoints told more
             tuple((int(i), float(value)) for i, value in inputs),
             taken,
         )

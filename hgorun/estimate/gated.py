@@ -2,12 +2,15 @@
 
 An observer that is taken back to the time of a late sample goes on from there with what was known of its innovations
 then. So each sample is judged at its place in the order of measurement, as if all had come in time, and once more
-whenever an older one arrives: what counts is the last judgement.
+whenever an older one arrives: what counts is the last judgement. An observer that takes late samples into its
+innovation is offered those that are newer than all that it has used: what it has left out is as if it had never come.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import Protocol
 
 import numpy as np
@@ -18,6 +21,7 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.session import Session, with_stops
 from hgorun.estimate.gate import Entering, Gate
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import same_time
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
 from hgorun.symbolic.evaluate import Floats
@@ -25,7 +29,7 @@ from hgorun.symbolic.evaluate import Floats
 _AHEAD, _MOST = 4, 512  # places with samples that are passed at once, as long as none is an outlier
 
 
-def gated_run(prepared: PreparedEstimate, plan: Plan, *, uneven: bool, used: np.ndarray) -> Raw:
+def gated_run(prepared: PreparedEstimate, plan: Plan, *, uneven: bool, used: np.ndarray, offered: np.ndarray) -> Raw:
     """Carry a run out.
 
     Parameters
@@ -35,17 +39,22 @@ def gated_run(prepared: PreparedEstimate, plan: Plan, *, uneven: bool, used: np.
         Of the whole run.
     uneven : bool
         Whether it has two segments from each event to the next.
-    used : ndarray of bool, shape (samples, m)
-        Which samples each observer takes; outliers become False.
+    used, offered : ndarray of bool, shape (samples, m)
+        Which samples each observer takes if none is an outlier; afterwards which it has taken, and which were judged.
     """
-    return _GatedRun(prepared, plan, uneven, used).carried_out()
+    return _GatedRun(prepared, plan, uneven, used, offered).carried_out()
 
 
 class _GatedRun:
     """A run that stops wherever samples enter, or observers are taken back."""
 
-    def __init__(self, prepared: PreparedEstimate, plan: Plan, uneven: bool, used: np.ndarray) -> None:
-        self._prepared, self._used = prepared, used
+    def __init__(
+        self, prepared: PreparedEstimate, plan: Plan, uneven: bool, used: np.ndarray, offered: np.ndarray
+    ) -> None:
+        self._prepared, self._used, self._offered = prepared, used, offered
+        self._newest = [[-np.inf] * used.shape[1] for _ in prepared.samples]  # that each observer has used
+        self._taken = np.concatenate([one.taken for one in prepared.samples]).tolist()
+        self._equal = same_time(prepared.run.origin, prepared.run.time.end)
         self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], prepared.covariances())
         self._entering: dict[int, list[Entering]] = {}
         for place, one in _entering(prepared):
@@ -57,6 +66,12 @@ class _GatedRun:
         self._begins = set() if self._order is None else set(self._order.begins.tolist())
         self._members = tuple(j for j in range(used.shape[1]) if prepared.treatment(j) == "replay")
         self._places = sorted({*self._entering, *self._begins, *self._saving()})
+        in_order = np.concatenate([one.used for one in prepared.samples])
+        self._contested = [
+            k
+            for k, place in enumerate(self._places)
+            if any(not in_order[e.used] for e in self._entering.get(place, []))
+        ]
         first_steps = np.flatnonzero(plan.counts[:, 1] == 0)[:: 2 if uneven else 1]  # of what follows each event
         plan, self._stops = with_stops(plan, first_steps[self._places])
         self._session = Session(prepared.program(), plan, prepared.start())
@@ -74,10 +89,11 @@ class _GatedRun:
         number, ahead = 0, _AHEAD
         while number < len(stops):
             if not self._alone:
-                some = slice(number, number + ahead)
-                asked, passed = len(stops[some]), self._pass(self._places[some], stops[some])
+                some = slice(number, min(number + ahead, self._next_contested(number, len(stops))))
+                asked = len(stops[some])
+                passed = self._pass(self._places[some], stops[some]) if asked else 0
                 number += passed
-                if passed == asked:
+                if passed and passed == asked:
                     ahead = min(2 * ahead, _MOST)
                     continue
                 ahead = max(ahead // 2, _AHEAD)
@@ -96,6 +112,11 @@ class _GatedRun:
             self._enter(place, stop, float(self._events[event]), z, w)
         return session.finish()
 
+    def _next_contested(self, number: int, end: int) -> int:
+        """The next place where a sample comes after a newer one, which not every observer may have used."""
+        which = bisect_left(self._contested, number)
+        return self._contested[which] if which < len(self._contested) else end
+
     def _pass(self, places: Sequence[int], stops: Sequence[int]) -> int:
         """Let the samples of some places enter as if there were no outliers: how many places there are before one."""
         session, gate = self._session, self._gate
@@ -104,6 +125,8 @@ class _GatedRun:
         entering = [self._entering[place] for place in places]
         innovations = self._wrapped([one for several in entering for one in several])
         count = next((k for k, several in enumerate(entering) if not gate.passed(several, innovations)), len(places))
+        for one in (one for several in entering[:count] for one in several):
+            self._use(one, one.members)
         if count < len(places):
             gate.restore(known)
             for several in entering[:count]:
@@ -126,25 +149,65 @@ class _GatedRun:
         return found
 
     def _enter(self, place: int, stop: int, t: float, z: Floats, w: Floats) -> None:
-        """Let samples enter, and take back what outliers have done."""
+        """Let samples enter, and take back what outliers have done, and what is older than what has been used."""
         session, entering = self._session, self._entering.get(place, [])
         slots = [one.slot for one in entering]
         first = session.innovations[slots]  # what is kept is what was thought at first
         session.innovations[slots] = np.nan
+        several = {one.channel for one, other in pairwise(entering) if one.channel == other.channel}
+        arriving = dict(zip(slots, session.arriving(slots), strict=True)) if several else {}
         session.advance(stop + 1)
         now = session.innovations[slots]
         session.innovations[slots] = np.where(np.isnan(first), now, first)
-        system, out = self._prepared.run.structure.system, dict[int, list[tuple[int, int]]]()
+        out = dict[int, list[Entering]]()
         for one, innovations in zip(entering, now, strict=True):
-            found = self._gate.outliers(one.output, innovations, t, z, w, one.members)
-            self._used[one.used, list(one.members)] = [j not in found for j in one.members]
-            for j in found:
-                out.setdefault(j, []).append((one.channel, one.slot))
-                leave_out(system, session, one.channel, j, z, w)
+            for j in self._left_out(one, innovations, t, z, w):
+                out.setdefault(j, []).append(one)
         for j, samples in out.items():
-            start, stop, _ = system.blocks[j]
-            if jumps_by_several(system, start):
-                session.z[start:stop] = session.happened_without(samples, z, w)[start:stop]
+            self._leave_out(j, samples, several, z, w, arriving)
+
+    def _left_out(self, one: Entering, innovations: Floats, t: float, z: Floats, w: Floats) -> set[int]:
+        """The observers that do not take a sample."""
+        members: Sequence[int] = one.members
+        if one.channel < len(self._newest):  # observers in other channels go back to where the sample is the newest
+            newest, taken = self._newest[one.output], self._taken[one.used] + self._equal
+            members = [j for j in members if newest[j] <= taken]
+        found = self._gate.outliers(one.output, innovations, t, z, w, members)
+        taking = [j for j in members if j not in found]
+        self._offered[one.used, list(members)] = True
+        self._used[one.used, list(one.members)] = [j in taking for j in one.members]
+        self._use(one, taking)
+        return {*one.members}.difference(taking)
+
+    def _use(self, one: Entering, members: Sequence[int]) -> None:
+        newest, taken = self._newest[one.output], self._taken[one.used]
+        for j in members:
+            newest[j] = max(newest[j], taken)
+
+    def _leave_out(
+        self,
+        j: int,
+        samples: Sequence[Entering],
+        several: Collection[int],
+        z: Floats,
+        w: Floats,
+        arriving: Mapping[int, Floats],
+    ) -> None:
+        """Let an observer go on as if some of the samples that have just arrived had not.
+
+        Parameters
+        ----------
+        several : collection of int
+            The channels in which more than one has arrived.
+        z, w, arriving
+            What there was before, as :meth:`~hgorun.engine.session.Session.happened_without` asks for it.
+        """
+        session, system = self._session, self._prepared.run.structure.system
+        channels, before = {one.channel for one in samples}, (z, w)
+        if jumps_by_several(system, system.blocks[j][0]) or not channels.isdisjoint(several):
+            before = session.happened_without([(one.channel, one.slot) for one in samples], z, w, arriving)
+        for channel in channels:
+            leave_out(system, session, channel, j, *before)
 
 
 def _entering(prepared: PreparedEstimate) -> Iterator[tuple[int, Entering]]:
@@ -217,7 +280,7 @@ def leave_out(system: HybridSystem, live: Running, output: int, j: int, z: Float
     j : int
         The observer's number.
     z, w : ndarray
-        The states, and what was held, before the sample arrived.
+        The states, and what is held, without the sample.
     """
     layout = system.held
     place, y = layout.s(output, j), layout.output(output)

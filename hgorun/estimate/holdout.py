@@ -107,4 +107,5 @@ def part(signal: Signal, chosen: np.ndarray) -> Signal:
         available=taken if same else signal.available[chosen],
         values=signal.values[chosen],
         lines=signal.lines[chosen],
+        part=signal.part[chosen] if signal.part.size else signal.part,
     )

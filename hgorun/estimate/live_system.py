@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import product
 
@@ -23,9 +23,11 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.preparation import check_limit, numbers_of
+from hgorun.simulation.prepared import Numbers
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.truth import Recording
 from hgorun.symbolic.evaluate import evaluate
+from hgorun.symbolic.forms import Driven
 
 LATE = 8  # samples of one output that may be on their way at once
 TOGETHER = 4096  # samples in one native call
@@ -64,6 +66,8 @@ class LiveSystem:
         The longest.
     begin : tuple of ObserverBlock
         Observers with states that belong to the first sample.
+    driven : tuple of str
+        Labels of observers whose states at the start depend on inputs that come with the samples.
     """
 
     experiment: Experiment
@@ -80,6 +84,7 @@ class LiveSystem:
     regimes: Mapping[tuple[bool, ...], int]
     step: float
     begin: tuple[ObserverBlock, ...]
+    driven: tuple[str, ...]
 
     @classmethod
     def of(cls, experiment: Experiment, inputs: tuple[str, ...]) -> LiveSystem:
@@ -104,7 +109,8 @@ class LiveSystem:
         variants = [tuple((what, 0) for what in row) for row in product((SILENT, HELD), repeat=len(outputs))]
         stretches = experiment.stretches
         structure = structure_of([truth], [designs], stretches, variants, plant.everything, innovations=True)
-        numbers = numbers_of(structure, plant, experiment, designs)
+        driven = tuple(design.label for design in designs if inputs and isinstance(design.form, Driven))
+        numbers = _numbers(experiment, structure, truth.recorded, {}, driven)
         corrections = tuple(number for number, _, _ in structure.system.corrections)
         jumping = [b.label for b in numbers.observers if isinstance(b.observer, SampledObserver)]
         if jumping and len(outputs) > 1:
@@ -124,6 +130,7 @@ class LiveSystem:
             regimes={row: number for number, row in enumerate(product((False, True), repeat=len(outputs)))},
             step=nominal_step(experiment),
             begin=tuple(b for b in numbers.observers if isinstance(b.observer, BeginsWithASample)),
+            driven=driven,
         )
 
     def live(self) -> Live:
@@ -149,6 +156,29 @@ class LiveSystem:
                 for name, values in observer.begun(block.form, xhat).items():
                     place = block.states[name]
                     z[place.start : place.start + place.size] = place.numbers(values)
+
+    def start_with(self, told: Mapping[int, float]) -> Floats:
+        """All states at the start; NaN where they depend on inputs that have not been told.
+
+        Parameters
+        ----------
+        told : mapping of int to float
+            The inputs that are known by now, by their numbers among those that come with samples.
+
+        Raises
+        ------
+        ValueError
+        """
+        recorded = tuple(self.experiment.plant.model.inputs.index(name) for name in self.inputs)
+        try:
+            return _numbers(self.experiment, self.structure, recorded, told, self.driven).z0
+        except Problem as problem:
+            raise ValueError(problem.message) from problem
+
+    @property
+    def joint(self) -> bool:
+        """Whether samples of several outputs that are taken at one time correct an observer together."""
+        return any(stop - first > 1 for _, first, stop in self.structure.system.corrections)
 
     @property
     def follows_states(self) -> bool:
@@ -186,6 +216,27 @@ class LiveSystem:
             known = ", ".join(self.inputs) or "none"
             raise ValueError(f"the input {name!r} is not given with samples; those that are: {known}")
         return self.inputs[name]
+
+
+def _numbers(
+    experiment: Experiment,
+    structure: Structure,
+    recorded: Sequence[int],
+    told: Mapping[int, float],
+    driven: Sequence[str],
+) -> Numbers:
+    """The numbers at the start, inputs that are not known yet at zero; or at NaN where zero does not do."""
+
+    def with_others_at(value: float) -> Numbers:
+        lines = tuple((place, told.get(number, value), 0.0) for number, place in enumerate(recorded))
+        return numbers_of(structure, experiment.plant, experiment, list(experiment.designs.values()), lines)
+
+    try:
+        return with_others_at(0.0)
+    except Problem:
+        if not driven or len(told) == len(recorded):
+            raise
+        return with_others_at(np.nan)
 
 
 def _check(experiment: Experiment, inputs: tuple[str, ...]) -> None:

@@ -2,19 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from hgorun.config.data import Data, Measured
 from hgorun.config.models import Time
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.data.reading import read
+from hgorun.data.reading import Reader, read
 from hgorun.data.recording import Origin, Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.estimate.completed import plant_units, with_inputs
+from hgorun.estimate.holdout import part
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -24,18 +27,37 @@ class Log:
     block: Data
     folder: Path
     unit: str
-    units: Mapping[str, str]
+    source: Source
     files: tuple[Path, ...]
 
-    def read(self) -> Recording:
-        return read(self.block, self.folder, time_unit=self.unit, units=self.units, files=self.files)
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """Of the plant's states, inputs and outputs."""
+        from hgorun.estimate.completed import plant_units, with_inputs  # long to import: files are read meanwhile
+
+        return plant_units(with_inputs(self.source, self.block.inputs))
+
+    def read(self, files: Callable[[], Reader] | None = None) -> Recording:
+        """The recording; ``files`` gives what :meth:`open` has, where that was done before."""
+        units = self.units  # of a plant that cannot be, before anything is said of files
+        reader = self.open() if files is None else files()
+        return reader.recording(self.unit, units)
+
+    def open(self) -> Reader:
+        """Read the files, for which nothing of the plant is needed."""
+        return Reader(self.block, self.folder, self.files)
 
     @property
     def all_files(self) -> tuple[Path, ...]:
         """Every file that something is read from."""
         columns = [*self.block.outputs.values(), *self.block.inputs.values(), *self.block.reference.values()]
         own = (self.folder / column.file for column in columns if column.file is not None)
-        return (*(self.files or (self.folder / name for name in self.block.file)), *own)
+        return (*self.shared_files, *own)
+
+    @property
+    def shared_files(self) -> tuple[Path, ...]:
+        """Those of all signals that name no file of their own."""
+        return self.files or tuple(self.folder / name for name in self.block.file)
 
     def _columns(self, output: str, file: Path) -> dict[str, Any]:
         """How an output is called in a file: as the block reads it from that file, or else as it does anyway."""
@@ -45,6 +67,40 @@ class Log:
             raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands")
         of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
         return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})
+
+    def held_out(self, recording: Recording, output: str, file: Path) -> tuple[Recording, Signal]:
+        """A recording without what it has of an output from a file, and what is compared with estimates.
+
+        What stands in another file than those that observers get is read from there.
+
+        Raises
+        ------
+        ConfigError
+            Where observers would get what they are compared with, or nothing.
+        """
+        signal = recording.outputs.get(output)
+        out = np.zeros(0, dtype=bool) if signal is None else signal.stands_in(file)
+        if signal is None or not out.any():
+            self._refuse_used(output, file)
+            return recording, self.from_file(output, file, recording.origin)
+        if out.all():
+            raise ConfigError(
+                f"--holdout {output}={file}: all samples of the output {output} stand there, and observers would get "
+                f"none: hold out some of them, --holdout {output}=5, or leave {output} out of plant.output and "
+                "data.outputs and name it in data.reference"
+            )
+        return replace(recording, outputs={**recording.outputs, output: part(signal, ~out)}), part(signal, out)
+
+    def _refuse_used(self, name: str, file: Path) -> None:
+        """Refuse a column that observers get as an output of another name."""
+        column = self._columns(name, file)["column"]
+        for output, block in self.block.outputs.items():
+            files = (self.folder / block.file,) if block.file is not None else self.shared_files
+            if block.column == column and file.resolve() in (one.resolve() for one in files):
+                raise ConfigError(
+                    f"--holdout {name}={file}: observers get this column {column} as the output {output}: hold out "
+                    f"some of its samples, --holdout {output}=5"
+                )
 
     def from_file(self, output: str, file: Path, origin: Origin) -> Signal:
         """An output as it stands in another file, at times that count from the origin of the log."""
@@ -72,6 +128,6 @@ def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
         block,
         config.parent,
         unit if isinstance(unit, str) else default,
-        plant_units(with_inputs(source, block.inputs)),
+        source,
         files,
     )

@@ -178,8 +178,10 @@ class LongLog:
             found.undefined[j] = min(found.undefined[j], first_undefined(grid, x))
         for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
             self._write(file, found, path, rows, self._grid.size)
+        used = np.zeros(0, dtype=bool)  # all samples are, and no one asks
+        carried = Carried(raw, used, used, step, own.z, 0)
         for i, one in enumerate(prepared.samples):
-            predicted = innovations_of(prepared, i, times, everywhere, Carried(raw, prepared.used(), step, own.z, 0))
+            predicted = innovations_of(prepared, i, times, everywhere, carried)
             first = found.done.setdefault((i, ""), 0)
             found.predicted[i][:, first : first + one.values.size] = predicted
             found.done[i, ""] += one.values.size
@@ -232,7 +234,7 @@ class LongLog:
         whole = {key: with_lag(prepared, together(parts), self._lags[key]) for key, parts in found.compared.items()}
         shown = found.all_shown
         evaluated = Evaluated(
-            Carried(raw, used, step, found.error(prepared.method), spent),
+            Carried(raw, used, used, step, found.error(prepared.method), spent),
             self._grid[:0],
             [shown(f"observers/{b.label}/xhat") for b in prepared.run.observers],
             np.zeros((0, own.z.size)),
@@ -272,8 +274,9 @@ class LongLog:
         file.append(path, rows, total, lasting=True)
 
     def _write_band(self, file: ResultInParts, found: Found, label: str, widths: Widths) -> None:
+        written = file.whole(f"observers/{label}/xhat")
         for first in range(0, self._grid.size, _ROWS):
-            some = slice(first, min(first + _ROWS, self._grid.size))
-            xhat, width = file.read(f"observers/{label}/xhat", some), widths.at(self._grid[some])
+            stop = min(first + _ROWS, self._grid.size)
+            xhat, width = written.read(first, stop), widths.at(self._grid[first:stop])
             for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
                 self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)

@@ -75,14 +75,16 @@ class PreparedEstimate:
         treatments = self.run.treatments
         return 1 + treatments.index(treatment) if (treatment := self.treatment(j)) in treatments else 0
 
-    def own_slots(self, output: int, j: int) -> np.ndarray:
-        """Where observer j hears the samples of an output, shape (n_k,); -1 for those that are left out for it."""
+    def own_slots(self, output: int, j: int) -> np.ndarray | slice:
+        """Where observer j hears the samples of an output, (n_k,) of them; -1 for those that are left out for it."""
         channels = self.run.heard
         number = self.group(j) * len(self.samples) + output
         first = sum(c.samples.arrival.size for c in channels[:number])
-        channel, found = channels[number], np.full(self.samples[output].values.size, -1)
-        which = channel.which if isinstance(channel, HeardOtherwise) else np.arange(found.size)
-        found[which] = first + np.arange(which.size)
+        channel, count = channels[number], self.samples[output].values.size
+        if not isinstance(channel, HeardOtherwise):
+            return slice(first, first + count)
+        found = np.full(count, -1)
+        found[channel.which] = first + np.arange(channel.which.size)
         return found
 
     def used(self) -> np.ndarray:
@@ -219,7 +221,8 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         stretches, variants, everything = experiment.stretches, schedule.variants, plant.everything
         structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
         _check_inputs(plant.model, recorded, structure)
-        numbers = numbers_of(structure, plant, experiment, designs)
+        at_start = () if inputs is None else inputs.first(recorded)
+        numbers = numbers_of(structure, plant, experiment, designs, at_start)
         run = PreparedRun(
             experiment=experiment,
             structure=structure,
@@ -230,6 +233,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
             smallest_delay=np.inf,
             reach=0.0,
             treatments=treatments,
+            recorded=at_start,
         )
         check_jumps(run)
         check_corrections(run)

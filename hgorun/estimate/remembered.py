@@ -38,10 +38,11 @@ class Remembered:
 
     def go_on(self, event: Event) -> None:
         """Carry an event out, and remember it."""
-        if self.events.maxlen:
-            self.before.append(self._run.state())
-            self.events.append(event)
+        before = self._run.state() if self.events.maxlen else None
         self._run.carry_out(event)
+        if before is not None:  # what is refused is not remembered
+            self.before.append(before)
+            self.events.append(event)
 
     def go_back(self, event: Event, *, together: bool = False) -> None:
         """Let something happen at an earlier time: from there all is carried out again.

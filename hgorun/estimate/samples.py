@@ -27,7 +27,8 @@ class Sampled:
     output : str
     taken, available, values : ndarray, shape (n,)
     used : ndarray of bool, shape (n,)
-        False for a sample that came after a newer one.
+        False for a sample that came after a newer one; with a gate an observer to which the newer ones were outliers
+        may use it nevertheless.
     std : float or None
         Standard deviation of the noise, where it was stated with the data.
     gate : float or None
@@ -60,7 +61,7 @@ def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
         The start of the run on the clock of the data, and how long it lasts.
     """
     taken, available = signal.taken - origin, signal.available - origin
-    slack = 4 * np.spacing(max(abs(origin), abs(origin + end)))
+    slack = _slack(origin, end)
     inside = (taken >= -slack) & (available <= end + slack)
     # those known together in the order in which they were taken, so that the newest is what is held
     order = np.lexsort((taken[inside], available[inside]))
@@ -68,8 +69,17 @@ def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
     taken = np.clip(taken[inside], 0.0, end)[order]
     available = taken if same else np.clip(available[inside], 0.0, end)[order]
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], taken]))[:-1]
-    used = taken >= newest - max(1e-12 * end, 2 * slack)
+    used = taken >= newest - same_time(origin, end)
     return Sampled(output, taken, available, signal.values[inside][order], used, signal.std, signal.gate)
+
+
+def same_time(origin: float, end: float) -> float:
+    """By how much times of a run may differ that are equal on paper; arguments as of :func:`sampled`."""
+    return max(1e-12 * end, 2 * _slack(origin, end))
+
+
+def _slack(origin: float, end: float) -> float:
+    return float(4 * np.spacing(max(abs(origin), abs(origin + end))))
 
 
 def channel(samples: Sampled, experiment: Experiment, output: int, *, heard: bool = False) -> Channel:
@@ -81,7 +91,7 @@ def channel(samples: Sampled, experiment: Experiment, output: int, *, heard: boo
         samples.taken,
         np.arange(count),
         np.zeros(count, dtype=np.int64),
-        samples.used,
+        samples.used if samples.gate is None else np.ones(count, dtype=bool),  # who uses which is decided in the run
     )
     time = experiment.time
     noise = [StretchNoise(s, (), 0, samples.output, time.start, time.end) for s in stretches]

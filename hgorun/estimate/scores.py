@@ -60,7 +60,7 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
         if name in noise and innovations.size > 1:
             add("size", name, float(np.std(innovations)) / noise[name])
         if sampled.gate is not None:
-            offered = prepared.used()[prepared.slots[i], j]
+            offered = found.carried.offered[prepared.slots[i], j]
             add("gated", name, float(np.count_nonzero(offered & ~used)))
     for name, one in found.reference.items():
         add("reference_rmse", name, rms(_defined(one.residuals[j], lost=lost)))

@@ -73,7 +73,7 @@ def _followed(prepared: PreparedEstimate, j: int, times: Floats, step: float) ->
     own = block.states["xhat"]
     rest = [k for k in range(block.start, block.stop) if not own.start <= k < own.start + own.size]
     with np.errstate(all="ignore"):
-        raw, _ = one_pass(prepared, times, step)
+        raw, _, _ = one_pass(prepared, times, step)
         xhat, rows = estimates(prepared, times, raw)[j], raw.rows[:, rest, 0]
         there = np.all(np.isfinite(xhat), axis=1) & np.all(np.isfinite(rows), axis=1)
     return Followed(times[there], xhat[there], rows[there])

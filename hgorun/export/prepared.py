@@ -249,7 +249,7 @@ def _without_lateness(run: PreparedRun, label: str) -> str:
 
 def _start(run: PreparedRun, label: str, found: Equations) -> np.ndarray:
     design = run.experiment.designs[label]
-    return design.initial(run.plant.parameters, has_alpha="alpha" in found.block.states)
+    return design.initial(run.plant, has_alpha="alpha" in found.block.states, recorded=run.recorded)
 
 
 def _lateness(run: PreparedRun, output: int) -> float:

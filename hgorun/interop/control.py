@@ -297,7 +297,8 @@ def observer(experiment: Experiment, label: str) -> ObserverSystem:
         states=names,
         name=label,
     )
-    return ObserverSystem(system, design.initial(run.plant.parameters, has_alpha="alpha" in found.block.states))
+    start = design.initial(run.plant, has_alpha="alpha" in found.block.states, recorded=run.recorded)
+    return ObserverSystem(system, start)
 
 
 def _package() -> ModuleType:

@@ -14,6 +14,7 @@ from hgorun.measurement.events import LEVELS, merge, repeated
 from hgorun.measurement.late import HeardOtherwise, Order, order_of
 from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.measurement.variants import FROZEN, Variant
+from hgorun.memo import Memo
 from hgorun.symbolic.levels import distinct
 
 _SHORT = 1e-9  # events closer than this part of a step are one
@@ -208,11 +209,26 @@ def clipped(times: np.ndarray, time: Time, tolerance: float) -> np.ndarray:
     return np.concatenate([[time.start], merge(inside, tolerance), [time.end]])
 
 
+_KEPT = 1 << 17  # numbers one after the other that are kept in memory
+_FOLLOWING: Memo[np.ndarray] = Memo(4, lambda numbers: numbers.size <= _KEPT)
+
+
+def _following(first: int, count: int) -> np.ndarray:
+    """So many numbers one after the other: the same array for stretches of a run that are alike; it is read only."""
+
+    def made() -> np.ndarray:
+        numbers = np.arange(first, first + count)
+        numbers.flags.writeable = False
+        return numbers
+
+    return _FOLLOWING.get((first, count), made)
+
+
 def nearest_event(events: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Index of the event nearest to each time."""
     if times.size and events.size:  # where times are events one after the other, as those of samples, nothing is sought
         first = int(np.searchsorted(events, times[0]))
         if np.array_equal(events[first : first + times.size], times):
-            return np.arange(first, first + times.size)
+            return _following(first, times.size)
     right = np.clip(np.searchsorted(events, times), 1, events.size - 1)
     return np.where(times - events[right - 1] <= events[right] - times, right - 1, right)

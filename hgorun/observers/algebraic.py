@@ -36,14 +36,15 @@ class AlgebraicDifferentiator(Differentiator, LastSamples, SteppedObserver[Deriv
     V^T (V V^T)^-1 (target - V w), V holding the powers of the samples' times. Where samples are at uneven times, or
     late, the weights are those of their times.
 
-    The first samples are a shorter window; before there are as many as states z is what it is at ``initial``, the
-    inputs at zero. The estimate is the state that belongs to z, as for ``levant``, held until the next sample. White
-    noise of the standard deviation s leaves s |w| in z_i. It lags by about T/2, and lateness of the samples adds to
-    that. A continuous output is measured at the ends of the solver's steps. Choose it where a known lag is no harm and
-    the noise is large; ``savgol`` of a higher degree has no lag, and more noise in the same window.
+    The first samples are a shorter window; before there are as many as states z is what it is at ``initial``, with
+    the inputs at the start. The estimate is the state that belongs to z, as for ``levant``, held until the next
+    sample. White noise of the standard deviation s leaves s |w| in z_i. It lags by about T/2, and lateness of the
+    samples adds to that. A continuous output is measured at the ends of the solver's steps. Choose it where a known
+    lag is no harm and the noise is large; ``savgol`` of a higher degree has no lag, and more noise in the same
+    window.
 
-    The kernel is derived again, its minimal form is that of the publication; the correction of the sampled weights is
-    our own.
+    The kernel is derived again, its minimal form is that of the publication; the correction of the sampled
+    weights is our own.
     """
 
     reference = "Mboup, Join, Fliess 2009"

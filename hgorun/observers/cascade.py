@@ -35,8 +35,8 @@ class CascadeObserver(Differentiator, LocallyLinear, HighGain, ContinuousObserve
 
     Choose it if there is no model, or if the estimate must not peak; take ``low_power`` with ``saturate`` if the
     model is known, since the error of this one does not go to zero. On plants that are not chains of integrators the
-    estimate is the state that belongs to these derivatives; ``initial`` gives those at the start with the inputs at
-    zero.
+    estimate is the state that belongs to these derivatives; ``initial`` gives those at the start, with the inputs
+    there.
     """
 
     lacks = NO_MODEL

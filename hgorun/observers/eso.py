@@ -36,7 +36,7 @@ class LinearExtendedStateObserver(PlacedGain, ExtendedState):
     ``extended`` has less to estimate, and needs a smaller bandwidth. Samples come through the common innovation. Late
     outputs are refused: without a model nothing brings the estimate to the present; take ``extended``, or
     ``predictor_chain``. The estimate is the state that belongs to the derivatives z, as for ``levant``, and ``initial``
-    gives them at the start with the inputs at zero; where the output depends on the input itself, b_0 u is not how it
+    gives them at the start, with the inputs there; where the output depends on the input itself, b_0 u is not how it
     enters.
     """
 

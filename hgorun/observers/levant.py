@@ -102,8 +102,8 @@ class LevantObserver(Switching, LevantDifferentiator, ContinuousObserver[Derivat
     constant of y^(n-1), a bound on |y^(n)|: then z_i = y^(i) exactly after a finite time when there is no
     noise; a larger G amplifies noise, a smaller one loses the signal. There is no copy of the plant in it.
     The estimate is the state that belongs to these derivatives, Phi(z_0, z_1, ..., u, u', ...), which for a
-    chain of integrators is z itself. ``initial`` gives z(0): the output's derivatives there, the inputs at
-    zero.
+    chain of integrators is z itself. ``initial`` gives z(0): the output's derivatives there, with the
+    inputs at the start.
 
     ``discretisation: explicit`` integrates the equations by the solver; they are discontinuous, so take
     ``method: euler`` with a fixed step (the papers use 50 us) and expect chattering of the size k_(n-1)

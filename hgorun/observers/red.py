@@ -58,8 +58,8 @@ class RobustExactDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
     frequency, and an observer that knows the plant needs less bandwidth. Late outputs are refused: a relay with a
     delay d ends in a limit cycle of the size L d^(n+1-j) in z_j. A continuous output is measured at the ends of the
     solver's steps. With ``substeps: m`` every step is m steps of h/m with the same sample. The estimate is the state
-    that belongs to the derivatives, as for ``levant``, and ``initial`` gives them at the start with the inputs at
-    zero.
+    that belongs to the derivatives, as for ``levant``, and ``initial`` gives them at the start, with the inputs
+    there.
 
     The coefficients are those in public code, the recursion for lt reproduces its tables; the implicit step and M are
     derived here.

@@ -30,9 +30,9 @@ class SavitzkyGolayFilter(Differentiator, LastSamples, SteppedObserver[Derivativ
 
     are the output and its derivatives, and the estimate is the state that belongs to them, as for ``levant``. It is
     held until the next sample. With samples of a constant period the weights are those of Savitzky and Golay at the end
-    of the window. Before there are samples at p + 1 times z is what it is at ``initial``, the inputs at zero; until the
-    window is full the polynomial is fitted to those that there are. A continuous output is measured at the ends of the
-    solver's steps, which have to be given.
+    of the window. Before there are samples at p + 1 times z is what it is at ``initial``, with the inputs at the start;
+    until the window is full the polynomial is fitted to those that there are. A continuous output is measured at the
+    ends of the solver's steps, which have to be given.
 
     It knows nothing of the plant's equations: a wide window averages the noise and lags behind what is not a polynomial
     of degree p, and a narrow one does the opposite. White noise of the standard deviation s leaves s |w| in z_i, w

@@ -66,8 +66,9 @@ class InlinePlant(Plant):
 
     @model_validator(mode="after")
     def _complete(self) -> InlinePlant:
-        if len(set(self.states)) < len(self.states):
-            raise ValueError("states: duplicate name")
+        twice = [name for i, name in enumerate(self.states) if name in self.states[:i]]
+        if twice:
+            raise Problem(("states",), f"the name {twice[0]} is there twice; each state has a name of its own")
         missing = [s for s in self.states if s not in self.dynamics]
         if missing:
             others = [name for name in self.dynamics if name not in self.states]

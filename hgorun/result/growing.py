@@ -1,4 +1,4 @@
-"""Data sets whose rows come some at a time: a thread takes their digests and writes them while the run goes on.
+"""Data sets whose rows come some at a time: threads take their digests and write them while the run goes on.
 
 They are contiguous in the file, so what is written goes from the arrays to the file and not through HDF5, which would
 copy it and hold up all other threads meanwhile. Their digests tell what was damaged, as those of other data sets do.
@@ -20,7 +20,8 @@ from hgorun.result import digests
 from hgorun.result.sink import Sink
 
 _PIECE = 1 << 16
-_WAITING = 8  # pieces that may wait to be written: they are memory
+_THREADS = 2
+_WAITING = 4  # pieces that may wait for each thread: they are memory
 
 
 class Growing:
@@ -42,14 +43,14 @@ class Growing:
         self._data = _contiguous(group, name, (rows, *like.shape[1:]), like.dtype)
         self._place: int = self._data.id.get_offset() or 0
         background.sink.reserve(self._place, self._data.id.get_storage_size())
-        self._background, self._digest = background, sha256()
-        self._rows, self._given, self._passed = rows, 0, 0
+        self._background, self._lane, self._digest = background, background.lane(), sha256()
+        self._like, self._rows, self._given, self._passed = like[:0], rows, 0, 0
 
     def append(self, rows: np.ndarray) -> None:
         """Take the next rows, which are not to change any more."""
         self._given += len(rows)
         if rows.size:
-            self._background.put(self, rows)
+            self._background.put(self, rows, self._lane)
 
     def write(self, rows: np.ndarray) -> None:
         """Write the next rows, in the thread that does so."""
@@ -57,6 +58,14 @@ class Growing:
         self._digest.update(content)
         self._background.sink.write_at(self._place + self._passed, content)
         self._passed += content.nbytes
+
+    def read(self, first: int, stop: int) -> np.ndarray:
+        """Some of the rows that have been written, after :meth:`finished`."""
+        shape, kind = self._like.shape[1:], self._like.dtype
+        found = np.empty((stop - first, *shape), dtype=kind.newbyteorder("<"))
+        if found.size:
+            self._background.sink.read_at(self._place + first * found[:1].nbytes, found.data)
+        return found.astype(kind, copy=False)
 
     def finished(self) -> h5py.Dataset:
         """The data set, with all that has come and its digest."""
@@ -101,7 +110,7 @@ def _of_constant(count: int, value: bytes) -> str:
 
 
 class Background(AbstractContextManager["Background"]):
-    """A thread that writes.
+    """Threads that write, each what it is given in that order.
 
     Parameters
     ----------
@@ -111,37 +120,49 @@ class Background(AbstractContextManager["Background"]):
 
     def __init__(self, sink: Sink) -> None:
         self.sink = sink
-        self._queue: Queue[tuple[Growing, np.ndarray] | None] = Queue(_WAITING)
+        self._queues = [Queue[tuple[Growing, np.ndarray] | None](_WAITING) for _ in range(_THREADS)]
+        self._lanes = 0
         self._error: Exception | None = None
-        self._thread = threading.Thread(target=self._work, name="writing a result", daemon=True)
+        self._threads = [
+            threading.Thread(target=self._work, args=(queue,), name="writing a result", daemon=True)
+            for queue in self._queues
+        ]
 
     def __enter__(self) -> Background:
-        self._thread.start()
+        for thread in self._threads:
+            thread.start()
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self._error = self._error or RuntimeError("nothing more is written")  # what still waits is left out
-        self._queue.put(None)
-        self._thread.join()
+        for queue, thread in zip(self._queues, self._threads, strict=True):
+            queue.put(None)
+            thread.join()
 
-    def put(self, growing: Growing, rows: np.ndarray) -> None:
-        """Let rows be written."""
+    def lane(self) -> int:
+        """Which thread writes the next data set: each of them in turn."""
+        self._lanes += 1
+        return self._lanes % _THREADS
+
+    def put(self, growing: Growing, rows: np.ndarray, lane: int) -> None:
+        """Let a thread write rows."""
         self._require()
-        self._queue.put((growing, rows))
+        self._queues[lane].put((growing, rows))
 
     def wait(self) -> None:
         """Until all has been written."""
-        self._queue.join()
+        for queue in self._queues:
+            queue.join()
         self._require()
 
     def _require(self) -> None:
         if (error := self._error or self.sink.failed) is not None:
             raise error
 
-    def _work(self) -> None:
-        while (item := self._queue.get()) is not None:
+    def _work(self, queue: Queue[tuple[Growing, np.ndarray] | None]) -> None:
+        while (item := queue.get()) is not None:
             try:
                 if self._error is None:
                     growing, rows = item
@@ -149,7 +170,7 @@ class Background(AbstractContextManager["Background"]):
             except Exception as error:
                 self._error = error
             finally:
-                self._queue.task_done()
+                queue.task_done()
 
 
 def _contiguous(group: h5py.Group, name: str, shape: tuple[int, ...], dtype: np.dtype[np.generic]) -> h5py.Dataset:

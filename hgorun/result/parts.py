@@ -129,9 +129,12 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
             folder = folder[one] if one in folder else folder.create_group(one, track_order=True)
         return folder
 
-    def read(self, path: str, rows: slice) -> np.ndarray:
-        """What was written of a data set that has all its rows."""
-        return np.asarray(self._growing[path].finished()[rows])
+    def whole(self, path: str) -> Growing:
+        """A data set that has all its rows, to be read in parts."""
+        growing = self._growing[path]
+        assert isinstance(growing, Growing)
+        growing.finished()
+        return growing
 
     def finish(self, result: ResultData) -> None:
         """Everything else.

@@ -47,6 +47,19 @@ class Sink(io.FileIO):
                 return
             left, place = left[done:], place + done
 
+    def read_at(self, place: int, room: memoryview) -> None:
+        """Read what was written at a place."""
+        left = room.cast("B")
+        while left and self.failed is None:
+            try:
+                done = os.preadv(self.fileno(), [left], place)
+                if not done:
+                    raise EOFError(f"the file ends at byte {place}")
+            except OSError as error:
+                self.failed = error
+                return
+            left, place = left[done:], place + done
+
     def reserve(self, place: int, size: int) -> None:
         """Take the room for bytes that will come: a disk that is too small says so at once, and the file ends sooner.
 

@@ -12,6 +12,7 @@ from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
 from hgorun.places import places_in
+from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.replay import Replay, Replayed
 from hgorun.symbolic.levels import distinct
@@ -35,6 +36,10 @@ class RecordedInputs:
     times: np.ndarray
     levels: np.ndarray
     slopes: np.ndarray
+
+    def first(self, numbers: Sequence[int]) -> Recorded:
+        """How they begin, by their numbers among all inputs."""
+        return tuple(zip(numbers, self.levels[0].tolist(), self.slopes[0].tolist(), strict=True))
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """u at several times, shape (len(times), m)."""
@@ -127,22 +132,30 @@ class Actions:
     ) -> None:
         layout = system.held
         rebase = system.has_alpha and not system.compares_with_past
-        jumps = bool(system.stepped or system.corrections)  # at samples
         kinds: list[Kind] = []
         arrivals: list[np.ndarray] = []
         base, held, self.snapshots = 0, 0, 0
         replayed: list[Replayed] = []
+        known: dict[int, np.ndarray] = {}  # by the clocks that outputs share
+
+        def event_of(times: np.ndarray) -> np.ndarray:
+            if id(times) not in known:
+                known[id(times)] = nearest_event(events, times)
+            return known[id(times)]
+
         for i, c in enumerate(channels):
             s = c.samples
             if isinstance(c, HeardOtherwise) and c.known is not None:
                 replayed.append(Replayed(i, base, nearest_event(events, s.taken), nearest_event(events, c.known)))
                 base += s.arrival.size
                 continue
-            arrive = nearest_event(events, s.arrival)
-            take = arrive if s.taken is s.arrival else nearest_event(events, s.taken)
+            arrive, take = event_of(s.arrival), event_of(s.taken)
             kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
             if isinstance(c, HeardOtherwise) and c.retaken:
                 kinds.append(Kind.of(arrive, 0, RETAKE, i, Numbered(base)))
+            jumps = bool(system.stepped) or any(
+                first <= i < stop for _, first, stop in system.corrections
+            )  # at samples
             heard = s.used & _last_of_equal(arrive) if jumps else s.used
             arrivals.append(arrive if heard.all() else arrive[heard])
             what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)
@@ -156,7 +169,7 @@ class Actions:
         self.values = np.zeros(0)
         if system.stepped:
             samples = channels[0].samples
-            event = nearest_event(events, samples.arrival)
+            event = event_of(samples.arrival)
             heard = samples.used & _last_of_equal(event)  # from one sample to the next time passes
             before = channels[0].before
             at = event[heard]

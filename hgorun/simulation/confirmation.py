@@ -7,7 +7,7 @@ without that bound, and on runs with shorter steps. A run without suspicion cost
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -155,10 +155,25 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
     if not np.isfinite(overflow):
         return of_estimate(run, raw, j, xhat)
     if run.adaptive:
-        no_step = f"no step is small enough at t = {run.origin + overflow:.6g}: its equations are singular there"
-        return Verdict("diverged", overflow, f"{no_step}, or the tolerance is out of reach")
+        return _no_step(run, overflow)
     reason = None if again is None else why_lost(run, again, j, overflow)
     return Verdict("diverged" if reason is None else "undefined", overflow, reason)
+
+
+def _no_step(run: PreparedRun, at: float) -> Verdict:
+    """What is said of an observer that controlled steps have given up."""
+    what = f"no step is small enough at t = {run.origin + at:.6g}: its equations are singular there"
+    return Verdict("diverged", at, f"{what}, its gains too large, or the tolerance is out of reach")
+
+
+def no_step(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> dict[str, Verdict]:
+    """The verdicts, where controlled steps have given observers up and nothing else is known of them."""
+    said = dict(verdicts)
+    for j, block in enumerate(run.observers):
+        verdict, lost = said.get(block.label, OK), float(raw.diverged[j, 0])
+        if verdict.status == "diverged" and verdict.reason is None and np.isfinite(lost):
+            said[block.label] = replace(_no_step(run, lost), at=verdict.at)
+    return said
 
 
 def _chatter(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict | None:

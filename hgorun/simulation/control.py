@@ -23,7 +23,7 @@ from hgorun.errors import NoStep, Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.between_steps import Missed, jumping, missed
-from hgorun.simulation.confirmation import ended
+from hgorun.simulation.confirmation import ended, no_step
 from hgorun.simulation.escape import escaped, explained
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
@@ -218,8 +218,9 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
     for j, block in enumerate(run.observers):
         verdict = verdicts.get(block.label)
         if verdict is not None and verdict.status == "diverged" and verdict.reason is None:
-            verdicts[block.label] = replace(verdict, reason=why_diverged(run, raw, j, again))
-    return crossed(run, raw, verdicts) if found.how.tolerance else verdicts
+            why = why_diverged(run, raw, j, again, controlled=found.how.tolerance is not None)
+            verdicts[block.label] = replace(verdict, reason=why)
+    return no_step(run, raw, crossed(run, raw, verdicts)) if found.how.tolerance else verdicts
 
 
 def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:

@@ -11,8 +11,10 @@ import numpy as np
 from hgorun.errors import PluginError, Problem, called
 from hgorun.memo import same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
+from hgorun.plants.build import BuiltPlant
+from hgorun.simulation.first_inputs import Recorded, started
 from hgorun.simulation.overflow import overflow
-from hgorun.symbolic.forms import ChosenChains, Form, Guessing
+from hgorun.symbolic.forms import ChosenChains, Driven, Form, Guessing
 from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.states import StateBlock, Symmetric
 
@@ -40,7 +42,7 @@ class Design:
     origin: Form
     gains: Mapping[str, np.ndarray]
     defaults: dict[str, np.ndarray | Symmetric]
-    _last: dict[str, tuple[tuple[bytes, bool], np.ndarray]] = field(default_factory=dict)
+    _last: dict[str, tuple[Hashable, np.ndarray]] = field(default_factory=dict)
 
     @classmethod
     def of(cls, label: str, observer: AnyObserver, form: Form, origin: Form | None = None) -> Design:
@@ -75,7 +77,7 @@ class Design:
                 raise PluginError(f"observer {observer.type!r}: states has a {kind} for {name}, expected an array")
         return cls(label, observer, form, form if origin is None else origin, gains, defaults)
 
-    def initial(self, parameters: np.ndarray, *, has_alpha: bool) -> np.ndarray:
+    def initial(self, plant: BuiltPlant, *, has_alpha: bool, recorded: Recorded) -> np.ndarray:
         """Its part of z at the start.
 
         Raises
@@ -83,12 +85,13 @@ class Design:
         Problem
             When ``initial`` or ``internal`` does not fit.
         """
-        key = parameters.tobytes(), has_alpha
+        driven = plant.numbers.tobytes() if isinstance(self.form, Driven) else b""
+        key = plant.parameters.tobytes(), driven, recorded, has_alpha
         known = self._last.get("start")
         if known is None or known[0] != key:  # the runs of a family often have the same parameters
             try:
-                estimate = self.form.start(self._estimate, parameters, self.observer.canonical)
-                xhat = self.observer.start(np.asarray(estimate), self.gains)
+                estimate = started(self.form, self._estimate, plant, self.observer.canonical, recorded)
+                xhat = self.observer.start(estimate, self.gains)
             except ValueError as error:
                 raise self._fail("initial", f"{error}{self._defaulted}") from error
             own = self._own_alpha if has_alpha else self._own

@@ -11,6 +11,7 @@ from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, Sam
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.observer import Coordinates
+from hgorun.simulation.first_inputs import started
 from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
 from hgorun.symbolic.observability import CanonicalForms
 from hgorun.symbolic.unseen import unseen_states
@@ -127,7 +128,7 @@ def _takers(plant: BuiltPlant, sampled: bool) -> Iterator[str]:
             block = family.model_validate({"type": name, **family.example(plant.model.states)})
             form = family.form(plant.model, plant.initial, plant.parameters)
             block.design(form)
-            form.start(plant.initial, plant.parameters, False)
+            started(form, plant.initial, plant, False)
         except (HgorunError, ValueError):  # Problem is a ValueError; a class that fails takes no plant
             continue
         yield name

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.layout import ACTION_WORDS
+from hgorun.memo import Memo, same
 
 
 @dataclass(frozen=True)
@@ -18,6 +19,19 @@ class Numbered:
 
     def __getitem__(self, items: slice) -> np.ndarray:
         return self.first + self.step * np.arange(items.start, items.stop)
+
+
+_KEPT = 1 << 17  # events whose order is kept in memory
+_IN_ORDER: Memo[bool] = Memo(8)
+
+
+def _in_order(event: np.ndarray) -> bool:
+    """Whether events ascend; many kinds of actions happen at the same ones."""
+
+    def told() -> bool:
+        return not np.any(event[1:] < event[:-1])
+
+    return _IN_ORDER.get(same(event), told) if event.size <= _KEPT else told()
 
 
 Column = int | np.ndarray | Numbered
@@ -44,7 +58,7 @@ class Kind:
     @classmethod
     def of(cls, event: np.ndarray, rank: int, *columns: Column) -> Kind:
         """In the order of their events."""
-        if np.any(event[1:] < event[:-1]):
+        if not _in_order(event):
             order = np.argsort(event, kind="stable")
             every = slice(0, event.size)
             columns = tuple(c if isinstance(c, int) else np.asarray(c[every])[order] for c in columns)
@@ -55,7 +69,7 @@ class Kind:
         """Whether it says the same as another one."""
         return (
             self.rank == other.rank
-            and np.array_equal(self.event, other.event)
+            and (self.event is other.event or np.array_equal(self.event, other.event))
             and len(self.columns) == len(other.columns)
             and all(map(_equal, self.columns, other.columns))
         )

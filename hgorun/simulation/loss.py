@@ -109,6 +109,11 @@ def _exploded(run: PreparedRun, j: int, z: Floats) -> bool:
     return not bool(np.all(np.abs(z[own]) <= _EXPLODED * np.where(size > 0, size, np.max(size, initial=0.0))))
 
 
+def step_at(plan: Plan, lost: float) -> float:
+    """The length of the step that ends at a time."""
+    return _up_to(plan, lost)[2]
+
+
 def _up_to(plan: Plan, lost: float) -> tuple[Plan, float, float, int]:
     """The plan up to the step that ends at a time, with two rows; the start of that step, its length and its regime.
 

@@ -25,6 +25,7 @@ from hgorun.result.data import DesignNumbers
 from hgorun.simulation.checks import check_events, check_run
 from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.loop import DrivenPlant
 from hgorun.simulation.plant_alone import PlantRun
@@ -263,11 +264,17 @@ def in_groups(experiment: Experiment, treatments: tuple[Treatment, ...]) -> list
     return [[d for label, d in designs.items() if of[label] == one] for one in ("innovation", *treatments)]
 
 
-def numbers_of(structure: Structure, plant: BuiltPlant, experiment: Experiment, designs: list[Design]) -> Numbers:
+def numbers_of(
+    structure: Structure,
+    plant: BuiltPlant,
+    experiment: Experiment,
+    designs: list[Design],
+    recorded: Recorded = (),
+) -> Numbers:
     """The numbers of an experiment for its structure."""
     blocks = tuple(block.of(design) for block, design in zip(structure.observers, designs, strict=True))
     has_alpha = structure.system.has_alpha
-    own = {design.label: design.initial(plant.parameters, has_alpha=has_alpha) for design in designs}
+    own = {design.label: design.initial(plant, has_alpha=has_alpha, recorded=recorded) for design in designs}
     initial = [(group.truth.initial(plant), *(own[b.label] for b in group.observers)) for group in structure.groups]
     return Numbers(
         p=parameter_values(plant.everything, experiment.stretches, designs),

@@ -14,6 +14,7 @@ from hgorun.measurement.late import Treatment, heard
 from hgorun.measurement.long import AnySchedule
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.plant_alone import PlantRun
 from hgorun.simulation.structure import Structure
@@ -56,6 +57,8 @@ class PreparedRun:
         What should be known of the run although nothing is wrong with it.
     unknown : tuple of Unknown
         Functions of time in which an automatic step may miss something.
+    recorded : tuple
+        The inputs that are recorded, as they begin.
     """
 
     experiment: Experiment
@@ -69,6 +72,7 @@ class PreparedRun:
     treatments: tuple[Treatment, ...] = ()
     remarks: tuple[str, ...] = ()
     unknown: tuple[Unknown, ...] = ()
+    recorded: Recorded = ()
 
     @cached_property
     def heard(self) -> list[Channel]:

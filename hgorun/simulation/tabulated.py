@@ -126,13 +126,14 @@ class Tabulated:
 
         Behind the last event of the run, one more segment without steps has what happens at the very end.
         """
+        piece = self.piece  # the steps of the whole run are counted for it: too many are refused
         actions, places = self.actions.at(first, stop)
         last = stop == self.order.size
         tabulated = self._in_order if self.schedule.order is None else self._in_any_order
         spans, counts = tabulated(first, stop - 1 if last else stop, places)
         if self.uneven is not None:
             spans, counts = unevenly(spans, counts, self.uneven)
-        spans, counts = in_pieces(spans, counts, self.piece)
+        spans, counts = in_pieces(spans, counts, piece)
         if last:
             end = np.array([[1, 0, 0, self.schedule.variant[-1], places[-2], places[-1], 0]])
             spans = np.concatenate([spans, np.full((1, 4), self.schedule.events[-1])])
@@ -142,7 +143,6 @@ class Tabulated:
     def _in_order(self, first: int, stop: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Spans and counts from event ``first`` to ``stop`` of a run that never goes back in time."""
         events, inward = (of[first : stop + 1] for of in (self.schedule.events, self.schedule.inward))
-        count_steps(np.diff(events), self.longest)  # are they possible?
         variant = self.schedule.variant[first:stop]
         return segment_rows(events, inward, variant, places, self.grid, self.longest, always_slope=self.always_slope)
 

@@ -8,7 +8,7 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import NotLinear, SlidingMode
-from hgorun.simulation.loss import Again
+from hgorun.simulation.loss import Again, step_at
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.evaluate import Floats, at, evaluate
@@ -16,11 +16,12 @@ from hgorun.symbolic.forms import ChosenChains
 
 _GROWS = 1e-6  # of the fastest rate: a smaller one may be rounding of zero
 _HALVINGS = 40  # of the time between the last point of the grid and a loss
+_STABLE = 4.0  # the largest step of explicit methods, times the fastest rate, and somewhat more
 _NEARLY, _EXPLODED = 1e-3, 1e3  # of the determinant at the start; times the size of the states
 
 
-def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
-    """The reason in words; None where it is neither of those that are looked for.
+def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again, *, controlled: bool = False) -> str | None:
+    """The reason in words; None where it is none of those that are looked for.
 
     Parameters
     ----------
@@ -28,10 +29,13 @@ def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None
         A run in which the observer was followed until its numbers overflowed.
     again : Again
         That run once more.
+    controlled : bool
+        Whether its steps are those of error control, so that none was too long.
     """
     if run.closed:
         return None  # where the plant goes depends on the estimate
-    return _unstable_gain(run, raw, run.observers[j]) or singular(run, raw, j, again)
+    found = _unstable_gain(run, raw, run.observers[j]) or singular(run, raw, j, again)
+    return found if found is not None or controlled else _too_fast(run, raw, j, again)
 
 
 def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
@@ -71,6 +75,21 @@ def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
         return _singular_at(run, when)
     far = np.max(np.abs(closer)) > _EXPLODED * max(np.max(np.abs(estimate[:1])), np.max(np.abs(truth)))
     return None if far or abs(values[-1]) > _NEARLY * abs(values[0]) else _singular_at(run, lost)
+
+
+def _too_fast(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
+    """That its gains make it faster than the steps can be; they have been shortened as far as may be."""
+    block, lost = run.observers[j], float(raw.diverged[j, 0])
+    rate = block.observer.fastest_rate(block.form) or 0.0
+    if not (np.isfinite(lost) and rate > 0):
+        return None
+    step = step_at(again.plan(), lost)
+    if rate * step <= _STABLE:
+        return None
+    return (
+        f"steps of {step:.3g} are too long for its gains, which make it as fast as {rate:.3g} per time unit, and many "
+        "more would be needed than can be made: give smaller gains"
+    )
 
 
 def _estimate(block: ObserverBlock, raw: Raw) -> Floats:

@@ -11,6 +11,7 @@ import numpy as np
 from hgorun.symbolic import evaluate
 from hgorun.symbolic.forms import Bounds
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, lower_triangular_form
+from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.reconstruction import output_derivatives
 
@@ -51,13 +52,21 @@ class DerivativeForm:
     def coordinates(self, canonical: bool) -> ca.SX:
         """The derivatives of the output at x with the inputs at zero."""
         model = self.lower.model
-        return output_derivatives(model)(model.t, self.lower.coordinates(canonical), model.p)
+        still = ca.SX.zeros(model.u.numel(), model.n)
+        return output_derivatives(model)(model.t, self.lower.coordinates(canonical), still, model.p)
 
     def start(self, x: np.ndarray, parameters: np.ndarray, canonical: bool) -> np.ndarray:
         """The derivatives of the output at x with the inputs at zero and t = 0."""
+        model = self.lower.model
+        return self.start_driven(x, parameters, canonical, np.zeros((model.u.numel(), model.n)))
+
+    def start_driven(
+        self, x: np.ndarray, parameters: np.ndarray, canonical: bool, inputs: evaluate.Floats
+    ) -> np.ndarray:
+        """The derivatives of the output at x with these inputs and t = 0; NaN where they depend on inputs of NaN."""
         at = self.lower.start(x, parameters, canonical)
-        (z,) = evaluate.at(self._derivatives, 0.0, at, parameters)
-        if not np.all(np.isfinite(z)):
+        (z,) = evaluate.at(self._derivatives, 0.0, at, flat(inputs), parameters)
+        if not (np.all(np.isfinite(z)) or np.any(np.isnan(inputs))):
             raise ValueError("the derivatives of the output are not finite at the initial estimate")
         return z
 

@@ -88,6 +88,15 @@ class Guessing(Form, Protocol):
 
 
 @runtime_checkable
+class Driven(Form, Protocol):
+    """A form whose coordinates depend on the inputs, too."""
+
+    def start_driven(self, x: np.ndarray, parameters: np.ndarray, canonical: bool, inputs: np.ndarray) -> np.ndarray:
+        """As :meth:`start`, with u and its derivatives by time at the start, shape (m, n); NaN is not known yet."""
+        ...
+
+
+@runtime_checkable
 class Redecided(Form, Protocol):
     """A form that tells whether other numbers lead to the same equations, without symbolic work."""
 

@@ -151,14 +151,18 @@ def _shortened(step: ca.SX, halvings: int, miss: Callable[[ca.SX], ca.SX], round
 
 
 def output_derivatives(model: PlantModel) -> ca.Function:
-    """(t, x, p) -> (y, y', ..., y^(n-1)) with the inputs at zero."""
-    drift = ca.substitute(model.dynamics, model.u, ca.SX.zeros(model.u.shape))
-    function = ca.substitute(model.output[0], model.u, ca.SX.zeros(model.u.shape))
+    """(t, x, U, p) -> (y, y', ..., y^(n-1)); U, shape (m, n), has u and its derivatives as columns."""
+    U = ca.SX.sym("U", model.u.numel(), model.n)
+    drift = ca.substitute(model.dynamics, model.u, U[:, 0])
+    function = ca.substitute(model.output[0], model.u, U[:, 0])
     rows = []
     for _ in range(model.n):
         rows.append(function)
-        function = ca.cse(ca.jtimes(function, model.x, drift) + ca.jacobian(function, model.t))
-    return ca.Function("derivatives", [model.t, model.x, model.p], [ca.vertcat(*rows)])
+        along = ca.jtimes(function, model.x, drift) + ca.jacobian(function, model.t)
+        if U.numel() and model.n > 1:
+            along += ca.jtimes(function, ca.vec(U[:, :-1]), ca.vec(U[:, 1:]))
+        function = ca.cse(along)
+    return ca.Function("derivatives", [model.t, model.x, U, model.p], [ca.vertcat(*rows)])
 
 
 def input_derivatives(u: ca.SX, t: ca.SX, orders: int) -> ca.SX:

@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
-from hgorun.errors import PluginError
+from hgorun.errors import PluginError, raised
 
 SubjectT = TypeVar("SubjectT")
 
@@ -101,7 +101,7 @@ def hold_to(name: str, subject: SubjectT, laws: Sequence[Law[SubjectT]], skip: C
                 raise ContractError(name, law.name, *returned(error)) from error
             raise ContractError(name, law.name, str(error), f"no exception, since {law.sentence}") from error
         except Exception as error:
-            what = f"{type(error).__name__}: {error}"
+            what = raised(error)
             raise ContractError(name, law.name, what, f"no exception, since {law.sentence}") from error
         else:
             kept.append(law.name)

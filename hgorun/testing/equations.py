@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.config.reads import Reads
-from hgorun.errors import HgorunError, PluginError, Problem
+from hgorun.errors import HgorunError, PluginError, Problem, raised
 from hgorun.observers.base import (
     AnyObserver,
     Arrival,
@@ -22,6 +22,7 @@ from hgorun.observers.base import (
     SampledObserver,
 )
 from hgorun.plants.build import BuiltPlant
+from hgorun.simulation.first_inputs import started
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock, Symmetric
@@ -194,7 +195,7 @@ class Equations:
     def start(self, x: np.ndarray) -> np.ndarray:
         """z with the estimate at the plant's state x and the other states where they start."""
         with told("start"):
-            estimate = np.asarray(self.form.start(x, self.plant.parameters, self.observer.canonical))
+            estimate = started(self.form, x, self.plant, self.observer.canonical)
             xhat = self.observer.start(estimate, self.design)
         values = {n: v.values if isinstance(v, Symmetric) else v for n, v in self.defaults.items()}
         values["xhat"] = xhat
@@ -227,11 +228,11 @@ def told(method: str) -> Iterator[None]:
         cause = error.__cause__
         if cause is None:
             raise Broken(*returned(error)) from error
-        raise Broken(f"{method}() raised {type(cause).__name__}: {cause}", "no exception") from error
+        raise Broken(f"{method}() raised {raised(cause)}", "no exception") from error
     except (HgorunError, Problem, Broken):
         raise
     except Exception as error:
-        raise Broken(f"{method}() raised {type(error).__name__}: {error}", "no exception") from error
+        raise Broken(f"{method}() raised {raised(error)}", "no exception") from error
 
 
 def _closed(name: str, inputs: list[ca.SX], expressions: list[ca.SX]) -> ca.Function:

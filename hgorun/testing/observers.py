@@ -138,7 +138,10 @@ def _equations(subject: Subject) -> None:
             _same_shapes(equations, equations.corrected(arrival), "values after a correction", whole=False)
         for values in numbers_of(equations):
             if not np.all(np.isfinite(values)):
-                raise Broken(f"{values.ravel()} near the start {equations.where}", "finite numbers")
+                raise Broken(
+                    f"{values.ravel()} near the start {equations.where}",
+                    "finite numbers (of a symbol, math.sin and the like make nan: casadi.sin does not)",
+                )
 
 
 def _same_shapes(equations: Equations, found: dict[str, ca.SX], what: str, *, whole: bool) -> None:

@@ -61,6 +61,15 @@ def test_the_name_of_an_experiment_stands_for_it(shell: Shell) -> None:
     assert (code, "contois_te026" in err) == (2, True)
 
 
+@pytest.mark.parametrize("command", ["simulate", "figures", "claims"])
+def test_a_file_here_comes_before_an_experiment_that_is_called_alike(shell: Shell, command: str) -> None:
+    more = "figures: {f: {panels: [{error: x1}]}}\nclaims: [{id: c, claim: small, value: largest(x1), below: 1e3}]\n"
+    (shell.folder / "contois_te025.yaml").write_text(SMALL + more)
+    code, out, err = shell(command, "contois_te025")
+    assert (code, "contois_te025: taking contois_te025.yaml; where" in err) == (0, True), err
+    assert {"simulate": "contois_te025.h5", "figures": "f: results/", "claims": "1 claims: "}[command] in out
+
+
 def test_ensembles_that_compare_leaves_out_are_told(shell: Shell) -> None:
     runs = "runs: {one: {}, many: {seeds: 2}}\n"
     (shell.folder / "a.yaml").write_text(SMALL + NOISE + runs)
@@ -84,9 +93,22 @@ def test_ensembles_that_compare_leaves_out_are_told(shell: Shell) -> None:
         (("analyze", "a.yaml", "-o", "out.csv"), "expected a file .pdf, .png or a folder, found out.csv"),
         (("estimate", "a.yaml", "-o", "out.csv"), "--export-csv FILE writes the estimates"),
         (("export", "a.yaml", "-o", "out.c"), "expected a folder, found out.c"),
+        (("compare", "a.yaml", "-o", "out.docx"), "expected a file .pdf, .png or a folder, found out.docx; if it is a"),
+        (("tune", "a.yaml", "-o", "out.zarr"), "expected a folder, found out.zarr"),
+        (("figures", "a.yaml", "-o", "out.xyz"), "expected a folder, found out.xyz"),
+        (("simulate", "a.yaml", "--export-csv", "out.xlsx"), "expected a file .csv, .dat, .txt, found out.xlsx"),
+        (("estimate", "a.yaml", "--export-csv", "out.h5"), "expected a file .csv, .dat, .txt, found out.h5"),
     ],
 )
 def test_an_output_means_what_its_name_says_or_is_refused(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
     code, _, err = shell(*arguments)
     assert (code, words in err) == (2, True), err
     assert not (shell.folder / arguments[-1]).exists()
+
+
+@pytest.mark.parametrize("name", ["run.2", "theta0.5", "results.v2", "there.docx"])
+def test_a_folder_may_have_a_point_in_its_name(shell: Shell, name: str) -> None:
+    (shell.folder / "there.docx").mkdir()
+    (shell.folder / "a.yaml").write_text(SMALL)
+    assert shell("simulate", "a.yaml", "-q", "-o", name)[0] == 0
+    assert (shell.folder / name / "a.h5").is_file()

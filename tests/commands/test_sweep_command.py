@@ -133,6 +133,21 @@ def test_members_that_fail_are_said_on_stderr(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "--strict", "-q")[0] == 3
 
 
+@pytest.mark.parametrize(
+    ("axes", "words"),
+    [
+        ("{observers.SHGO.theta: [1, two]}", "s.yaml:2: axes.observers.SHGO.theta: `two`: `two` is not known"),
+        ('{observers.SHGO.theta: [1, 2, "3,5", 4]}', "a decimal number is written with a point"),
+        ("{solver.method: [rk4, euler, ode45, rk4]}", "found 'ode45'. Did you mean `dopri5`?"),
+    ],
+)
+def test_a_text_that_a_key_cannot_have_is_refused_before_anything_runs(shell: Shell, axes: str, words: str) -> None:
+    (shell.folder / "s.yaml").write_text(f"base: base.yaml\naxes: {axes}\n")
+    code, _, err = shell("sweep", "s.yaml")
+    assert (code, words in err) == (2, True), err
+    assert not (shell.folder / "results").exists()
+
+
 def test_a_base_that_is_refused_is_said_as_of_a_single_run(shell: Shell) -> None:
     (shell.folder / "base.yaml").write_text(
         BASE.replace("theta: 3}", "theta: 3}\n  L: {type: lowpass, theta: 2, rho: 5}")

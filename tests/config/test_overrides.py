@@ -45,7 +45,6 @@ def get(source: Source, *path: str | int) -> Any:
             ("measurement", "noise", 0, "terms", 1, "omega"),
             "0.95*pi",
         ),
-        ("measurement.noise.0=null", ("measurement", "noise", 0), None),
         ("plant.parameters.mu=1", ("plant", "parameters", "mu"), 1),
         ("disturbance.x1=sin(t)", ("disturbance", "x1"), "sin(t)"),
         ("solver.method=rk4", ("solver", "method"), "rk4"),
@@ -62,6 +61,31 @@ def test_set_path(assignment: str, path: tuple[str | int, ...], value: object) -
     assert set(after.positions) == {p for p, _ in walk(after.data)}
     for p, place in after.positions.items():
         assert place == before.positions.get(p, (f"--set {assignment}", 1)) or p[: len(path)] == path
+
+
+@pytest.mark.parametrize("nothing", ["null", "~"])
+def test_set_path_removes_what_is_set_to_null(nothing: str) -> None:
+    text = "a: {b: 1, c: 2}\nl:\n- 1\n- 2\n- x: 3\n"
+    found = set_path(parse(text, "f"), f"a.b={nothing}")
+    assert found.data == {"a": {"c": 2}, "l": [1, 2, {"x": 3}]}
+    assert ("a", "b") not in found.positions
+    found = set_path(parse(text, "f"), f"l.0={nothing}")
+    assert get(found, "l") == [2, {"x": 3}]
+    assert found.where(("l", 1, "x")) == ("f", 5)  # where it stands in the file
+    assert found.where(("l", 0)) == ("f", 4)
+
+
+@pytest.mark.parametrize(
+    ("assignment", "words"),
+    [
+        ("observers.SHG=null", "there is no 'SHG' to remove. Did you mean `SHGO`? Known here: "),
+        ("observers.SHGO.gain=~", "there is no 'gain' to remove"),
+        ("observers.X.theta=null", "there is no 'X' to remove"),
+    ],
+)
+def test_what_is_not_there_cannot_be_removed(assignment: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(words)):
+        set_path(parse(EXAMPLE, "c.yaml"), assignment)
 
 
 def test_set_path_prefers_the_longest_path() -> None:
@@ -96,6 +120,7 @@ def test_set_path_in_turn() -> None:
         ("measurement.noise.1.type=x", "an index from 0 to 0"),
         ("measurement.noise.-1=x", "index"),
         ("measurement.noise.x=1", "index"),
+        ("measurement.noise.terms=1", "Did you mean `measurement.noise.0.terms`?"),
         ("time.end=[1", "bracket"),
         ("time.end=!!str 1", "tag"),
         ("time.end=@", "quotes"),

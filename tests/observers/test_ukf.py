@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from examples import VAN_DER_POL, Block, chain, experiment, inline, simulated
+from scipy.integrate import solve_ivp
 
 import hgorun
 from hgorun.errors import ConfigError
@@ -102,6 +103,45 @@ def _corrected(
     z = np.concatenate([x, P[np.triu_indices(len(x))]])
     xhat, covariance = equations.evaluate(function, 0.0, z, np.zeros(len(y)))
     return xhat.ravel(), covariance
+
+
+RATE = 1e4  # at which b follows a
+
+
+def _stiff(x: np.ndarray) -> np.ndarray:
+    a, b = x
+    return np.array([b - a, -RATE * (b - np.sin(a))])
+
+
+def _between(_: float, z: np.ndarray) -> np.ndarray:
+    """The moment equations as they are printed, of the mean and the whole of P."""
+    x, P = z[:2], z[2:].reshape(2, 2)
+    reach = np.sqrt(3) * np.linalg.cholesky((P + P.T) / 2)
+    points = np.array([x, *(x + reach.T), *(x - reach.T)])
+    weights = np.array([1 / 3, 1 / 6, 1 / 6, 1 / 6, 1 / 6])
+    f = np.array([_stiff(point) for point in points])
+    mean = weights @ f
+    M = (points - x).T @ np.diag(weights) @ (f - mean)
+    return np.concatenate([mean, (M + M.T + np.diag([0.01, 0.0])).ravel()])
+
+
+def test_a_stiff_plant_with_controlled_steps() -> None:
+    """P of b falls by 2e4 per unit of time, and no noise keeps it up; against the moment equations by scipy."""
+    plant = inline({"a": "b - a", "b": f"-{RATE}*(b - sin(a))"}, "a", initial={"a": 1, "b": 0.5})
+    measured = {"sampling": {"period": 0.1, "offset": 0.1}}
+    block = {"type": "ukf", "Q": {"a": 0.01}, "R": 0.01, "initial": {"a": 0.4, "b": 0.2}}
+    solver = {"method": "rodas5p", "rtol": 1e-8}
+    found = simulated(plant, {"K": block}, end=0.3, output_step=0.1, measurement=measured, solver=solver)
+    assert found.observers["K"].status == "ok"
+    exact = {"method": "LSODA", "rtol": 1e-10, "atol": 1e-13}
+    truth, z = np.array([1.0, 0.5]), np.array([0.4, 0.2, 1.0, 0.0, 0.0, 1.0])
+    for row in (1, 2, 3):
+        truth = solve_ivp(lambda _, x: _stiff(x), (0, 0.1), truth, **exact).y[:, -1]
+        z = solve_ivp(_between, (0, 0.1), z, **exact).y[:, -1]
+        P = z[2:].reshape(2, 2)
+        K = P[:, 0] / (P[0, 0] + 0.01)
+        z = np.concatenate([z[:2] + K * (truth[0] - z[0]), (P - np.outer(K, P[0])).ravel()])
+        np.testing.assert_allclose(found.observers["K"].xhat[row], z[:2], rtol=1e-4)
 
 
 def test_chain_noise() -> None:

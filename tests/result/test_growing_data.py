@@ -19,8 +19,25 @@ def test_pieces_make_the_whole_and_its_digest(tmp_path: Path) -> None:
         for some in (slice(0, 7), slice(7, 7), slice(7, 20)):
             growing.append(ROWS[some])
         assert growing.finished().attrs["sha256"] == sha256(ROWS.tobytes()).hexdigest()
+        assert np.array_equal(growing.read(5, 12), ROWS[5:12])
+        assert growing.read(3, 3).shape == (0, 3)
     with h5py.File(tmp_path / "a.h5") as file:
         assert np.array_equal(file["x"][:], ROWS)
+
+
+def test_data_sets_that_grow_side_by_side_keep_their_order(tmp_path: Path) -> None:
+    names = "abc"
+    with hdf5_and_sink(tmp_path / "a.h5") as (file, sink), Background(sink) as background:
+        growing = [Growing(file, name, 2000, ROWS, background) for name in names]
+        for k in range(100):
+            for number, one in enumerate(growing):
+                one.append(ROWS + 100 * k + 10000 * number)
+        digests = [one.finished().attrs["sha256"] for one in growing]
+    whole = np.concatenate([ROWS + 100 * k for k in range(100)])
+    with h5py.File(tmp_path / "a.h5") as file:
+        for number, (name, digest) in enumerate(zip(names, digests, strict=True)):
+            assert np.array_equal(file[name][:], whole + 10000 * number)
+            assert digest == sha256((whole + 10000 * number).tobytes()).hexdigest()
 
 
 @pytest.mark.parametrize("value", [np.float64(np.nan), np.int8(1)])

@@ -34,6 +34,17 @@ def test_a_full_disk_is_told_of_what_is_written_at_a_place() -> None:
         assert isinstance(sink.failed, OSError)
 
 
+def test_what_was_written_at_a_place_is_read_there(tmp_path: Path) -> None:
+    pytest.importorskip("posix")
+    room = bytearray(3)
+    with Sink(tmp_path / "a") as sink:
+        sink.write_at(2, memoryview(b"abcdef"))
+        sink.read_at(4, memoryview(room))
+        assert room == b"cde"
+        with pytest.raises(EOFError, match="ends at byte 8"):
+            sink.read_at(6, memoryview(room))
+
+
 def test_room_is_taken_before_anything_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("posix")
     refused: list[OSError] = []

@@ -77,3 +77,12 @@ def test_a_jacobian_is_named_that_holds_an_estimate(kind: dict[str, Any]) -> Non
     assert not before
     # by how much steps pass the place where the correction is infinite follows from their last digits: 0.3 % was seen
     assert float(at) == pytest.approx(found.status_at, rel=1e-2)
+
+
+@pytest.mark.parametrize("step", [0.01, "auto"])
+def test_gains_for_which_no_step_is_short_enough_are_named_with_their_rate(step: float | str) -> None:
+    """e_1' = e_2 - 2 theta e_1 and e_2' = -theta^2 e_1: both eigenvalues are -theta."""
+    plant: dict[str, Any] = {"type": "integrator_chain", "n": 2, "initial": {"x1": 1, "x2": 0}}
+    found = simulated(plant, {"S": {"type": "shgo", "theta": 1e9}}, end=1, solver={"step": step}).observers["S"]
+    assert found.status == "diverged"
+    assert "which make it as fast as 1e+09 per time unit" in (found.reason or "")

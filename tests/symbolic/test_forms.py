@@ -38,7 +38,7 @@ def test_the_state_is_found_again_from_the_derivatives_of_the_output(block: Bloc
     form = lower_triangular_form(model, np.full(3, 0.5), np.zeros(0))
     derivatives = output_derivatives(model)
     for x in np.random.default_rng(0).uniform(0.2, 0.9, (10, 3)):
-        Y = derivatives(0, x, [])
+        Y = derivatives(0, x, ca.DM(0, 3), [])
         np.testing.assert_allclose(numbers(form.Phi(0, Y, ca.DM(0, 3), [], x * 1.2)), x, rtol=1e-9)
 
 
@@ -147,7 +147,9 @@ def test_the_observability_map_and_its_jacobian(seed: int) -> None:
     model = model_of(block)
     form = canonical_form(model, np.full(3, 0.5), np.zeros(0))
     x = rng.uniform(0.2, 0.8, 3)
-    np.testing.assert_allclose(numbers(form.Phi(x, [])), numbers(output_derivatives(model)(0, x, [])), rtol=1e-12)
+    np.testing.assert_allclose(
+        numbers(form.Phi(x, [])), numbers(output_derivatives(model)(0, x, ca.DM(0, 3), [])), rtol=1e-12
+    )
     h = 1e-6
     columns = [(numbers(form.Phi(x + h * e, [])) - numbers(form.Phi(x - h * e, []))) / (2 * h) for e in np.eye(3)]
     np.testing.assert_allclose(np.asarray(form.J(x, []).full()), np.column_stack(columns), rtol=1e-6, atol=1e-8)

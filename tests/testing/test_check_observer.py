@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any, ClassVar
 
@@ -301,6 +302,28 @@ class RoleForgotten(MissingDerivative):
         return {}
 
 
+class Deciding(StandardObserver):
+    """Decides on a symbol."""
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        flow = super().equations(plant, s, e, k)
+        return Flow({"xhat": -s.xhat}) if e[0] > 0 else flow
+
+
+class Summing(StandardObserver):
+    """Goes through a symbol."""
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": s.xhat * sum(e)})
+
+
+class OfMath(StandardObserver):
+    """Takes a function of numbers for a symbol."""
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": s.xhat * math.tanh(e[0])})
+
+
 class KeyWithoutAWord(StandardObserver):
     """Documented, but for a key."""
 
@@ -342,6 +365,9 @@ class KeyWithoutAWord(StandardObserver):
         (StateFromInfinity, "states", "w starting at [inf]; expected a finite number, vector or matrix"),
         (SkewMatrix, "states", "S starting at [[1.0, 2.0], [0.0, 1.0]]; expected a symmetric matrix"),
         (RoleForgotten, "states", "roles of []; expected one role each of ['w']"),
+        (Deciding, "equations", "a symbol: write casadi.if_else(condition, a, b)"),
+        (Summing, "equations", "write casadi.vertsplit, casadi.sum1"),
+        (OfMath, "equations", "casadi.sin does not"),
         (KeyWithoutAWord, "documentation", "the key leak without description"),
     ],
 )

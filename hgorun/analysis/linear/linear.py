@@ -18,6 +18,7 @@ from hgorun.analysis.linear.coordinates import transformed
 from hgorun.analysis.reasons import RECALLS, NoValue
 from hgorun.observers.capabilities import NotLinear
 from hgorun.result.observer import ObserverResult
+from hgorun.simulation.first_inputs import started
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 
@@ -162,7 +163,7 @@ class Linearisation:
         canonical = b.canonical
         z0 = self.run.numbers.z0[b.start : b.stop].copy()
         place = b.states["xhat"]
-        estimate = np.asarray(form.start(x, self.run.plant.parameters, canonical))
+        estimate = started(form, x, self.run.plant, canonical, self.run.recorded)
         z0[place.start - b.start :][: place.size] = b.observer.start(estimate, b.design)
         return z0
 

@@ -13,6 +13,7 @@ from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserve
 from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.first_inputs import started
 from hgorun.simulation.outcome import since_start
 from hgorun.simulation.preparation import needs_given_steps
 from hgorun.simulation.prepared import PreparedRun
@@ -61,7 +62,7 @@ def nominal(run: PreparedRun, label: str | None = None) -> Result:
             changes[f"observers.{name}"] = None
             continue
         try:  # the true state, unless the observer cannot start there
-            run.forms[name].start(plant.initial, plant.parameters, observer.canonical)
+            started(run.forms[name], plant.initial, plant, observer.canonical, run.recorded)
         except ValueError:
             continue
         changes[f"observers.{name}.initial"] = initial

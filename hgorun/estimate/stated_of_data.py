@@ -1,0 +1,64 @@
+"""What the block ``data`` of a configuration says of samples that come one after the other."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from hgorun.config.data import Data
+from hgorun.config.overrides import replaced
+from hgorun.config.validation import validate
+from hgorun.config.yaml_source import Source
+from hgorun.simulation.experiment import Experiment
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StatedOfData:
+    """What is said of samples; nothing without such a block.
+
+    Attributes
+    ----------
+    block : Data or None
+    inputs : tuple of str
+        Those that come with the samples.
+    gates : mapping of str to float
+        By output, standard deviations of the innovation beyond which a sample is not used.
+    std : mapping of str to float
+        By output, the standard deviation of its noise.
+    """
+
+    block: Data | None
+    inputs: tuple[str, ...]
+    gates: Mapping[str, float]
+    std: Mapping[str, float]
+
+    @classmethod
+    def of(cls, source: Source) -> StatedOfData:
+        """That of a configuration.
+
+        Raises
+        ------
+        ConfigError
+        """
+        data = source.data.get("data") if isinstance(source.data, dict) else None
+        if data is None:
+            return cls(None, (), {}, {})
+        block = validate(Data, data, source, ("data",))
+        gates = {name: one.gate for name, one in block.outputs.items() if one.gate is not None}
+        std = {name: one.std for name, one in block.outputs.items() if one.std is not None}
+        return cls(block, tuple(block.inputs), gates, std)
+
+
+def with_noise(experiment: Experiment, std: Mapping[str, float]) -> Experiment:
+    """The experiment with gaussian noise of the outputs for which its block ``measurement`` has none.
+
+    It is made anew, since coordinates may follow from the noise.
+    """
+    outputs = dict((experiment.source.data.get("measurement") or {}).get("outputs") or {})
+    added = {name: value for name, value in std.items() if "noise" not in (outputs.get(name) or {})}
+    if not added:
+        return experiment
+    for name, value in added.items():
+        outputs[name] = {"noise": [{"type": "gaussian", "std": value}]} | dict(outputs.get(name) or {})
+    source, _ = replaced(experiment.source, "measurement.outputs", outputs)
+    return Experiment(source, name=experiment.name, text=experiment.text)

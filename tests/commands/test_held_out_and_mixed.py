@@ -1,0 +1,152 @@
+"""What is held out is not used, a reference is only compared, and streams of late samples are refused at the start."""
+
+from __future__ import annotations
+
+import io
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from shell import Shell
+
+from hgorun.result.reading import read
+
+CONFIG = """
+plant:
+  states: [a, b]
+  dynamics: {a: b, b: -sin(a) - 0.1*b}
+  output: a
+  units: {a: rad, b: rad/s}
+solver: {step: 0.02}
+data:
+  file: [first.csv, second.csv]
+  time: t
+  outputs: {a: {column: angle, std: 0.02}}
+observers:
+  o: {type: shgo, theta: 2, poles: -1, initial: {a: 0, b: 1}}
+"""
+QUIET = ("--no-plots", "--no-sensitivity")
+T = np.round(0.1 * np.arange(60), 10)
+Y = np.round(np.sin(T) + 0.02 * np.cos(7.0 * np.arange(60) ** 1.5), 4)
+
+
+@pytest.fixture(name="shell")
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    rows = [f"{t},{y},{1000 * y}" for t, y in zip(T, Y, strict=True)]
+    for name, some in (("first.csv", rows[:40]), ("second.csv", rows[40:])):
+        (tmp_path / name).write_text("t,angle,millirad\n" + "\n".join(some) + "\n")
+    (tmp_path / "pendulum.yaml").write_text(CONFIG)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def scores_of(shell: Shell, *words: str) -> dict[str, dict[str, float]]:
+    code, out, err = shell("estimate", "pendulum.yaml", *words, *QUIET, "--json")
+    assert code == 0, err
+    found: dict[str, dict[str, float]] = json.loads(out)["observers"]["o"]["scores"]
+    return found
+
+
+def test_a_part_of_the_log_that_is_held_out_is_given_to_no_observer(shell: Shell) -> None:
+    """The same as where the part is a reference, and no part of the log."""
+    held = scores_of(shell, "--holdout", "a=second.csv", "--set", "time.end=5.9")
+    xhat = read(shell.folder / "results" / "pendulum.h5").observers["o"].xhat
+    beside = "data.reference.a={column: angle, file: second.csv}"
+    compared = scores_of(shell, "--set", "data.file=first.csv", "--set", beside, "--set", "time.end=5.9")
+    assert np.array_equal(read(shell.folder / "results" / "pendulum.h5").observers["o"].xhat, xhat)
+    assert held["holdout_rmse"] == compared["reference_rmse"]
+    assert held["innovation_rms"] == compared["innovation_rms"]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("first.csv", "--holdout", "a=first.csv"), "all samples of the output a stand there"),
+        (("--holdout", "a=./first.csv", "--set", "data.outputs.a.file=first.csv"), "observers would get none"),
+        (
+            ("--holdout", "x=first.csv", "--set", "data.reference={x: angle}"),
+            "observers get this column angle as the output a: hold out some of its samples, --holdout a=5",
+        ),
+        (
+            ("--set", "data.reference={a: {column: angle, gate: 4}}"),
+            "data.reference.a: gate is of samples that observers get, and none gets a reference: leave it out",
+        ),
+        (("--set", "data.reference={b: {column: angle, available: t}}"), "data.reference.b: available is of samples"),
+        (("--set", "data.reference={b: {column: angle, std: 1}}"), "data.reference.b: std is of samples"),
+    ],
+)
+def test_what_would_be_compared_with_itself_or_ignored_is_refused(
+    shell: Shell, words: tuple[str, ...], message: str
+) -> None:
+    code, out, err = shell("estimate", "pendulum.yaml", *words, *QUIET)
+    assert (code, out) == (2, "")
+    assert message in err
+    assert not (shell.folder / "results").exists()
+
+
+@pytest.mark.parametrize("key", ["outputs", "reference"])
+def test_units_limits_and_quality_of_a_reference_are_those_of_an_output(shell: Shell, key: str) -> None:
+    """Of a column in thousandths of the unit: converted, and left out where it is implausible or marked."""
+    config = shell.folder / "pendulum.yaml"
+    config.write_text(CONFIG.replace("first.csv, second.csv", "log.csv").replace("{column: angle, std: 0.02}", "angle"))
+    rows = [f"{t},{y},{1000 * y},{int(k % 9 == 4)}" for k, (t, y) in enumerate(zip(T, Y, strict=True))]
+    (shell.folder / "log.csv").write_text("t,angle,millirad,bad\n" + "\n".join(rows) + "\n")
+    block = "{column: millirad, unit: mrad, plausible: [-0.9, 0.9], quality: {column: bad, good: [0]}}"
+    code, _, err = shell("estimate", "pendulum.yaml", "--set", f"data.{key}.a={block}", *QUIET)
+    assert code == 0, err
+    kept = (abs(Y) <= 0.9) & (np.arange(T.size) % 9 != 4)
+    recorded = read(shell.folder / "results" / "pendulum.h5").recorded
+    assert recorded is not None
+    found = recorded.outputs["a"] if key == "outputs" else recorded.reference["a"]
+    np.testing.assert_allclose(found.taken, T[kept], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.y, Y[kept], rtol=1e-12)
+    assert f"{key}.a" in err
+
+
+TWO = "observers={S: {type: shgo, theta: 2, poles: -1}, E: {type: ekf, Q: {b: 0.1}, R: 0.01}}"
+MESSAGE = (
+    "in a stream all observers treat late samples alike, and these do not (S: innovation, E: replay): "
+    "give observers.S.late: replay"
+)
+CSV = "t,signal,y\n0.1,a,0.1\n0.2,a,0.2\n"
+LATE = "t,signal,y,available\n0.1,a,0.1,0.1\n0.2,a,0.2,0.2\n"
+JSON = '{"t": 0.1, "signal": "a", "y": 0.1}\n{"t": 0.2, "signal": "a", "y": 0.2}\n'
+SAID = "data.outputs.a={column: angle, available: t}"
+AGREED = "observers.S.late=replay"
+
+
+@pytest.mark.parametrize(
+    ("text", "more", "code", "told"),
+    [
+        (CSV, (), 0, ""),  # none can be late
+        (CSV, (SAID,), 0, ""),
+        (LATE, (), 2, MESSAGE),
+        (LATE, (AGREED,), 0, ""),
+        (JSON, (SAID,), 2, MESSAGE),
+        (JSON, (SAID, AGREED), 0, ""),
+        (JSON, (), 0, f"late samples will be refused: {MESSAGE}"),  # any of them may be late
+        (JSON + '{"t": 0.1, "signal": "a", "y": 1, "available": 0.3}\n', (), 2, f"taken at 0.1 is late, and {MESSAGE}"),
+    ],
+)
+def test_observers_that_treat_late_samples_differently_are_refused_before_the_first(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, text: str, more: tuple[str, ...], code: int, told: str
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(text))
+    changes = (word for change in (TWO, *more) for word in ("--set", change))
+    found, out, err = shell("estimate", "pendulum.yaml", "-", *changes)
+    assert found == code
+    assert told in err
+    assert bool(err) == bool(told)
+    assert bool(out) == (code == 0 or (text.startswith("{") and not more))  # no line before it is refused
+
+
+def test_where_none_is_corrected_by_samples_the_remedy_is_the_innovation(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(LATE))
+    one = "{type: shgo, theta: 2, poles: -1}"
+    words = ("--set", f"observers={{A: {one[:-1]}, late: drop}}, B: {one}}}")
+    code, _, err = shell("estimate", "pendulum.yaml", "-", *words)
+    assert code == 2
+    assert "(A: drop, B: innovation): give observers.A.late: innovation" in err
