@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 import sys
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,15 +13,12 @@ from hgorun.commands.inputs import configuration
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_no_csv, refuse_other_kinds, there, written
-from hgorun.commands.remarks import warn
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.estimate.estimate import estimate as estimated
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.estimate.log import Log, log_of
-from hgorun.estimate.long_log import estimate_into
 from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
 from hgorun.process import keep_memory
@@ -57,8 +55,14 @@ def estimate(options: Estimate) -> int:
     keep_memory()
     target = _target(options, name)
     _refuse_to_overwrite(options, log, target)
-    with source.located():
-        recording, aside = _held_out(log, log.read(), options)
+    with source.located(), ThreadPoolExecutor(1) as pool:
+        files = pool.submit(log.open)
+        # what takes longest to import, while machine code reads the files
+        from hgorun.commands.remarks import warn
+        from hgorun.estimate.estimate import estimate as estimated
+        from hgorun.estimate.long_log import estimate_into
+
+        recording, aside = _held_out(log, log.read(files.result), options)
     before = there([target, *([] if options.export_csv is None else [options.export_csv])])
     remove_leftovers(target.parent)
     try:

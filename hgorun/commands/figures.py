@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import TypedDict
 
 from hgorun.commands.catalogue_options import Figures
+from hgorun.commands.inputs import own_first
 from hgorun.commands.outputs import refuse_other_kinds
 from hgorun.files import json_value
 from hgorun.reproduce import pool
@@ -20,7 +21,7 @@ def figures(options: Figures) -> int:
     refuse_other_kinds(options.output, ())
     folders = Folders.below(options.output)
     page = {"width": options.width, "style": options.style}
-    works = choose(options.names, folders, figures=True, claims=options.report, **page)
+    works = choose(own_first(options.names), folders, figures=True, claims=options.report, **page)
     reasons = [work.stale_figures for work in works]
     outcomes = pool.run_all(works, workers=options.jobs, show=options.text)
     rows = [row for made in zip(works, outcomes, reasons, strict=True) for row in _rows(*made)]

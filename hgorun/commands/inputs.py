@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
 
 from hgorun.commands.outputs import RESULT_SUFFIXES
 from hgorun.errors import ConfigError
 from hgorun.process import say
 
+SUFFIXES = (".yaml", ".yml")
+
 
 def configuration(path: Path) -> Path:
     """A configuration: the file, or where there is none of that name, the experiment that hgorun brings under it.
+
+    As with TeX, a file here with the suffix that the name lacks comes before the one that is brought along.
 
     Raises
     ------
@@ -26,6 +31,9 @@ def configuration(path: Path) -> Path:
     name = next((n for n in shipped if str(path.with_suffix("")) in (n, Path(n).name)), None)
     if name is None:
         return path  # whoever reads it says that it is not there
+    own = with_suffix(path)
+    if own is not None:
+        return own
     if path.suffix:
         short = Path(name).name
         raise ConfigError(
@@ -35,6 +43,25 @@ def configuration(path: Path) -> Path:
         )
     say(f"hgorun: {path}: no file here; this is the experiment {name}, which `hgorun init {path.name}` copies")
     return shipped[name]
+
+
+def with_suffix(path: Path) -> Path | None:
+    """The YAML file that a name without suffix is of, which is said, since an experiment is called so, too."""
+    if path.suffix in SUFFIXES:
+        return None
+    own = next((file for end in SUFFIXES if (file := path.with_name(path.name + end)).is_file()), None)
+    if own is not None:
+        say(f"hgorun: {path}: taking {own}; where there is no such file, the name is that of an experiment of hgorun")
+    return own
+
+
+def own_first(names: Sequence[str]) -> list[str]:
+    """Names of figures and experiments, with a file here in the place of an experiment that is called alike."""
+    from hgorun.reproduce.shipped import experiments
+
+    known = experiments()
+    short = {Path(name).name for name in known}
+    return [str((with_suffix(Path(n)) if n in known or n in short else None) or n) for n in names]
 
 
 def is_result(path: Path) -> bool:

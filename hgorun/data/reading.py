@@ -55,16 +55,17 @@ def read(
     Problem
         When a key names what is not there.
     """
-    return _Reader(block, Sources(block, folder, files), time_unit, units or {}, beside).recording()
+    return Reader(block, folder, files).recording(time_unit, units or {}, beside)
 
 
-class _Reader:
-    """Puts the signals of a block on one clock and in the units of the model."""
+class Reader:
+    """Reads what a block names, and then puts its signals on one clock and in the units of the model.
 
-    def __init__(
-        self, block: Data, sources: Sources, unit: str, units: Mapping[str, str], beside: Origin | None
-    ) -> None:
-        self._block, self._unit, self._units, self._beside = block, unit, units, beside
+    Arguments as of :func:`read`; a file is read when a reader is made.
+    """
+
+    def __init__(self, block: Data, folder: Path, files: Sequence[Path] = ()) -> None:
+        self._block, sources = block, Sources(block, folder, files)
         groups: dict[str, Mapping[str, Column]] = {
             "outputs": block.outputs,
             "inputs": block.inputs,
@@ -78,10 +79,10 @@ class _Reader:
         self._stamps: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
         self._times: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
         self._notes: list[Note] = []
-        self._origin = Origin(unit=unit)  # once it is known
 
-    def recording(self) -> Recording:
-        """All signals."""
+    def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
+        """All signals; arguments as of :func:`read`."""
+        self._unit, self._units, self._beside = unit, units, beside
         signals = [signal for some in self._wanted.values() for signal in some]
         epoch, zoned = self._epoch(signals)
         self._to_times(signals, epoch)

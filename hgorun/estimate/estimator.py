@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -76,7 +77,8 @@ class Estimator:
                 system.output(name)
             self._run = Following(system, gates)
         self._live = self._run.live
-        self._past = Remembered(self._run, remembered)
+        self._joint = system.joint
+        self._past = Remembered(self._run, max(remembered, int(self._joint)))
         self._kinds = Kinds.of(system.structure, list(system.corrections), len(system.inputs), LATE)
         self._reach = _FARTHEST * system.step
         self._simple = system.follows_states and not (gates or system.steps or remembered > 0)
@@ -228,12 +230,16 @@ class Estimator:
         t = as_number("t", t)
         system, past = self._system, self._past
         values = [(system.output(name), value) for name, value in numbers_by_name("y", y)]
-        values = sorted((i, value) for i, value in values if np.isfinite(value))
+        values = sorted([(i, value) for i, value in values if math.isfinite(value)])
         changed = () if u is None else tuple((system.input(name), value) for name, value in numbers_by_name("u", u))
         if available is None or available == t:
             now = self._since_start(t)
-            samples = tuple((i, slot_of(i), value) for i, value in values)
-            past.go_on(Event(now, tuple((i, slot) for i, slot, _ in samples), samples, changed, now))
+            samples = tuple([(i, slot_of(i), value) for i, value in values])
+            event = Event(now, tuple([(i, slot) for i, slot, _ in samples]), samples, changed, now)
+            if self._joint and now == self._live.t:
+                past.go_back(event, together=True)
+            else:
+                past.go_on(event)
             return
         now, taken = self._since_start(available, "available"), t - self._experiment.origin
         if taken > now:
@@ -262,7 +268,8 @@ class Estimator:
         """How many of some samples, from the first on, :meth:`update_many` may take together.
 
         It cannot take samples of an output that has not been heard before, and none where something is decided in
-        between: with gates, with samples that may come late, and for observers that step from sample to sample.
+        between: with gates, with samples that may come late, and for observers that step from sample to sample; nor
+        samples of several outputs that are taken at one time, where these correct an observer together.
 
         Parameters
         ----------
@@ -275,7 +282,10 @@ class Estimator:
         heard = np.array([*self._run.heard, *([True] * len(self._system.inputs))])
         since = t - self._experiment.origin
         fits = heard[kinds] & (since >= np.append(self._live.t, since[:-1]))
-        fits &= np.diff(since, prepend=self._live.t) <= self._reach  # one further off is refused by `update`
+        gaps = np.diff(since, prepend=self._live.t)
+        fits &= gaps <= self._reach  # one further off is refused by `update`
+        if self._joint:
+            fits &= (gaps > 0) & np.append(gaps[1:] > 0, False)
         count = len(fits) if fits.all() else int(np.argmin(fits))
         return min(count, TOGETHER)
 

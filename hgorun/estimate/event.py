@@ -33,9 +33,9 @@ class Event:
     taken: float = np.nan
 
     def joined(self, other: Event) -> Event:
-        """With the samples of another event at the same time."""
+        """With the samples and inputs of another event at the same time."""
         take, samples = sorted(self.take + other.take), sorted(self.samples + other.samples)
-        return Event(self.t, tuple(take), tuple(samples), self.inputs, self.taken)
+        return Event(self.t, tuple(take), tuple(samples), self.inputs + other.inputs, self.taken)
 
     def told(self) -> list[Any]:
         """For a checkpoint."""

@@ -176,6 +176,11 @@ class LiveSystem:
             raise ValueError(problem.message) from problem
 
     @property
+    def joint(self) -> bool:
+        """Whether samples of several outputs that are taken at one time correct an observer together."""
+        return any(stop - first > 1 for _, first, stop in self.structure.system.corrections)
+
+    @property
     def follows_states(self) -> bool:
         """Whether estimates follow from the states alone, and not from inputs that come with samples."""
         return all(one.places is not None or not one.function.size1_in(3) for one in self.structure.estimates)

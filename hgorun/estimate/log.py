@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -13,10 +14,9 @@ from hgorun.config.data import Data, Measured
 from hgorun.config.models import Time
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.data.reading import read
+from hgorun.data.reading import Reader, read
 from hgorun.data.recording import Origin, Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.estimate.completed import plant_units, with_inputs
 from hgorun.estimate.holdout import part
 
 
@@ -27,11 +27,25 @@ class Log:
     block: Data
     folder: Path
     unit: str
-    units: Mapping[str, str]
+    source: Source
     files: tuple[Path, ...]
 
-    def read(self) -> Recording:
-        return read(self.block, self.folder, time_unit=self.unit, units=self.units, files=self.files)
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """Of the plant's states, inputs and outputs."""
+        from hgorun.estimate.completed import plant_units, with_inputs  # long to import: files are read meanwhile
+
+        return plant_units(with_inputs(self.source, self.block.inputs))
+
+    def read(self, files: Callable[[], Reader] | None = None) -> Recording:
+        """The recording; ``files`` gives what :meth:`open` has, where that was done before."""
+        units = self.units  # of a plant that cannot be, before anything is said of files
+        reader = self.open() if files is None else files()
+        return reader.recording(self.unit, units)
+
+    def open(self) -> Reader:
+        """Read the files, for which nothing of the plant is needed."""
+        return Reader(self.block, self.folder, self.files)
 
     @property
     def all_files(self) -> tuple[Path, ...]:
@@ -114,6 +128,6 @@ def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
         block,
         config.parent,
         unit if isinstance(unit, str) else default,
-        plant_units(with_inputs(source, block.inputs)),
+        source,
         files,
     )

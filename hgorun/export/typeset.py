@@ -224,7 +224,7 @@ def _called(op: int, a: Sequence[str]) -> str:
 
 def width(text: str) -> int:
     """About how many characters wide a formula is: fractions count once, commands as one letter."""
-    text = re.sub(r"\\(?:left|right|mathrm|hat|widehat|dot|operatorname|[,;])", "", text)
+    text = re.sub(r"\\(?:left|right|mathrm|hat|dot|operatorname|[,;])", "", text)
     return len(re.sub(r"[{}\s^_]", "", re.sub(r"\\[A-Za-z]+", "x", text)))
 
 

@@ -17,6 +17,8 @@ _PARTS, _TURNS, _FILLED = 400, 2.0, 0.03
 # How far, in units of the truth's range, an estimate widens a panel: alone, beside others, diverged.
 _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
 _ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error
+_WILD = 100.0  # in the same units: larger ones would hide the rest
+_STEADY = 0.01  # of the points of a line's second half: so many beyond a bound are no transient
 
 
 class Curve(NamedTuple):
@@ -94,15 +96,6 @@ def moving_maximum(curve: Curve, points: int) -> Curve:
     return Curve(curve.t, np.maximum(found[:count], found[rest : rest + count]))
 
 
-def coming_maximum(curve: Curve, points: int) -> Curve:
-    """The largest of every value and about ``points`` that follow it; without the end, which so many do not follow."""
-    half = min(points // 2, (len(curve.v) - 1) // 4)
-    if half <= 0:
-        return curve
-    kept = len(curve.v) - 2 * half
-    return Curve(curve.t[:kept], moving_maximum(curve, 2 * half).v[half : half + kept])
-
-
 def state_limits(
     truths: Sequence[np.ndarray], healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]
 ) -> tuple[float, float] | None:
@@ -132,12 +125,18 @@ def state_limits(
 
 
 def error_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) -> tuple[float, float] | None:
-    """Range of a panel of errors; zero is in it."""
+    """Range of a panel of errors; zero is in it.
+
+    Beside smaller errors a transient is cut, but not what comes back all the time: it would be cut all along.
+    """
     used = [v for v in healthy if v.size] or [v for v in lost if v.size]
     if not used:
         return None
     largest = [float(np.abs(v).max()) for v in used]
-    bound = _ERROR_BESIDE * _lower_median(largest) or max(largest)
+    usual = _lower_median(largest)
+    bound = _ERROR_BESIDE * usual or max(largest)
+    staying = [size for v, size in zip(used, largest, strict=True) if size <= _WILD * usual and _comes_back(v, bound)]
+    bound = max([bound, *staying])
     low = max(min(0.0, *(float(v.min()) for v in used)), -bound)
     high = min(max(0.0, *(float(v.max()) for v in used)), bound)
     return _with_margin(low, high)
@@ -153,6 +152,12 @@ def magnitude_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) 
     if high < 100 * low:  # whole decades, so that two of them are labelled
         return 10.0 ** math.floor(math.log10(low / 1.1)), 10.0 ** math.ceil(math.log10(high * 1.1))
     return low / 1.5, high * 1.5
+
+
+def _comes_back(values: np.ndarray, bound: float) -> bool:
+    """Whether values are beyond a bound not only at their beginning."""
+    later = np.abs(values[values.size // 2 :])
+    return bool(np.mean(later > bound) > _STEADY)
 
 
 def _lower_median(values: Sequence[float]) -> float:

@@ -131,6 +131,8 @@ def _darken(artist: Artist) -> None:
     from matplotlib.patches import Patch
     from matplotlib.text import Text
 
+    from hgorun.figures.cuts import halo
+
     if isinstance(artist, Line2D):
         edge, face = artist.get_markeredgecolor(), artist.get_markerfacecolor()
         artist.set_color(_shown(artist.get_color()))
@@ -138,6 +140,8 @@ def _darken(artist: Artist) -> None:
         artist.set_markerfacecolor(_shown(face))
     elif isinstance(artist, Text):
         artist.set_color(_shown(artist.get_color()))
+        if artist.get_path_effects():
+            artist.set_path_effects(halo(_PAPER))
         if (box := artist.get_bbox_patch()) is not None:
             _darken(box)
     elif isinstance(artist, Patch):

@@ -112,15 +112,15 @@ def lines_of(
 ) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """Draw a line for each observer, the roughest at the back; ``values`` are None for those without.
 
-    Lines in front are thinner, so that one behind them is seen where both coincide. One that would be a block of
-    colour is pale, with its mean in it.
+    Lines in front are thinner, so that one behind them is seen where both coincide; an observer's is as thick in every
+    panel. One that would be a block of colour is pale, with its mean in it.
 
     Returns
     -------
     tuple of list of ndarray
         The values drawn of sound and of diverged observers.
     """
-    drawn: list[tuple[float, Simulated, Curve]] = []
+    drawn: list[tuple[Simulated, Curve]] = []
     for actor in scene.actors:
         result, own = actor.result, values(actor)
         if own is None:
@@ -129,18 +129,18 @@ def lines_of(
         if moving_maximum:
             curve = data.moving_maximum(curve, points_in_window(result))
         curve = data.inside(curve, scene.window)
-        drawn.append((float(np.abs(np.diff(curve.v)).sum()), actor, curve))
-    ranks = {id(actor): rank for rank, (_, actor, _) in enumerate(sorted(drawn, key=lambda d: -d[0]))}
-    widths = np.linspace(*WIDTHS, len(drawn)) if len(drawn) > 1 else [1.0]
-    for _, actor, curve in drawn:
-        look, rank = scene.looks[actor.order], ranks[id(actor)]
-        how: dict[str, Any] = {"color": look.colour, "zorder": 3 + rank / (len(drawn) + 1)}
+        drawn.append((actor, curve))
+    count = len(scene.actors)
+    widths = np.linspace(*WIDTHS, count) if count > 1 else [1.0]
+    for actor, curve in drawn:
+        look, rank = scene.looks[actor.order], scene.ranks[actor.order]
+        how: dict[str, Any] = {"color": look.colour, "zorder": 3 + rank / (count + 1)}
         mean = data.mean_of_block(curve)
         if mean is not None:
             _line(ax, curve, **how, alpha=PALE, linewidth=0.6)
         _line(ax, mean or curve, **how, linestyle=look.dashes, label=look.text, linewidth=widths[rank])
-    healthy = [c.v for _, actor, c in drawn if not actor.observer.lost]
-    return healthy, [c.v for _, actor, c in drawn if actor.observer.lost]
+    healthy = [c.v for actor, c in drawn if not actor.observer.lost]
+    return healthy, [c.v for actor, c in drawn if actor.observer.lost]
 
 
 def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> list[np.ndarray]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hgorun.figures.actors import cast, texts
-from hgorun.figures.data import Curve, coming_maximum, thinned
+from hgorun.figures.data import Curve, moving_maximum, thinned
 from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import looks
 from hgorun.figures.page import LIGHT, Page, on_page
@@ -63,7 +63,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
                     continue
                 i = transient.names.index(name)
                 own = look[actor.order]
-                errors = coming_maximum(Curve(transient.time, transient.error[:, i]), points)
+                errors = Curve(transient.time, transient.error[:, i])
                 curves = [(errors, own.dashes, own.text, 1.0)]
                 if transient.holds:
                     bound = Curve(transient.time, transient.bound[:, i])
@@ -73,7 +73,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
                     curves.append((nominal, _NOMINAL, f"{own.text}: nominal", 0.6))
                 for (t, values), line, text, thickness in curves:
                     kept = np.isfinite(values) & (values > 0)
-                    curve = Curve(t[kept], values[kept])
+                    curve = moving_maximum(Curve(t[kept], values[kept]), points)  # bounds too: so they stay bounds
                     how = {"color": own.colour, "linestyle": line, "label": text, "linewidth": thickness}
                     ax.plot(*thinned(curve, _MAX_POINTS), **how)
                     drawn.append(curve.v if line is not _NOMINAL else curve.v[:1])

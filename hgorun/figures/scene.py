@@ -4,10 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
+
+import numpy as np
 
 from hgorun.figures.actors import Simulated
 from hgorun.figures.looks import Look
+from hgorun.figures.style import LARGEST_NUMBER
 from hgorun.result.data import ResultData
 
 Window = tuple[float, float] | None
@@ -35,3 +39,18 @@ class Scene:
     looks: Mapping[int, Look]
     truths: Mapping[str, Mapping[str, Any]]
     window: Window = None
+
+    @cached_property
+    def ranks(self) -> dict[int, int]:
+        """The observers by their place, from the roughest: the same in every panel of a figure."""
+        rough = {actor.order: _roughness(actor) for actor in self.actors}
+        return {order: rank for rank, order in enumerate(sorted(rough, key=lambda order: -rough[order]))}
+
+
+def _roughness(actor: Simulated) -> float:
+    """By how much the estimates go up and down, of all states in units of the truth's or their own range."""
+    xhat = actor.observer.xhat[np.all(np.abs(actor.observer.xhat) <= LARGEST_NUMBER, axis=1)]
+    if len(xhat) < 2:
+        return 0.0
+    ranges = np.ptp(xhat, axis=0) if actor.result.recorded is not None else np.ptp(actor.truth, axis=0)
+    return float(np.sum(np.abs(np.diff(xhat, axis=0)).sum(axis=0) / np.where(ranges > 0, ranges, np.inf)))

@@ -2,10 +2,21 @@
 
 from __future__ import annotations
 
+from math import ceil, floor, log10
+
 from matplotlib.axes import Axes
-from matplotlib.ticker import AutoMinorLocator, FixedLocator, LogLocator, MaxNLocator, NullFormatter, ScalarFormatter
+from matplotlib.ticker import (
+    AutoMinorLocator,
+    FixedLocator,
+    Locator,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    ScalarFormatter,
+)
 
 _SHORT = 30  # logarithmic axes that span less are labelled between the powers of ten
+_FEWEST = 3  # labels
 
 
 class PlainFormatter(ScalarFormatter):
@@ -17,6 +28,15 @@ class PlainFormatter(ScalarFormatter):
     def __call__(self, x: float, pos: int | None = None) -> str:
         """The label of a tick."""
         return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
+
+
+def _between(low: float, high: float, most: int) -> Locator:
+    """Labels at 1, 2 and 5 times the powers of ten; where these are fewer than three, at every digit or evenly."""
+    powers = range(floor(log10(low)), ceil(log10(high)) + 1)
+    for digits in ((1, 2, 5), tuple(range(1, 10))):
+        if _FEWEST <= sum(low <= digit * 10.0**power <= high for digit in digits for power in powers) <= most:
+            return LogLocator(subs=digits)
+    return MaxNLocator(nbins=min(most, 7), steps=[1, 2, 5, 10])
 
 
 def tick(ax: Axes, limit: int | None = None) -> None:
@@ -32,7 +52,7 @@ def tick(ax: Axes, limit: int | None = None) -> None:
             axis.set_major_locator(LogLocator(numticks=limit or 6))
             axis.set_minor_formatter(NullFormatter())
             if 0 < low < high < _SHORT * low:  # too few powers of ten in it
-                axis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+                axis.set_major_locator(_between(low, high, limit or 8))
                 axis.set_major_formatter(PlainFormatter())
         else:
             axis.set_major_locator(MaxNLocator(nbins=limit or "auto", steps=[1, 2, 5, 10]))

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 _WIDTH, _HEIGHT, _PANEL = 6.0, 3.8, 2.6
-_MINIMUM = "points: tried with all seeds; star: the minimum, on held-out seeds with its 95 % interval"
+_MINIMUM = "points: tried with all seeds; star: the minimum, on held-out seeds with its 95\N{NO-BREAK SPACE}% interval"
 _STAR: dict[str, Any] = {"marker": "*", "markersize": 11, "markeredgecolor": "black", "markeredgewidth": 0.6}
 # tried, and no choice
 _MISSED: dict[str, Any] = {
@@ -99,7 +99,7 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
             title = "dots: tried with all seeds; lines: fronts on held-out seeds; stars: knees"
             if not all(non_dominated(one.front).all() for one in found):
                 title += "; hollow: beaten on held-out seeds"
-            return finished(figure, axes, 1, title, grow=True)
+            return finished(figure, axes, 1, title, grow=True, cuts=True)
         panels = [(i, k) for i, one in enumerate(found) for k in range(len(one.paths))]
         columns = min(len(panels), 3)
         rows = -(-len(panels) // columns)
@@ -107,7 +107,7 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
         for ax, (i, k) in zip(axes, panels, strict=True):
             _against(ax, found[i], k, look[i])
             ax.set_ylabel(goals[0])
-        return finished(figure, axes, columns, _MINIMUM, grow=True)
+        return finished(figure, axes, columns, _MINIMUM, grow=True, cuts=True)
 
 
 def _front(ax: Axes, one: Tuned, look: Look) -> None:

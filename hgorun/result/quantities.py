@@ -24,7 +24,8 @@ from hgorun.result.windows import MetricSettings, points_in
 Of = tuple[tuple[str, str | None], ...]  # (run, observer) each
 Window = tuple[float, float] | None
 
-CALL = re.compile(r"\b([A-Za-z_]\w*)\s*\(\s*((?:'[^']*'\s*,?\s*)+)([^()']*)\)")
+_OF_ONE_RUN = "largest"  # may be without the run's name where there is one run
+CALL = re.compile(rf"\b(?:([A-Za-z_]\w*)\s*\(\s*((?:'[^']*'\s*,?\s*)+)|({_OF_ONE_RUN})\s*\(\s*(?!'))([^()']*)\)")
 _QUOTED = re.compile(r"'([^']*)'")
 
 
@@ -76,7 +77,11 @@ def read_quantity(text: str, runs: tuple[str, ...]) -> Quantity:
 
 def quantity_of(call: re.Match[str], runs: tuple[str, ...]) -> Quantity:
     """The quantity that a match of :data:`CALL` says; see :func:`read_quantity`."""
-    return _quantity(call[1], _QUOTED.findall(call[2]), call[3], runs)
+    if call[3] is None:
+        return _quantity(call[1], _QUOTED.findall(call[2]), call[4], runs)
+    if len(runs) > 1:
+        raise ExpressionError(f"the file has several runs: expected {call[3]}('run', state), found {call[0]}")
+    return _quantity(call[3], [runs[0]], call[4], runs)
 
 
 def _quantity(function: str, names: list[str], rest: str, runs: tuple[str, ...]) -> Quantity:

@@ -85,7 +85,13 @@ def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, s
 def _check_quantity(study: Study, quantity: Quantity, path: KeyPath) -> None:
     for run, label in quantity.of:
         if run not in study.runs:
-            raise Problem(path, f"no run is called {run!r}.{nearest(run, study.runs)} Runs: {', '.join(study.runs)}")
+            alone = (
+                "; of one run the name may be left out"
+                if kinds()[quantity.function].of_plant and len(study.runs) == 1
+                else ""
+            )
+            known = f"Runs: {', '.join(study.runs)}{alone}"
+            raise Problem(path, f"no run is called {run!r}.{nearest(run, study.runs)} {known}")
         experiment = study.runs[run].experiment
         kind = kinds()[quantity.function]
         if label is not None and not kind.takes(label, experiment.observers):

@@ -40,7 +40,7 @@ def symbol(name: str, *, hat: bool = False) -> str:
     if len(base) > 1 and not wide:
         letter = r"\varepsilon" if base == "eps" else rf"\{base}"
     if hat:
-        letter = rf"\widehat{{{letter}}}" if wide else rf"\hat{{{letter}}}"
+        letter = rf"\hat{{{letter}}}"  # over the middle of a word, too: a wide one looks like a roof
     below = ",".join(part if part.isdigit() or len(part) == 1 else rf"\mathrm{{{part}}}" for part in indices)
     return f"{letter}_{{{below}}}" if below else letter
 

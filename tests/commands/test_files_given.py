@@ -61,6 +61,15 @@ def test_the_name_of_an_experiment_stands_for_it(shell: Shell) -> None:
     assert (code, "contois_te026" in err) == (2, True)
 
 
+@pytest.mark.parametrize("command", ["simulate", "figures", "claims"])
+def test_a_file_here_comes_before_an_experiment_that_is_called_alike(shell: Shell, command: str) -> None:
+    more = "figures: {f: {panels: [{error: x1}]}}\nclaims: [{id: c, claim: small, value: largest(x1), below: 1e3}]\n"
+    (shell.folder / "contois_te025.yaml").write_text(SMALL + more)
+    code, out, err = shell(command, "contois_te025")
+    assert (code, "contois_te025: taking contois_te025.yaml; where" in err) == (0, True), err
+    assert {"simulate": "contois_te025.h5", "figures": "f: results/", "claims": "1 claims: "}[command] in out
+
+
 def test_ensembles_that_compare_leaves_out_are_told(shell: Shell) -> None:
     runs = "runs: {one: {}, many: {seeds: 2}}\n"
     (shell.folder / "a.yaml").write_text(SMALL + NOISE + runs)

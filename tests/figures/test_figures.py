@@ -435,10 +435,10 @@ def test_the_moving_maximum_is_one(count: int, points: int, seed: int) -> None:
         ("x1_2", "x_{1,2}", r"\hat{x}_{1,2}"),
         ("theta", r"\theta", r"\hat{\theta}"),
         ("s_in", r"s_{\mathrm{in}}", r"\hat{s}_{\mathrm{in}}"),
-        ("al2", r"\mathrm{al}_{2}", r"\widehat{\mathrm{al}}_{2}"),
-        ("x1a", r"\mathrm{x1a}", r"\widehat{\mathrm{x1a}}"),
-        ("_x", r"\mathrm{\_x}", r"\widehat{\mathrm{\_x}}"),
-        ("a\\b$", r"\mathrm{a?b?}", r"\widehat{\mathrm{a?b?}}"),
+        ("al2", r"\mathrm{al}_{2}", r"\hat{\mathrm{al}}_{2}"),
+        ("x1a", r"\mathrm{x1a}", r"\hat{\mathrm{x1a}}"),
+        ("_x", r"\mathrm{\_x}", r"\hat{\mathrm{\_x}}"),
+        ("a\\b$", r"\mathrm{a?b?}", r"\hat{\mathrm{a?b?}}"),
     ],
 )
 def test_names_as_mathematics(name: str, plain: str, hat: str) -> None:

@@ -17,10 +17,10 @@ from matplotlib.text import Annotation
 from hgorun import ConfigError, Result
 from hgorun.figures.bode import bode_figure
 from hgorun.figures.cuts import cuts
-from hgorun.figures.data import Curve, coming_maximum
 from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.page import Page, dark
 from hgorun.figures.style import PALETTE, styled
+from hgorun.figures.ticks import tick
 from hgorun.figures.tuning import Tuned, tuning
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Recorded, RecordedOutput, Unseen
@@ -173,16 +173,6 @@ def test_colours_of_a_dark_page() -> None:
 # Single kinds of figures
 
 
-def test_the_coming_maximum_is_one() -> None:
-    v = np.random.default_rng(1).standard_normal(50)
-    t, found = coming_maximum(Curve(np.arange(50.0), v), 7)
-    assert np.array_equal(found, [v[i : i + 7].max() for i in range(44)])
-    assert np.array_equal(t, np.arange(44))
-    falling = np.exp(-np.arange(50.0))
-    assert np.array_equal(coming_maximum(Curve(np.arange(50.0), falling), 9).v, falling[:42])  # never above a bound
-    assert coming_maximum(Curve(t[:3], v[:3]), 9).v.size == 3
-
-
 def test_the_frequencies_of_the_noise_are_named_once(result: Result) -> None:
     data = Bode(np.logspace(-1, 1, 5), {"A": np.ones((5, 2))}, result.states, np.array([2.0, 3.0]), {})
     figure = bode_figure(data, result)
@@ -266,3 +256,34 @@ def test_settings_of_matplotlib_are_those_of_nine_points() -> None:
 
     with styled():
         assert matplotlib.rcParams["font.size"] == 9
+
+
+def test_an_error_that_stays_is_not_cut_beside_a_smaller_one_but_a_transient_is(result: Result) -> None:
+    t = result.time
+    small, steady, transient = 0.04 * np.cos(9 * t), 2.0 * np.cos(9 * t), 2.0 * np.exp(-9 * t)
+    stays = draw(with_estimates(result, small=small, large=steady), block({"error": "x1"})).axes[0]
+    low, high = stays.get_ylim()
+    assert low < -1.9
+    assert high > 1.9
+    assert marks(stays) == []
+    ends = draw(with_estimates(result, small=small, large=transient), block({"error": "x1"})).axes[0]
+    assert ends.get_ylim()[1] < 0.5
+    assert marks(ends) == ["2"]
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "labels"),
+    [
+        (2.0, 6.0, ["2", "3", "4", "5", "6"]),
+        (5.5, 9.5, ["6", "7", "8", "9"]),
+        (4.1, 5.3, ["4.2", "4.4", "4.6", "4.8", "5.0", "5.2"]),
+    ],
+)
+def test_a_short_logarithmic_axis_has_labels_enough(low: float, high: float, labels: list[str]) -> None:
+    figure = Figure()
+    ax = figure.add_subplot()
+    ax.set(xscale="log", xlim=(low, high))
+    tick(ax)
+    figure.draw_without_rendering()
+    shown = [one.get_text() for one in ax.get_xticklabels() if low <= one.get_position()[0] <= high]
+    assert shown == labels

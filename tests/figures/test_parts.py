@@ -117,3 +117,8 @@ def test_what_coincides_with_the_line_in_front_is_seen_behind_it(result: Result)
     lines = [line for line in figure.axes[0].lines if line.get_label() in ("A", "B")]
     back, front = sorted(lines, key=lambda line: line.get_zorder())
     assert back.get_linewidth() > 1.3 * front.get_linewidth()
+    for ax in figure.axes:  # an observer's line is as thick everywhere
+        for line in ax.lines:
+            if line.get_label() in ("A", "B"):
+                alike = back if line.get_label() == back.get_label() else front
+                assert line.get_linewidth() == alike.get_linewidth()

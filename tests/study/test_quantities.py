@@ -1,5 +1,6 @@
 """Quantities of claims against the same computed from the trajectories with plain numpy."""
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -243,3 +244,24 @@ def test_the_slope_of_an_ensemble_of_amplitudes(tmp_path: Path) -> None:
     members = {str(asked): 5 * np.array([[0.1], [0.2], [0.4]]) ** 2}
     ((slope,),) = values_of(study, 0, {}, {"eps": members}, lambda quantity: 0.0)
     assert slope == pytest.approx(2.0)
+
+
+def test_of_a_file_with_one_run_a_state_needs_no_name_of_it() -> None:
+    """So that a file keeps its claims under another name."""
+    named, unnamed = read_sentence("2*largest('f', x2, 1, 2)", ("f",)), read_sentence("2*largest( x2, 1, 2)", ("f",))
+    assert unnamed.quantities == named.quantities
+    assert unnamed.expression.number({"q0": 3.0}) == 6.0
+    with pytest.raises(ExpressionError, match=r"several runs: expected largest\('run', state\), found largest\(x2\)"):
+        read_sentence("largest(x2)", ("a", "b"))
+
+
+def test_the_claims_of_every_experiment_of_one_run_hold_under_another_name(tmp_path: Path) -> None:
+    for file in (Path(__file__).parents[2] / "experiments").rglob("*.yaml"):
+        text = file.read_text()
+        if file.name.startswith("_") or "claims:" not in text or "\nruns:" in text:
+            continue
+        base = re.search("^extends: (.+)$", text, re.MULTILINE)
+        if base is not None:
+            (tmp_path / base[1]).write_text((file.parent / base[1]).read_text())
+        (tmp_path / "mine.yaml").write_text(text)
+        check(hgorun.load_study(tmp_path / "mine.yaml"))
