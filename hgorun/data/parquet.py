@@ -72,6 +72,10 @@ class Parquet:
                 raise ConfigError(said, file=str(path), key=name) from None
         return found
 
+    def passed_over(self, path: Path, name: str) -> str:
+        """All are columns."""
+        return ""
+
     def zoned(self, path: Path, name: str) -> bool:
         """Whether the column has a time zone."""
         from pyarrow.parquet import read_schema

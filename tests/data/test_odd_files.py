@@ -149,6 +149,14 @@ def test_other_columns_of_parquet_may_be_anything(tmp_path: Path) -> None:
     assert signal.taken.tolist() == [0, 4]
 
 
+def test_a_name_that_is_no_text_is_passed_over(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["t"], file["glucose"] = TIMES, VALUES
+        file.create_dataset(b"\xff\xfe", data=VALUES)
+    block = {"file": "log.h5", "time": "t", "outputs": {"S": "glucose"}}
+    assert read(Data.model_validate(block), tmp_path).outputs["S"].values.tolist() == VALUES.tolist()
+
+
 def test_labels_that_are_there_twice_name_no_column(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "log.h5", "w") as file:
         file["t"] = TIMES
@@ -159,3 +167,38 @@ def test_labels_that_are_there_twice_name_no_column(tmp_path: Path) -> None:
         read(Data.model_validate(block), tmp_path)
     signal = read(Data.model_validate(block | {"outputs": {"S": "x/1"}}), tmp_path).outputs["S"]
     assert signal.values.tolist() == (-VALUES).tolist()
+
+
+def test_what_hdf5_has_under_a_name_is_said_where_it_is_no_column(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["t"] = TIMES
+        file["g/cube"] = np.zeros((2, 2, 2))
+        file["one"] = 5.0
+        file["nothing"] = h5py.Empty("f8")
+        file["pairs"] = np.zeros(3, dtype=[("a", "f8"), ("b", "i4")])
+        file["soft"] = h5py.SoftLink("/t")
+        file["away"] = h5py.ExternalLink("/nowhere.h5", "/t")
+        file["loop"] = h5py.SoftLink("/loop")
+        file.create_dataset("elsewhere", (2,), "f8", external=[("nowhere.bin", 0, 16)])
+        file["two"] = np.zeros((3, 2))
+    said = {
+        "g/cube": "g/cube is there, but has 3 dimensions, and a column has one",
+        "one": "one is there, but is a single value",
+        "nothing": "nothing is there, but is empty",
+        "pairs": "pairs is there, but holds neither numbers nor texts",
+        "soft": "soft is there, but is a link, which is not followed",
+        "away": "away is there, but is a link, which is not followed",
+        "loop": "loop is there, but is a link, which is not followed",
+        "elsewhere": "elsewhere is there, but has its values in other files",
+        "two": "Did you mean `two/",
+        "soft/x": "It has: ",
+        "g": "It has: ",
+        "no//such": "It has: ",
+        "t/x": "It has: ",
+    }
+    for column, message in said.items():
+        block = {"file": "log.h5", "time": "t", "outputs": {"S": column}}
+        with pytest.raises(Problem) as error:
+            read(Data.model_validate(block), tmp_path)
+        assert message in str(error.value)
+        assert ("is there" in message) == ("is there" in str(error.value))
