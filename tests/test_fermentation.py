@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from pathlib import Path
 
@@ -62,3 +63,37 @@ def test_ethanol_between_laboratory_samples(
             np.interp(lab["taken_h"], found.time, b[:, k]) for b in (one.assessed.lower, one.assessed.upper)
         )
         assert np.sum((lower <= lab["ethanol"]) & (lab["ethanol"] <= upper)) == int(inside)
+
+
+def test_the_acetic_acid_says_which_samples_are_concentrated() -> None:
+    """What an observer that knows the broth would be charged with, in every set of samples that the page holds out."""
+    lab = np.genfromtxt(FOLDER / "laboratory.csv", delimiter=",", names=True)
+    excess = lab["ethanol"] * (1 - lab["acetic_acid"][0] / lab["acetic_acid"])
+    places = np.arange(23)
+    sets = [places[1::2], places[::2], places[::3], places[1::3], places[2::3], places[:8], places[8:16], places[16:]]
+    told = re.findall(r"^\| concentration alone.*\|$", PAGE, re.MULTILINE)[0].split("|")[2:-1]
+    assert [float(cell) for cell in told] == [round(float(np.sqrt(np.mean(excess[one] ** 2))), 2) for one in sets]
+
+
+@pytest.mark.parametrize(("column", "row"), [("ethanol", "error, g/L"), ("divided", "error without it")])
+def test_laboratory_samples_that_are_held_out(
+    column: str, row: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Every third sample from the second on, the others as the laboratory gave them."""
+    lab = np.genfromtxt(FOLDER / "laboratory.csv", delimiter=",", names=True)
+    divided = lab["ethanol"] * lab["acetic_acid"][0] / lab["acetic_acid"]
+    held = np.arange(23) % 3 == 1
+    for name, chosen, E in (
+        ("given.csv", ~held, lab["ethanol"]),
+        ("held.csv", held, divided if column == "divided" else lab["ethanol"]),
+    ):
+        table = np.column_stack([lab["taken_h"], lab["available_h"], E])[chosen]
+        np.savetxt(tmp_path / name, table, "%.5f", ",", header="taken_h,available_h,ethanol", comments="")
+    shell = Shell(tmp_path, monkeypatch, capsys)
+    file, given_to = str(FOLDER / "with_laboratory.yaml"), f"data.outputs.E.file={tmp_path / 'given.csv'}"
+    options = ("--holdout", f"E={tmp_path / 'held.csv'}", "--set", given_to)
+    code, out, err = shell("estimate", file, *options, "--no-sensitivity", "--no-plots", "--json")
+    assert code == 0, err
+    told = re.findall(rf"^\| {row}.*\|$", PAGE, re.MULTILINE)[0].split("|")[2:-1]
+    found = json.loads(out)["observers"]["EKF"]["scores"]["holdout_rmse"]["E"]
+    assert found == pytest.approx(float(told[3]), abs=0.006)

@@ -174,7 +174,7 @@ def with_observers(start: Start, types: Sequence[str]) -> Start:
             hint = nearest(name, OBSERVERS.names())
             raise ConfigError(f"no observer is called {name!r}.{hint} See hgorun list observers") from None
         known = next((keys for keys in start.observers.values() if keys["type"] == name), None)
-        example = dict(cls.example(tuple(start.initial)))
+        example = {**cls.example(tuple(start.initial)), **start.told.get(name, {})}
         gain = cls.model_fields.get("theta")
         theta = {"theta": 5} if gain is not None and gain.is_required() else {}
         blocks[name.upper()] = dict(known) if known is not None else {"type": name, **theta, **example}

@@ -80,17 +80,19 @@ def _fitting(name: str, plant: type[Plant], observers: Sequence[str]) -> Found:
     Raises
     ------
     ConfigError
-        Where none is found that runs.
+        Where none is found whose estimates follow.
     """
     found = followed(first_of(name, plant, observers))
-    if not found.trouble:
+    if not found.trouble and found.error < FOLLOWS:
         return found
-    usual = ", ".join(sorted({str(keys["type"]) for keys in first_of(name, plant).start.observers.values()}))
-    advice = "" if "observers for this plant are" in found.trouble else f"; this plant is mostly run with {usual}"
-    types = ", ".join(observers)
-    raise ConfigError(
-        f"--observer: no configuration of {name} with {types} was found that runs: {found.trouble}{advice}"
+    why = found.trouble or (
+        f"in the best, an estimate misses its state by {found.error:.0%} of what that moves through: what is measured "
+        "says too little of it in this way, or gains have to be sought by hand"
     )
+    usual = ", ".join(sorted({str(keys["type"]) for keys in first_of(name, plant).start.observers.values()}))
+    advice = "" if "observers for this plant are" in why else f"; this plant is mostly run with {usual}"
+    types = ", ".join(observers)
+    raise ConfigError(f"--observer: no configuration of {name} with {types} was found that follows: {why}{advice}")
 
 
 def _answered() -> Found:

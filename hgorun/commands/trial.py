@@ -16,6 +16,7 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
 FOLLOWS = 0.25  # of what a state moves through: the error of an estimate that follows it
+_WELL = 0.1  # and of one for which no better gain is sought
 _SPEEDS = 1 / 4, 4, 1 / 16, 16  # times the first gain
 _BOUNDS = 10, 1 / 10, 100  # times the first bound of a derivative
 _VARIED = {"theta": _SPEEDS, "omega_o": _SPEEDS, "eps": _SPEEDS, "L": _BOUNDS, "G": _BOUNDS, "window": (2, 4)}
@@ -113,10 +114,16 @@ def outcome_of(first: First) -> Outcome:
         result = _simulated(first)
     except HgorunError as error:
         return Outcome(error.message if isinstance(error, ConfigError) else str(error), refused=True)
+    (observer,) = result.observers.values()
+    if observer.unestimated:
+        left = ", ".join(observer.unestimated)
+        more = f"hgorun show {observer.type} says what it has to be told of the plant"
+        return Outcome(
+            f"its estimate leaves {left} out, since the equations do not say all it needs; {more}", refused=True
+        )
     troubles = result.troubles()
     if not troubles:
         return Outcome(None, error=_error(result))
-    (observer,) = result.observers.values()
     at_once = observer.status == "undefined" and observer.status_at == result.time[0]
     return Outcome(troubles[0], refused=at_once)
 
@@ -146,7 +153,7 @@ def _together(scene: First, alone: Sequence[First]) -> First:
 
 
 def _best(scene: First, label: str) -> tuple[Outcome, First]:
-    """The observer alone: the first variant whose estimate follows, or the best of them."""
+    """The observer alone: the first variant whose estimate follows well, or the best of them."""
     found: list[tuple[Outcome, First]] = []
     start, keys = scene.start, scene.start.observers[label]
     for share in _NEARER:
@@ -156,10 +163,12 @@ def _best(scene: First, label: str) -> tuple[Outcome, First]:
             one = alone.with_observer(label, block, estimate if share < 1 else None)
             outcome = outcome_of(one)
             found.append((outcome, one))
-            if outcome.follows:
+            if outcome.trouble is None and outcome.error < _WELL:
                 return outcome, one
             if outcome.refused:
                 break  # whatever the gain
+        if any(outcome.follows for outcome, _ in found):
+            break  # from the first guess that is meant
     return min(found, key=lambda pair: (pair[0].refused, pair[0].error))
 
 

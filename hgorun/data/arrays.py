@@ -54,6 +54,9 @@ class ArrayFormat(Protocol):
     def columns(self, path: Path, names: Sequence[str]) -> Mapping[str, np.ndarray]:
         """Numbers, dates in nanoseconds (datetime64), or texts."""
 
+    def passed_over(self, path: Path, name: str) -> str:
+        """Why something with this name is not among the columns; empty where there is none."""
+
     def zoned(self, path: Path, name: str) -> bool:
         """Whether dates are in UTC."""
 
@@ -98,8 +101,9 @@ class ArrayFile:
         return counts_from_a_date(self._columns[column].unit)
 
     def hint(self, column: str) -> str:
-        """Nothing is known of columns that are not there."""
-        return ""
+        """What the file has under that name."""
+        why = _aside(self._path, lambda: self._form.passed_over(self._path, column), 2**26)
+        return f" {column} is there, but {why}." if why else ""
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it.

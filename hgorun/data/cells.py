@@ -24,6 +24,10 @@ _ISO = re.compile(
     r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?)?\s?(Z|[-+]\d\d:?\d\d)?", re.ASCII
 )
 _BEGINS_AS_NUMBER = re.compile(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
+_LETTERS = re.compile(r"[^\W\d_]{2}")
+_DATE_OR_TIME = re.compile(
+    r"\d{1,4}([./-])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d(?::\d\d)?.*|\d{8}T\d{4,6}.*", re.ASCII
+)
 _WORD = 40  # characters of a text that may mean a missing value
 _TRUTH = {"true": 1.0, "false": 0.0}
 _EPOCH = datetime(1970, 1, 1)
@@ -80,9 +84,22 @@ def _no_number(text: str, decimal: str, thousands: str | None) -> str:
         return f"{said}; dates are read with format: iso"
     if text.lower() in _TRUTH:
         return f"{said}; write 1 for true and 0 for false"
-    if len(text) <= _WORD and text.isprintable() and not _BEGINS_AS_NUMBER.match(text):
+    if _DATE_OR_TIME.fullmatch(text):
+        return _of_another_form(said)
+    if len(text) <= _WORD and text.isprintable() and _is_word(text):
         return f"{said}; if it means a missing value: csv: {{missing: [{json.dumps(text, ensure_ascii=False)}]}}"
     return said
+
+
+def _of_another_form(said: str) -> str:
+    return f'{said}; a date of another form needs its pattern, such as format: "%d.%m.%Y %H:%M:%S"'
+
+
+def _is_word(text: str) -> bool:
+    """Whether a text may mean that there is no value: not one that is a number with something else."""
+    if not any(char.isnumeric() for char in text):
+        return True
+    return _LETTERS.search(text) is not None and not _BEGINS_AS_NUMBER.match(text)
 
 
 @dataclass(frozen=True)
@@ -158,7 +175,8 @@ def iso_stamp(text: str) -> tuple[int, bool]:
     """
     match = _ISO.fullmatch(text)
     if match is None:
-        raise ValueError(f"expected a date such as 2024-05-31T13:45:10.25, found {describe(text)}")
+        said = f"expected a date such as 2024-05-31T13:45:10.25, found {describe(text)}"
+        raise ValueError(_of_another_form(said) if _DATE_OR_TIME.fullmatch(text) else said)
     year, month, day, hour, minute, second, digits, zone = match.groups()
     try:
         moment = datetime(int(year), int(month), int(day), int(hour or 0), int(minute or 0), int(second or 0))
@@ -172,7 +190,10 @@ def _offset(zone: str | None) -> int:
     """Seconds ahead of UTC."""
     if zone is None or zone == "Z":
         return 0
-    size = int(zone[1:3]) * 3600 + int(zone[-2:]) * 60
+    hours, minutes = int(zone[1:3]), int(zone[-2:])
+    if hours > 23 or minutes > 59:
+        raise ValueError(f"{describe(zone)} is not a time zone")
+    size = hours * 3600 + minutes * 60
     return -size if zone[0] == "-" else size
 
 

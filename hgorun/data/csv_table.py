@@ -21,6 +21,8 @@ from hgorun.data.text import Block, blocks
 from hgorun.errors import ConfigError
 
 _SEARCHED = 1_000_000  # rows in which the first value of a column is looked for
+_SHOWN = 300  # lines that show how a table is written
+_SHOWN_BLOCKS = 8  # or that have them
 _ABOVE = 50  # lines in which a header is looked for
 _SMALL = 1 << 24  # bytes of a file of which nothing is read ahead
 _AHEAD = 4  # blocks that are
@@ -43,7 +45,7 @@ class CsvFile:
 
     def __init__(self, path: Path, told: Csv) -> None:
         self._path, self._told = path, told
-        self.dialect: Dialect = dialect_of(next(blocks(path, told.encoding)), path, told)
+        self.dialect: Dialect = dialect_of(_beginning(blocks(path, told.encoding), told.skip), path, told)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -61,7 +63,7 @@ class CsvFile:
         """What the row of units says of a column; empty without one."""
         units = self.dialect.units
         place = self.dialect.names.index(column)
-        return units[place].strip("[]() ") if place < len(units) else ""
+        return units[place].strip("[]() -") if place < len(units) else ""
 
     def counts_from_a_date(self, column: str) -> bool:
         """Text has dates as dates."""
@@ -169,6 +171,16 @@ def _cells_of(parts: Iterator[Block], dialect: Dialect) -> Iterator[Sequence[str
             line = raw.decode("utf-8", "replace")
             if line.strip() and not line.lstrip().startswith(dialect.comment):
                 yield cells(line, dialect.separator)
+
+
+def _beginning(parts: Iterator[Block], skip: int) -> Block:
+    """Enough lines to tell how a table is written: the first block, and more where lines are long."""
+    first = next(parts)
+    text, lines = [first.text], first.lines
+    while lines <= skip + _SHOWN and len(text) < _SHOWN_BLOCKS and (block := next(parts, None)):
+        text.append(block.text)
+        lines += block.lines
+    return first if len(text) == 1 else Block(b"".join(text), first.line)
 
 
 def _behind(text: bytes, start: int, lines: int) -> int:

@@ -129,5 +129,7 @@ def _offset(behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     sign, digits = behind[:, 0], behind[:, [1, 2, 4, 5]]
     fits = np.isin(sign, np.frombuffer(b"+-", dtype=np.uint8)) & (behind[:, 3] == ord(":"))
     fits &= np.all((digits >= ord("0")) & (digits <= ord("9")), axis=1)
-    size = (_number(behind, 1, 3) * 3600 + _number(behind, 4, 6) * 60) * _SECOND
+    hours, minutes = _number(behind, 1, 3), _number(behind, 4, 6)
+    fits &= (hours < 24) & (minutes < 60)
+    size = (hours * 3600 + minutes * 60) * _SECOND
     return np.where(sign == ord("-"), -size, size), fits

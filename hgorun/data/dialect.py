@@ -19,7 +19,6 @@ _SEPARATORS = ("\t", ";", "|", ",")
 SPACES = " "
 """A separator of any number of spaces and tabs."""
 _LOOKED_AT = 200  # rows that decide how numbers are written
-_CELL = 2**17  # characters
 
 _NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[-+]?\d*,\d*(?:[eE][-+]?\d+)?", re.ASCII)
@@ -141,7 +140,7 @@ def _lines(block: Block, told: Csv, comments: list[_Line]) -> Iterator[_Line]:
     """The first lines of a file that are neither empty nor comments."""
     found = 0
     for number, raw in enumerate(block.text.split(b"\n", told.skip + 50 * _LOOKED_AT), start=block.line):
-        text = raw[:_CELL].decode("utf-8", "replace")
+        text = raw.decode("utf-8", "replace")
         if number - block.line < told.skip or not text.strip():
             continue
         if text.lstrip().startswith(told.comment):

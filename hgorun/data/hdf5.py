@@ -34,6 +34,11 @@ class Hdf5:
             found = {name: (data, place) for name, data, place in _columns(file, path)}
             return {name: _values(*found[name], path, name) for name in names}
 
+    def passed_over(self, path: Path, name: str) -> str:
+        """Links, values elsewhere, and what holds other things or has other dimensions."""
+        with h5py.File(path, "r") as file:
+            return _passed_over(file, name)
+
     def zoned(self, path: Path, name: str) -> bool:
         """Dates are texts there."""
         return False
@@ -46,8 +51,8 @@ def _columns(
     if len(group) > _MANY or depth > _DEEP:
         raise ConfigError("more groups and data sets than a log has", file=str(path))
     for name in group:
-        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            continue
+        if not isinstance(name, str) or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            continue  # a name that is no text cannot be asked for
         member = group[name]
         here = f"{above}{name}"
         if isinstance(member, h5py.Group):
@@ -64,8 +69,32 @@ def _parts(data: h5py.Dataset) -> Iterator[tuple[str, int | None]]:
     elif data.ndim == 2 and data.shape[1] <= _MANY:
         labels = data.attrs.get("labels")
         texts = list(labels) if isinstance(labels, np.ndarray) and labels.shape == data.shape[1:] else []
+        texts = texts if len(set(texts)) == len(texts) else []
         for place in range(data.shape[1]):
             yield f"/{texts[place] if texts and isinstance(texts[place], str) else place}", place
+
+
+def _passed_over(group: h5py.Group, name: str) -> str:
+    above, _, last = name.strip("/").rpartition("/")
+    for part in above.split("/") if above else ():
+        if not part or not isinstance(group.get(part, getlink=True), h5py.HardLink):
+            return ""
+        group = group[part]
+        if not isinstance(group, h5py.Group):
+            return ""
+    link = group.get(last, getlink=True) if last else None
+    if link is not None and not isinstance(link, h5py.HardLink):
+        return "is a link, which is not followed"
+    data = None if link is None else group[last]
+    if not isinstance(data, h5py.Dataset):
+        return ""
+    if data.is_virtual or data.external:
+        return "has its values in other files, which are not opened"
+    if not data.shape:
+        return "is empty" if data.shape is None else "is a single value"
+    if data.ndim > 2:
+        return f"has {data.ndim} dimensions, and a column has one"
+    return "" if any(_parts(data)) else f"holds neither numbers nor texts ({data.dtype.name})"
 
 
 def _described(data: h5py.Dataset, place: int | None) -> ArrayColumn:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from datetime import date
 from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +16,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 _FIRST = 1_000  # rows in which the first value of a column is looked for
-_NO_DATE = "1970-01-01"  # stands for a column of dates that begins with missing ones
+_DATE = "1970-01-01"  # stands for whatever date comes first
 
 
 class Parquet:
@@ -53,15 +52,29 @@ class Parquet:
         ConfigError
             For a column of durations.
         """
+        import pyarrow
         from pyarrow import types
-        from pyarrow.parquet import read_table
+        from pyarrow.parquet import read_schema, read_table
 
-        found = read_table(path, columns=list(names), use_threads=False)
+        schema, found = read_schema(path), {}
         for name in names:
-            if types.is_duration(found.column(name).type):
+            if (count := schema.names.count(name)) > 1:
+                raise ConfigError(f"{count} columns called {name!r}", file=str(path))
+            kind = schema.field(name).type
+            if types.is_duration(kind):
                 said = "durations, whose unit is not that of numbers: write them as numbers of seconds"
                 raise ConfigError(said, file=str(path), key=name)
-        return {name: _array(found.column(name)) for name in names}
+            values = read_table(path, columns=[name], use_threads=False).column(0)
+            try:
+                found[name] = _dates(values, path, name) if _is_date(kind) else _array(values)
+            except (pyarrow.ArrowInvalid, pyarrow.ArrowNotImplementedError):
+                said = f"a column of {kind}, found in place of numbers, dates or texts"
+                raise ConfigError(said, file=str(path), key=name) from None
+        return found
+
+    def passed_over(self, path: Path, name: str) -> str:
+        """All are columns."""
+        return ""
 
     def zoned(self, path: Path, name: str) -> bool:
         """Whether the column has a time zone."""
@@ -71,22 +84,37 @@ class Parquet:
 
 
 def _sample(values: pyarrow.Array) -> str:
+    there = values.drop_null()
+    if _is_date(values.type):
+        return _DATE
+    return printable(str(there[0].as_py()))[:100] if len(there) else ""
+
+
+def _is_date(kind: pyarrow.DataType) -> bool:
     from pyarrow import types
 
-    there = values.drop_null()
-    if not len(there):
-        return _NO_DATE if types.is_timestamp(values.type) or types.is_date(values.type) else ""
-    first = there[0].as_py()
-    return printable(first.isoformat() if isinstance(first, date) else str(first))[:100]
+    return bool(types.is_timestamp(kind) or types.is_date(kind))
+
+
+def _dates(values: pyarrow.ChunkedArray, path: Path, name: str) -> np.ndarray:
+    """In nanoseconds; the first that is out of their range is refused."""
+    import pyarrow
+
+    try:
+        return np.asarray(values.cast(pyarrow.timestamp("ns")).to_numpy())
+    except pyarrow.ArrowInvalid:
+        coarse = values.cast(pyarrow.timestamp("s"), safe=False).cast(pyarrow.int64()).fill_null(0).to_numpy()
+        row = int(np.argmax(np.abs(coarse.astype(float)) > 2.0**63 / 1e9)) + 1
+        said = "expected a date between 1678 and 2262, found one far from them"
+        raise ConfigError(said, file=str(path), line=row, key=name) from None
 
 
 def _array(values: pyarrow.ChunkedArray) -> np.ndarray:
+    """Numbers or texts."""
     import pyarrow
     from pyarrow import types
 
     kind = values.type
-    if types.is_timestamp(kind) or types.is_date(kind):
-        return np.asarray(values.cast(pyarrow.timestamp("ns")).to_numpy())
     if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
         double = values if types.is_float32(kind) else values.cast(pyarrow.float64(), safe=False)
         return np.asarray(double.to_numpy())

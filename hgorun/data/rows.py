@@ -88,7 +88,9 @@ class Rows:
             for row in reader:
                 yield lines.taken(), row
         except csv.Error as error:
-            said = "a quote that is not closed" if "unexpected end" in str(error) else f"not CSV: {error}"
+            # what the reader takes in is a quote that is not closed, if it comes to no end of the row
+            unclosed = any(words in str(error) for words in ("unexpected end", "field limit"))
+            said = "a quote that is not closed" if unclosed else f"not CSV: {error}"
             raise self._error(lines.begin, said) from None
 
     def _error(self, line: int, message: str, column: str | None = None) -> ConfigError:

@@ -84,6 +84,8 @@ def since(unit: str, calendar: str) -> Since:
         raise ValueError(f"units {describe(unit)}: {error}") from None
     if moment < _REFORM and calendar.strip().lower() != "proleptic_gregorian":
         raise ValueError(f"units {describe(unit)}: before 1582-10-15 this calendar is Julian, which is not read")
+    if int(hours or 0) > 23 or int(minutes or 0) > 59:
+        raise ValueError(f"units {describe(unit)}: this is not a time zone")
     ahead = (int(hours or 0) * 60 + int(minutes or 0)) * (-1 if sign == "-" else 1)
     past = moment - _EPOCH
     start = (past.days * 86400 + past.seconds - 60 * ahead) * 10**9 + int((digits or "0").ljust(9, "0"))

@@ -14,7 +14,17 @@ from hgorun.errors import ConfigError
 
 BLOCK = 2**20  # bytes read at once: as many as a cache of the processor holds
 LONGEST = 2**20  # bytes of a line
-_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
+_MARKS = (
+    (codecs.BOM_UTF8, "utf-8"),
+    (codecs.BOM_UTF32_LE, "utf-32-le"),  # which begins as the next one
+    (codecs.BOM_UTF16_LE, "utf-16-le"),
+    (codecs.BOM_UTF16_BE, "utf-16-be"),
+    (codecs.BOM_UTF32_BE, "utf-32-be"),
+)
+
+
+class _NotText(Exception):
+    """Bytes behind what has been decoded are no text: the encoding, and these."""
 
 
 @dataclass(frozen=True)
@@ -55,18 +65,29 @@ def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterat
         When it cannot be read, is empty or binary, has another encoding, or a line of more than 1 MiB.
     """
     line, rest = 1, b""
-    for piece in _decoded(path, encoding, size):
-        whole, rest = _cut(rest + piece)
-        if whole:
-            block = _checked(Block(_unix(whole), line), path)
-            line += block.lines  # counted here: who reads ahead does so meanwhile
-            yield block
-        if len(rest) > LONGEST:
-            raise ConfigError("a line of more than 1 MiB: this is not a table of numbers", file=str(path), line=line)
+    try:
+        for piece in _decoded(path, encoding, size):
+            whole, rest = _cut(rest + piece)
+            if whole.find(b"\n") > LONGEST:
+                raise _too_long(path, line)
+            if whole:
+                block = _checked(Block(_unix(whole), line), path)
+                line += block.lines  # counted here: who reads ahead does so meanwhile
+                yield block
+            if len(rest) > LONGEST:
+                raise _too_long(path, line)
+    except _NotText as error:
+        coded, wrong = error.args
+        message = f"not text in {coded}: {wrong} is no character of it"
+        raise ConfigError(message, file=str(path), line=line + _unix(rest).count(b"\n")) from None
     if rest:
         yield _checked(Block(_unix(rest) if rest.endswith((b"\n", b"\r")) else _unix(rest) + b"\n", line), path)
     elif line == 1:
         raise ConfigError("this file is empty", file=str(path), line=1)
+
+
+def _too_long(path: Path, line: int) -> ConfigError:
+    return ConfigError("a line of more than 1 MiB: this is not a table of numbers", file=str(path), line=line)
 
 
 def _cut(text: bytes) -> tuple[bytes, bytes]:
@@ -120,11 +141,15 @@ def _decoded(path: Path, encoding: str | None, size: int) -> Iterator[bytes]:
                     yield piece
                 return
             decoder = codecs.getincrementaldecoder(coded)()
-            while first:
-                yield decoder.decode(first).encode("utf-8")
+            while True:
+                try:
+                    yield decoder.decode(first, final=not first).encode("utf-8")
+                except UnicodeDecodeError as error:
+                    yield error.object[: error.start].decode(coded).encode("utf-8")
+                    wrong = error.object[error.start : error.end][:4].hex(" ")
+                    raise _NotText(coded, wrong) from None
+                if not first:
+                    return
                 first = stream.read(size)
-            yield decoder.decode(b"", final=True).encode("utf-8")
-    except UnicodeError as error:
-        raise ConfigError(f"not text in {coded}: {error}", file=str(path)) from None
     except OSError as error:
         raise ConfigError(f"cannot be read: {error.strerror}", file=str(path)) from None

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+from collections.abc import MutableSequence
+from typing import cast
 
 import numpy as np
 
@@ -37,8 +39,8 @@ class Live:
         self._program, self._step, self.t = program, step, t
         nothing = np.zeros(0)
         plan = Plan(
-            spans=np.full((1, 4), t),
-            counts=np.array([[1, 0, 0, 0, 0, 0, 0]], dtype=np.int64),
+            spans=np.full((2, 4), t),
+            counts=np.array([[1, 0, 0, 0, 0, 0, 0]] * 2, dtype=np.int64),
             actions=np.zeros((1, ACTION_WORDS), dtype=np.int64),
             grid=nothing,
             slots=slots + at_once,
@@ -57,7 +59,10 @@ class Live:
         # of samples that are carried out at once nothing is left, but of those in the first slots
         own = {"slots": slots * program.system.width, "innovations": slots}
         self._kept = {name: arrays[name][: own.get(name)] for name in _KEPT}
-        self._spans, self._counts = arrays["spans"], arrays["counts"]
+        # of at most two segments: words are written much faster than rows of arrays
+        self._span_words = cast("MutableSequence[float]", arrays["spans"].reshape(-1).data)
+        self._count_words = cast("MutableSequence[int]", arrays["counts"].reshape(-1).data)
+        self._actions: Integers | None = None  # those in the memory
 
     def advance(self, t: float, regime: int) -> None:
         """Go on to a time; nothing happens but the flow.
@@ -70,17 +75,34 @@ class Live:
         gap = t - self.t
         if gap > 0:
             steps = max(math.ceil(gap / self._step * _ROUNDING), 1)
-            self._spans[0] = self.t, t, self.t, t
-            self._counts[0] = steps, 0, steps, regime, 0, 0, 0
+            spans, counts = self._span_words, self._count_words
+            spans[0] = spans[2] = self.t
+            spans[1] = spans[3] = t
+            counts[0] = counts[2] = steps
+            counts[3] = regime
+            counts[5] = 0
             self._run()
             self.t = t
 
-    def happen(self, actions: Integers, regime: int) -> None:
-        """Something happens now: rows of the engine's action table."""
-        self._spans[0] = self.t
-        self._counts[0] = 1, 0, 0, regime, 0, len(actions), 0
-        self._memory.put("actions", actions)
-        self._run()
+    def happen_at(self, t: float, actions: Integers, regime: int) -> None:
+        """Go on to a time, as :meth:`advance`; then something happens: rows of the engine's action table."""
+        if actions is not self._actions:
+            self._memory.put("actions", actions)
+            self._actions = actions
+        gap, spans, counts, segments = t - self.t, self._span_words, self._count_words, 0
+        if gap > 0:
+            steps = max(math.ceil(gap / self._step * _ROUNDING), 1)
+            spans[0] = spans[2] = self.t
+            spans[1] = spans[3] = t
+            counts[0] = counts[2] = steps
+            counts[3] = regime
+            counts[5] = 0
+            segments = 1
+        place, word = 4 * segments, 7 * segments
+        spans[place] = spans[place + 1] = spans[place + 2] = spans[place + 3] = max(t, self.t)
+        counts[word], counts[word + 2], counts[word + 3], counts[word + 5] = 1, 0, regime, len(actions)
+        self._run(segments + 1)
+        self.t = max(t, self.t)
 
     def go_through(self, times: Floats, regime: int, actions: Integers, holds: Floats) -> Floats:
         """Go on through events, as :meth:`advance` and :meth:`happen` would one after the other.
@@ -118,6 +140,7 @@ class Live:
         for name, array in (("spans", spans[happens]), ("counts", counts[happens]), ("holds", holds), ("rows", rows)):
             self._memory.put(name, array)
         self._memory.put("actions", actions.reshape(-1, ACTION_WORDS))
+        self._actions = None
         try:
             self._run(int(np.count_nonzero(happens)))
         finally:

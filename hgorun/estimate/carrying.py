@@ -37,6 +37,8 @@ class Carried:
         Of every observer's estimate: largest error of the integration relative to the largest value of the state.
     evaluations : int
         Of the right-hand side, over all passes.
+    xhat : list of ndarray or None
+        Of every observer on the grid, where that is short enough to keep.
     """
 
     raw: Raw
@@ -45,6 +47,7 @@ class Carried:
     step: float
     error: Floats
     evaluations: int
+    xhat: list[Floats] | None = None
 
 
 def carry_out(prepared: PreparedEstimate, grid: Floats, progress: Callable[[float], None] | None = None) -> Carried:
@@ -63,11 +66,12 @@ def carry_out(prepared: PreparedEstimate, grid: Floats, progress: Callable[[floa
         beside, tries = _other_estimates(prepared, grid, step, progress)  # first: little is left of it
         raw, used, offered = one_pass(prepared, grid, step, progress=progress)
         spent += (raw.tries + tries) * len(METHODS[prepared.method].c)
-        error = _error(prepared, grid, raw, beside, step)
+        xhat = estimates(prepared, grid, raw) if grid.size <= _ROWS else None
+        error = _error(prepared, grid, raw, xhat, beside, step)
         if not solver.controlled or np.all(error <= solver.accuracy) or 2 * spent > solver.max_evaluations:
             break
         step /= 2
-    return Carried(raw, used, offered, step, error, spent)
+    return Carried(raw, used, offered, step, error, spent, xhat)
 
 
 def one_pass(
@@ -104,15 +108,22 @@ def _pieces(count: int) -> Iterator[slice]:
     return (slice(start, start + _ROWS) for start in range(0, count, _ROWS))
 
 
-def _error(prepared: PreparedEstimate, grid: Floats, raw: Raw, beside: Sequence[Floats], step: float) -> Floats:
-    """Of every observer, from its estimates in a second pass."""
+def _error(
+    prepared: PreparedEstimate,
+    grid: Floats,
+    raw: Raw,
+    xhat: Sequence[Floats] | None,
+    beside: Sequence[Floats],
+    step: float,
+) -> Floats:
+    """Of every observer, from its estimates, found piece by piece unless they are known, and those of another pass."""
     steps = steps_between(prepared.run.schedule, step)
     part = part_of_difference(steps, UNEVEN, min(METHODS[prepared.method].order, ORDER))
     count, n = len(prepared.run.observers), len(prepared.run.plant.model.states)
     sizes, gaps = np.zeros((count, n)), np.zeros((count, n))
     with np.errstate(invalid="ignore"):
         for piece in _pieces(grid.size):
-            for j, a in enumerate(estimates(prepared, grid[piece], raw, piece)):
+            for j, a in enumerate(estimates(prepared, grid[piece], raw, piece) if xhat is None else xhat):
                 sizes[j] = np.maximum(sizes[j], np.max(np.abs(a), axis=0))
                 gaps[j] = np.maximum(gaps[j], np.max(np.abs(a - beside[j][piece]), axis=0))
     return relative_error(part, sizes, gaps)

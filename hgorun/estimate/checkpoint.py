@@ -42,7 +42,7 @@ class Checkpoint:
         file = io.BytesIO()
         arrays: dict[str, Any] = {name: np.stack([state[name] for state, _ in every]) for name in self.now[0]}
         np.savez(file, **arrays)
-        now, *before = (notes.decode() for _, notes in every)
+        now, *before = (json.dumps(notes) for _, notes in every)
         notes = json.dumps([now, before, [one.told() for one in self.events]]).encode()
         head = json.dumps({"of": identity, "notes": len(notes)}).encode()
         return _MAGIC + head + b"\n" + notes + file.getvalue()
@@ -81,4 +81,4 @@ def damaged(error: Exception) -> ConfigError:
 
 
 def _state(states: dict[str, Floats], k: int, notes: str) -> State:
-    return {name: values[k] for name, values in states.items()}, notes.encode()
+    return {name: values[k] for name, values in states.items()}, json.loads(notes)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -229,12 +230,12 @@ class Estimator:
         t = as_number("t", t)
         system, past = self._system, self._past
         values = [(system.output(name), value) for name, value in numbers_by_name("y", y)]
-        values = sorted((i, value) for i, value in values if np.isfinite(value))
+        values = sorted([(i, value) for i, value in values if math.isfinite(value)])
         changed = () if u is None else tuple((system.input(name), value) for name, value in numbers_by_name("u", u))
         if available is None or available == t:
             now = self._since_start(t)
-            samples = tuple((i, slot_of(i), value) for i, value in values)
-            event = Event(now, tuple((i, slot) for i, slot, _ in samples), samples, changed, now)
+            samples = tuple([(i, slot_of(i), value) for i, value in values])
+            event = Event(now, tuple([(i, slot) for i, slot, _ in samples]), samples, changed, now)
             if self._joint and now == self._live.t:
                 past.go_back(event, together=True)
             else:

@@ -113,7 +113,7 @@ def evaluate_run(
     before = [_judged(one) for one in prepared.samples] if any(covariances) else []
     times = distinct(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
     carried = carry_out(prepared, times)
-    everywhere = estimates(prepared, times, carried.raw)
+    everywhere = estimates(prepared, times, carried.raw) if carried.xhat is None else carried.xhat
     # where nothing is compared in between, no copies are made
     on_grid = slice(None) if times.size == shown.size else np.searchsorted(times, shown)
     compared = {

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -17,7 +16,8 @@ from hgorun.estimate.gated import jumps_by_several, leave_out
 from hgorun.estimate.lateness import disagreement
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 
-State: TypeAlias = tuple[dict[str, Floats], bytes]  # the numbers of a run, and what is known beside them
+Notes: TypeAlias = list[Any]  # of numbers, and lists of them: as JSON has them
+State: TypeAlias = tuple[dict[str, Floats], Notes]  # the numbers of a run, and what is known beside them
 
 _ROWS = 1000  # of action tables that are kept
 
@@ -61,11 +61,14 @@ class Following:
         self._last_sample = np.nan
         self._told: dict[int, float] = {}
         self._rows: dict[object, Integers] = {}
+        self._held = system.structure.system.held
+        self._regime = system.regimes[tuple(self.heard)]
+        self._looks_before = self.gate is not None or bool(system.steps)  # at the states before a sample arrives
 
     @property
     def regime(self) -> int:
         """What the system is between the samples, by the outputs that have been heard."""
-        return self.system.regimes[tuple(self.heard)]
+        return self._regime
 
     def by_innovation(self, t: float) -> bool:
         """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
@@ -80,36 +83,41 @@ class Following:
 
     def carry_out(self, event: Event) -> None:
         """Go on to an event, and let it happen."""
-        live, layout = self.live, self.system.structure.system.held
+        live = self.live
         if self.system.driven and live.t <= 0.0 and not any(self.heard):
             self._begin(event)
-        live.advance(event.t, self.regime)
-        for number, value in event.inputs:
-            place, slope, since, _ = layout.input(number)
-            live.w[place], live.w[slope], live.w[since] = value, 0.0, event.t
-        if not (event.take or event.samples):
-            return
+        if self._looks_before or event.inputs or not (event.take or event.samples):
+            live.advance(event.t, self._regime)
+            for number, value in event.inputs:
+                place, slope, since, _ = self._held.input(number)
+                live.w[place], live.w[slope], live.w[since] = value, 0.0, event.t
+            if not (event.take or event.samples):
+                return
         for _, slot, value in event.samples:
             live.samples[slot] = value
         taking = {i: self._taking(i, event) for i, _, _ in event.samples}
-        used = tuple(bool(taking[i]) for i, _, _ in event.samples)
-        jumps = self._jumps(event) if any(used) else ()
+        used = tuple([bool(taking[i]) for i, _, _ in event.samples])
+        jumps = self._jumps(event) if True in used else ()
         gated = self.gate is not None and any(self.limited[i] and taking[i] for i in taking)
         z, w = (live.z.copy(), live.w.copy()) if gated else (live.z, live.w)
-        fresh = [layout.fresh(i) for i, members in taking.items() if members and layout.flags]
-        live.w[fresh] = 1.0
+        fresh = [self._held.fresh(i) for i, members in taking.items() if members] if self._held.flags else []
+        for place in fresh:
+            live.w[place] = 1.0
         actions = self._actions(event, used, jumps)
-        live.happen(actions, self.regime)
-        live.w[fresh] = 0.0
+        live.happen_at(event.t, actions, self._regime)
+        for place in fresh:
+            live.w[place] = 0.0
         out = dict[int, list[tuple[int, int]]]()
         for i, slot, _ in event.samples:
             if taking[i]:
-                self.heard[i] = True
+                if not self.heard[i]:
+                    self.heard[i] = True
+                    self._regime = self.system.regimes[tuple(self.heard)]
                 for j in self._left_out(i, slot, event, taking[i], z, w):
                     out.setdefault(j, []).append((i, slot))
                     leave_out(self.system.structure.system, live, i, j, z, w)
         for j, samples in out.items():
-            self._jump_without(j, samples, fresh, actions, z, w)
+            self._jump_without(event, j, samples, fresh, actions, z, w)
 
     def _taking(self, output: int, event: Event) -> Sequence[int]:
         """The observers that have used no newer sample of an output."""
@@ -118,7 +126,7 @@ class Following:
             return self._every
         return [j for j, taken in enumerate(newest) if event.taken >= taken]
 
-    def _left_out(self, i: int, slot: int, event: Event, taking: Sequence[int], z: Floats, w: Floats) -> Iterable[int]:
+    def _left_out(self, i: int, slot: int, event: Event, taking: Sequence[int], z: Floats, w: Floats) -> list[int]:
         """The observers to which a sample that has arrived is an outlier, and those that have used a newer one."""
         newest, outliers = self.newest[i], list[int]()
         if self.gate is not None and self.limited[i]:
@@ -129,7 +137,7 @@ class Following:
         for j in taking:
             if j not in outliers:
                 newest[j] = event.taken
-        return (j for j in self._every if j in outliers or j not in taking)
+        return [j for j in self._every if j in outliers or j not in taking]
 
     def _begin(self, event: Event) -> None:
         """Let observers start with the inputs that are known by now.
@@ -153,7 +161,14 @@ class Following:
             )
 
     def _jump_without(
-        self, j: int, samples: list[tuple[int, int]], fresh: list[int], actions: Integers, z: Floats, w: Floats
+        self,
+        event: Event,
+        j: int,
+        samples: list[tuple[int, int]],
+        fresh: list[int],
+        actions: Integers,
+        z: Floats,
+        w: Floats,
     ) -> None:
         """Let an observer jump by those of the samples of an event alone that are no outliers to it."""
         live, system = self.live, self.system.structure.system
@@ -163,7 +178,7 @@ class Following:
         kept, out = live.state(), {system.held.fresh(i) for i, _ in samples}
         live.z[...], live.w[...] = z, w
         live.w[[place for place in fresh if place not in out]] = 1.0
-        live.happen(without(actions, samples, ()), self.regime)
+        live.happen_at(event.t, without(actions, samples, ()), self._regime)
         states = live.z[start:stop].copy()
         live.restore(kept)
         live.z[start:stop] = states
@@ -182,7 +197,7 @@ class Following:
 
     def _actions(self, event: Event, used: tuple[bool, ...], jumps: tuple[int, ...]) -> Integers:
         """Rows of the engine's action table, in their order; kept, since few of them differ."""
-        key = (event.take, tuple((i, slot) for i, slot, _ in event.samples), used, jumps)
+        key = (event.take, tuple([(i, slot) for i, slot, _ in event.samples]), used, jumps)
         if key not in self._rows:
             rows = [(TAKE, i, slot, 0, 0) for i, slot in event.take]
             arriving = list(zip(event.samples, used, strict=True))
@@ -199,16 +214,18 @@ class Following:
     def state(self) -> State:
         """All that the run goes on from, copied."""
         gate = None if self.gate is None else [[one.state() for one in row] for row in self.gate.deviations]
-        known = [self.heard, self.newest, self._pending, self._last_sample, gate, self.offered, self.outliers]
-        return self.live.state(), json.dumps([*known, list(self._told.items())]).encode()
+        counts = _copied(self.offered), _copied(self.outliers)
+        known = self.heard.copy(), _copied(self.newest), self._pending.copy(), self._last_sample, gate
+        return self.live.state(), [*known, *counts, list(self._told.items())]
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
         numbers, notes = state
-        self.heard, newest, self._pending, self._last_sample, gate, *counts = json.loads(notes)
-        self.newest = self._of_each(newest)
+        heard, newest, pending, self._last_sample, gate, *counts = notes
+        self.heard, self._pending, self.newest = heard.copy(), pending.copy(), self._of_each(newest)
+        self._regime = self.system.regimes[tuple(self.heard)]
         if counts:  # older checkpoints have none
-            self.offered, self.outliers = self._of_each(counts[0]), counts[1]
+            self.offered, self.outliers = self._of_each(counts[0]), _copied(counts[1])
             self._told = {number: value for pairs in counts[2:] for number, value in pairs}
         if self.gate is not None and gate is not None:
             for row, kept in zip(self.gate.deviations, gate, strict=True):
@@ -217,11 +234,15 @@ class Following:
         self.live.restore(numbers)
 
     def _of_each(self, numbers: Sequence[Any]) -> list[list[Any]]:
-        """Of every output those of each observer; older checkpoints have one for all of them."""
-        return [one if isinstance(one, list) else [one] * len(self._every) for one in numbers]
+        """Of every output those of each observer, copied; older checkpoints have one for all of them."""
+        return [one.copy() if isinstance(one, list) else [one] * len(self._every) for one in numbers]
 
     def go_back(self, state: State) -> None:
         """As :meth:`restore`, but no slot of a sample that is on its way is given to another."""
         pending = self._pending
         self.restore(state)
         self._pending = pending
+
+
+def _copied(rows: Sequence[list[Any]]) -> list[list[Any]]:
+    return [row.copy() for row in rows]

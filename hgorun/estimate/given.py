@@ -31,9 +31,11 @@ def numbers_by_name(name: str, values: Any) -> list[tuple[str, float]]:
     ------
     TypeError
     """
-    if not isinstance(values, Mapping):
+    if not isinstance(values, dict | Mapping):
         raise TypeError(f"{name}: expected numbers by name, as {{'a': 0.5}}, found {values!r:.50}")
-    return [(one, as_number(f"{name}[{one!r}]", value)) for one, value in values.items()]
+    return [
+        (one, value if type(value) is float else as_number(f"{name}[{one!r}]", value)) for one, value in values.items()
+    ]
 
 
 def require_observers(experiment: Experiment) -> None:

@@ -1,4 +1,3 @@
-"use strict";
 (() => {
   const known = JSON.parse(document.getElementById("known").textContent);
   const byId = (id) => document.getElementById(id);
@@ -287,35 +286,8 @@
     };
   }
   try { keep_styles(); } catch { /* as Bokeh does it */ }
-  // What of a figure takes the focus says what it is and whose; Bokeh's parts stand in roots of their own.
-  const rim = new CSSStyleSheet();
-  rim.replaceSync(`:host { --icon-color: #4a4a4a; --active-border: #00517f; }
-    :host(:focus-visible), :focus-visible { outline: 3px solid #00517f !important; outline-offset: -3px; }`);
   function name_figures() {
-    const inside = (root) => [...root.querySelectorAll("*")].flatMap((one) => one.shadowRoot ? [one, ...inside(one.shadowRoot)] : [one]);
-    for (const figure of document.querySelectorAll("figure")) {
-      const whose = figure.getAttribute("aria-label");
-      for (const one of inside(figure)) {
-        if (one.shadowRoot && !one.shadowRoot.adoptedStyleSheets.includes(rim)) one.shadowRoot.adoptedStyleSheets.push(rim);
-        if (one.matches(".bk-events")) { one.setAttribute("role", "img"); one.setAttribute("aria-label", whose); }
-        if (one.matches(".bk-OnOffButton, .bk-ClickButton")) name_tool(one, whose);
-      }
-    }
-  }
-  function name_tool(one, whose) {
-    if (one.getAttribute("role") === "button") return;
-    one.setAttribute("role", "button");
-    one.setAttribute("aria-label", `${one.title}: ${whose}`);
-    one.addEventListener("keydown", (event) => {  // a button answers to the space bar, too
-      if (event.key !== " ") return;
-      event.preventDefault();
-      event.stopImmediatePropagation();
-      one.dispatchEvent(new KeyboardEvent("keydown", { key: "Enter" }));
-    }, true);
-    if (!one.matches(".bk-OnOffButton")) return;
-    const pressed = () => one.setAttribute("aria-pressed", String(one.classList.contains("bk-active")));
-    new MutationObserver(pressed).observe(one, { attributes: true, attributeFilter: ["class"] });
-    pressed();
+    for (const figure of document.querySelectorAll("figure")) label_parts(figure, figure.getAttribute("aria-label"));
   }
   function begin() {
     const found = window.Bokeh?.documents?.[0]?.get_model_by_name("channel");

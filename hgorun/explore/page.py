@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from html import escape
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
@@ -18,47 +19,27 @@ from hgorun.version import __version__
 
 _PAID = ("hf", "settling")
 _MOST_STATES, _MOST_ROWS = 8, 20_000
-_RIM = "outline: 3px solid #00517f"  # of what has the focus: 8:1 on the page's white
-_STYLE = (
-    """
+_STYLE = """
 :root { color-scheme: light; background: #fff; }
 main { overflow-wrap: anywhere; box-sizing: border-box; }
 main { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1300px; margin: 0 auto; padding: 1em 1.5em; }
 h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.15em; margin: 1.6em 0 0.4em; }
 p.note { color: #555; font-size: 0.9em; }
-.part { overflow-x: auto; max-width: 100%; } :focus-visible { """
-    + _RIM
-    + """; outline-offset: 2px; }
+.part { overflow-x: auto; max-width: 100%; } :focus-visible { outline: 3px solid #00517f; outline-offset: 2px; }
 """
-)
 # Tabs and heads of columns are reached with Tab and answer to Enter and the space bar; both are drawn as one scrolls.
 # What scrolls in a table takes the focus, too: its rim is inside, since all else is cut off there.
-_KEYBOARD = (
-    """{
-const rim = new CSSStyleSheet();
-rim.replaceSync(':focus-visible { """
-    + _RIM
-    + """ !important; outline-offset: -3px; }');
-const deep = (what, root = document) => [...root.querySelectorAll(what)].concat(
-  ...[...root.querySelectorAll('*')].filter(one => one.shadowRoot).map(one => deep(what, one.shadowRoot)));
-const whose = (one) => one === null ? 'figure' : one.getAttribute('aria-label')
-  ?? whose(one.parentElement ?? one.getRootNode().host ?? null);
+_KEYBOARD = """{
 const reach = () => {
-  for (const { shadowRoot } of deep('*'))
-    if (shadowRoot && !shadowRoot.adoptedStyleSheets.includes(rim)) shadowRoot.adoptedStyleSheets.push(rim);
-  for (const one of deep('.bk-data-table')) {  // Tab would go from cell to cell, and keep a keyboard inside
-    if (one.dataset.left) continue;
-    one.dataset.left = 'yes';
-    one.addEventListener('keydown', (event) => { if (event.key === 'Tab') event.stopPropagation(); }, true);
-    for (const sink of one.querySelectorAll('[hidefocus]')) sink.tabIndex = -1;  // which show no focus
-  }
-  for (const one of deep('.bk-events[tabindex]')) {
-    one.setAttribute('role', 'img');
-    if (!one.getAttribute('aria-label')) one.setAttribute('aria-label', whose(one));
-  }
-  for (const one of deep('.bk-tab, .slick-header-column')) {
-    if (one.dataset.reached) continue;
+  const parts = [...document.querySelectorAll('.part')];
+  for (const one of parts.flatMap((part) => label_parts(part, part.getAttribute('aria-label')))) {
+    if (one.dataset.reached || !one.matches('.bk-data-table, .bk-tab, .slick-header-column')) continue;
     one.dataset.reached = 'yes';
+    if (one.matches('.bk-data-table')) {  // Tab would go from cell to cell, and keep a keyboard inside
+      one.addEventListener('keydown', (event) => { if (event.key === 'Tab') event.stopPropagation(); }, true);
+      for (const sink of one.querySelectorAll('[hidefocus]')) sink.tabIndex = -1;  // which show no focus
+      continue;
+    }
     one.tabIndex = 0;
     one.setAttribute('role', one.classList.contains('bk-tab') ? 'tab' : 'button');
     one.addEventListener('keydown', (event) => {
@@ -71,7 +52,6 @@ const reach = () => {
 };
 setInterval(reach, 1000);
 }"""
-)
 # Four significant digits, as tables in a terminal have them; a column is sorted by the numbers themselves.
 _NUMBER = """<%- value == null || isNaN(value) ? "-" : !isFinite(value) ? (value > 0 ? "inf" : "-inf")
   : value == 0 ? "0" : Math.abs(value) < 1e-4 || Math.abs(value) >= 1e5 ? value.toExponential(3)
@@ -118,7 +98,7 @@ def write_page(found: Compared, path: Path) -> Path:
     lines = summary(found)
     values = {
         "style": _STYLE,
-        "keyboard": _KEYBOARD,
+        "keyboard": (files("hgorun.explore") / "labels.js").read_text(encoding="utf-8") + _KEYBOARD,
         "lines": [escape(line) for line in lines[1:]],
         "sections": [(escape(heading), escape(note)) for heading, note, _ in sections],
         "version": __version__,

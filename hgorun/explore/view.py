@@ -179,7 +179,7 @@ def _words(bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequenc
     }
     return {
         "style": _read("page.css"),
-        "script": _read("page.js"),
+        "script": _read("labels.js") + _read("page.js"),
         "known": json.dumps(known).replace("<", "\\u003c"),
         "heading": _safe(base.result.title or bench.name),
         "file": _safe(str(bench.path) + (f", run {bench.run_name}" if bench.run_name else "")),

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.observers.base import Flow, observer
+from hgorun.observers.chain_speed import ChainSpeed
 from hgorun.observers.constant_gain import FilteredGain
 from hgorun.observers.nested import NESTED_FROM, NestedSaturation, nested
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -14,7 +15,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("fhgo2")
-class FilteredObserver2(NestedSaturation, FilteredGain):
+class FilteredObserver2(NestedSaturation, ChainSpeed, FilteredGain):
     """Filtered high-gain observer of filter order r (FHGO II) for uniformly observable plants.
 
     The correction uses the innovation e filtered r times,

@@ -34,11 +34,15 @@ class Projection:
 
 
 def projections(columns: list[ca.SX], y: ca.SX) -> Iterator[Projection]:
-    """Column by column."""
-    columns, independent = list(columns), ca.SX(1)
+    """Column by column.
+
+    The first one is 1 for every sample that there is: more columns than samples are never independent, even if numbers
+    of single precision leave more of them than ``_RANK``.
+    """
+    columns, independent, count = list(columns), ca.SX(1), ca.sum1(columns[0])
     for j in range(len(columns)):
         left = ca.dot(columns[j], columns[j])
-        independent = ca.logic_and(independent, left > _RANK)
+        independent = ca.logic_and(independent, ca.logic_and(left > _RANK, count > j))
         slopes = [ca.sqrt(ca.fmax(left, TINY))]
         unit = columns[j] / slopes[0]
         size = ca.dot(unit, y)

@@ -6,6 +6,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.observers.base import Flow, observer
+from hgorun.observers.chain_speed import ChainSpeed
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.extension import Extendable
 from hgorun.observers.nested import NESTED_FROM, NestedSaturation, nested
@@ -14,7 +15,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("shgo")
-class StandardObserver(NestedSaturation, Extendable, ConstantGain):
+class StandardObserver(NestedSaturation, ChainSpeed, Extendable, ConstantGain):
     """Standard high-gain observer (SHGO) for uniformly observable plants.
 
     In the coordinates of the chain, with e the innovation,

@@ -55,6 +55,8 @@ class Start:
         Standard deviation.
     observers : mapping of str to mapping
         Keys by label.
+    told : mapping of str to mapping
+        Keys of other observers, by type, that have to be told of the plant what its equations do not say.
     keys : mapping of str to object
         Further keys of the plant.
     """
@@ -67,6 +69,7 @@ class Start:
     period: float
     noise: float
     observers: Mapping[str, Mapping[str, object]]
+    told: Mapping[str, Mapping[str, object]] = field(default_factory=dict)
     keys: Mapping[str, object] = field(default_factory=dict)
 
 

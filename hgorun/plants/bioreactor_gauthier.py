@@ -37,6 +37,7 @@ class GauthierBioreactor(Invertible, TriangularCoordinates, Plant):
         period=0.02,
         noise=0.001,
         observers={"SHGO": {"type": "shgo", "theta": 3}, "FHGO": {"type": "fhgo2", "theta": 5, "r": 2}},
+        told={"kinetic_rate": {"yields": {"eta1": [1], "eta2": [-1]}, "dilution": "u", "feed": {"eta2": "u*s_in"}}},
     )
 
     @property

@@ -37,6 +37,7 @@ class Contois(Invertible, Plant):
         period=0.25,
         noise=0.05,
         observers={"SHGO": {"type": "shgo", "theta": 1}, "FHGO": {"type": "fhgo2", "theta": 2, "r": 2}},
+        told={"kinetic_rate": {"yields": {"x1": [1], "x2": [-1]}, "dilution": "D", "feed": {"x2": "D*s_in"}}},
     )
 
     @property

@@ -92,13 +92,29 @@ class Step:
     done: tuple[int, ...]
 
 
+_KNOWN = {*_OPERATIONS, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
+_NOT_ALIKE = {*CALLS, ca.OP_FMIN, ca.OP_FMAX}  # of these CasADi's last bits, or numbers that are not ordered
+_MOST_EXACT = 8192  # instructions: of more, few points are carried out at the same time
+
+
+def arithmetic(function: ca.Function) -> list[Step]:
+    """The steps of a function that CasADi and NumPy compute alike, to the last bit; none for others."""
+    if not function.is_a("SXFunction") or function.n_instructions() > _MOST_EXACT:
+        return []
+    operations = _operations(function)
+    return steps_of(read(function)) if operations <= _KNOWN - _NOT_ALIKE else []
+
+
 def interpreted(function: ca.Function) -> list[Step]:
     """The steps of a function that calls an elementary function; none for others, which CasADi computes."""
     if not function.is_a("SXFunction"):
         return []
-    operations = {function.instruction_id(k) for k in range(function.n_instructions())}
-    own = operations & CALLS.keys() and operations <= {*_OPERATIONS, ca.OP_CONST, ca.OP_INPUT, ca.OP_OUTPUT}
-    return steps_of(read(function)) if own else []
+    operations = _operations(function)
+    return steps_of(read(function)) if operations & CALLS.keys() and operations <= _KNOWN else []
+
+
+def _operations(function: ca.Function) -> set[int]:
+    return {function.instruction_id(k) for k in range(function.n_instructions())}
 
 
 def steps_of(instructions: Sequence[Instruction]) -> list[Step]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -75,18 +76,14 @@ def test_observers_may_be_named(shell: Shell) -> None:
 def follows(plant: str, observer: str, folder: Path) -> bool:
     """Whether what ``init`` writes for the two runs, by the file alone; True where it refuses."""
     found = followed(first_of(plant, PLANTS.find(plant), [observer]))
-    if found.trouble:
+    if found.trouble or found.error >= FOLLOWS:
         return True
     path = folder / f"{plant}-{observer}.yaml"
     path.write_text(found.first.text(path.name))
     result = simulate_prepared(prepare(load(path)))
     (one,) = result.observers.values()
     (rmse,) = (metrics["rmse"] for metrics in result.metrics().values())
-    near = all(
-        rmse[state] < 0.5 * np.ptp(result.x[:, k])
-        for k, state in enumerate(result.states)
-        if state not in one.unestimated and found.error < FOLLOWS
-    )
+    near = all(rmse[state] < 0.5 * np.ptp(result.x[:, k]) for k, state in enumerate(result.states))
     return one.type == observer and result.status == "ok" and near
 
 
@@ -108,9 +105,12 @@ def test_an_observer_gets_what_it_needs_to_follow(plant: str, observer: str, tmp
 @pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("plant", PLANTS.names())
-def test_every_observer_of_every_plant_runs_or_is_refused(plant: str, tmp_path: Path) -> None:
-    assert [name for name in OBSERVERS.names() if not follows(plant, name, tmp_path)] == []
-    assert len(list(tmp_path.iterdir())) > len(OBSERVERS.names()) / 5
+def test_observers_run_or_are_refused(plant: str, tmp_path: Path) -> None:
+    """Each with every third plant, so that three neighbours have all; HGORUN_PAIRS=all tries each with every plant."""
+    apart = 1 if os.environ.get("HGORUN_PAIRS") == "all" else 3
+    names = list(OBSERVERS.names())[list(PLANTS.names()).index(plant) % apart :: apart]
+    assert [name for name in names if not follows(plant, name, tmp_path)] == []
+    assert len(list(tmp_path.iterdir())) > 1  # not all of these are refused
 
 
 def test_an_observer_that_loses_its_numbers_is_refused_and_nothing_is_written(shell: Shell) -> None:
@@ -122,11 +122,29 @@ def test_an_observer_that_loses_its_numbers_is_refused_and_nothing_is_written(sh
     assert (code, "observers for this plant are" in err) == (2, True)
 
 
-def test_an_estimate_that_does_not_follow_is_told(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_estimate_that_does_not_follow_is_refused(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trial, "FOLLOWS", 1e-9)
     monkeypatch.setattr(init, "FOLLOWS", 1e-9)
-    code, out, _ = shell("init", "--plant", "integrator_chain", "--observer", "deadbeat")
-    assert (code, "note: an estimate misses its state by" in out) == (0, True)
+    code, _, err = shell("init", "--plant", "integrator_chain", "--observer", "deadbeat")
+    assert (code, "in the best, an estimate misses its state by" in err) == (2, True)
+    assert not list(shell.folder.iterdir())
+
+
+def test_an_observer_of_reactions_is_told_them_or_refused(shell: Shell) -> None:
+    """The culture grows at the cost of its substrate, gram by gram, and both are washed out at the rate D."""
+    assert shell("init", "--plant", "contois", "--observer", "kinetic_rate", "-o", "k.yaml")[0] == 0
+    found = yaml.safe_load((shell.folder / "k.yaml").read_text())["observers"]["KINETIC_RATE"]
+    told = {"yields": {"x1": [1], "x2": [-1]}, "dilution": "D", "feed": {"x2": "D*s_in"}}
+    assert {key: found[key] for key in told} == told
+    code, _, err = shell("init", "--plant", "van_der_pol", "--observer", "kinetic_rate", "-o", "v.yaml")
+    assert (code, "leaves x2 out, since the equations do not say all it needs" in err) == (2, True)
+
+
+def test_a_gain_is_sought_until_the_estimate_follows_well() -> None:
+    """|y''| is up to about 3 on this chain, and the bound of the example is 1."""
+    found = followed(first_of("integrator_chain", PLANTS.find("integrator_chain"), ["red"]))
+    assert found.error < 0.1
+    assert found.first.start.observers["RED"]["L"] == 10
 
 
 def test_a_plant_that_names_no_start_gets_numbers_near_one(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -103,7 +103,9 @@ def test_what_the_message_says_to_write_makes_a_word_a_missing_value(tmp_path: P
     assert recorded(tmp_path, content, told).outputs["S"].values.tolist() == VALUES.tolist()
 
 
-@pytest.mark.parametrize("cell", ["<0.1", "1.2.3", "5 %", "> 100", "0x1f", "12 bar", "word " * 20, "1e"])
+@pytest.mark.parametrize(
+    "cell", ["<0.1", "1.2.3", "5 %", "> 100", "0x1f", "12 bar", "word " * 20, "1e", "−5.5", "(12.5)", "$12", "≥5", "½"]
+)
 def test_what_begins_as_a_number_or_is_long_is_not_called_missing(tmp_path: Path, cell: str) -> None:
     with pytest.raises(ConfigError, match="expected a number, found") as error:
         recorded(tmp_path, table(TIMES, VALUES) + f"99,{cell}\n")

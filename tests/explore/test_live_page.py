@@ -264,7 +264,14 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
             "(table => table.scrollWidth - table.parentElement.clientWidth)(document.querySelector('#metrics'))"
         )
         seen["head"] = await page.value("document.querySelectorAll('#metrics th')[1].textContent")
-        await page.resize(320, 800)  # 1280 at 400 %
+        await page.resize(320, 800)  # a small telephone: curves stay in sight above the slider
+        await page.middle('[data-knob="5"]')
+        await asyncio.sleep(1)
+        seen["strip"] = await page.value(
+            "['#estimate0', '[data-knob=\"5\"]'].map(one => document.querySelector(one).getBoundingClientRect().bottom)"
+        )
+        seen["telephone"] = await page.value("document.documentElement.scrollWidth")
+        await page.resize(320, 500)  # 1280 at 400 %
         await asyncio.sleep(1)
         seen["width"] = await page.value("document.documentElement.scrollWidth")
         lefts = (
@@ -283,5 +290,7 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
     assert seen["reached"][:3] == ["0", "1", "2"]
     assert seen["beyond"] <= 0  # the table of metrics fits into its box
     assert seen["head"] == "status"  # in sight also where it is wider
+    assert 200 < seen["strip"][0] < seen["strip"][1] < 800
+    assert seen["telephone"] <= 320
     assert seen["width"] <= 320
     assert seen["columns"] == 1

@@ -118,6 +118,9 @@ def test_in_a_real_browser(shell: Shell) -> None:
         await page.press("Enter")
         await page.until("deep('.slick-cell.r4').slice(0, 8).every(cell => cell.textContent.trim() == 'hf')")
         assert await page.value("deep('.bk-events').every(one => one.getAttribute('aria-label'))")
+        tools = await page.value("deep('[class*=Button][tabindex]').map(one => one.getAttribute('role'))")
+        assert len(tools) > 8
+        assert set(tools) == {"button"}
         columns = await page.value("deep('.bk-data-table')[0].querySelectorAll('.slick-header-column').length")
         for scheme in ("dark", "light"):
             await page.call("Emulation.setEmulatedMedia", features=[{"name": "prefers-color-scheme", "value": scheme}])

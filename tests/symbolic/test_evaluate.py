@@ -8,13 +8,14 @@ import pytest
 
 from hgorun.native.elementary import apply
 from hgorun.symbolic.evaluate import along, at, compiled, evaluate
-from hgorun.symbolic.interpreter import interpreted
+from hgorun.symbolic.interpreter import arithmetic, interpreted
 
 T, P, Z = ca.SX.sym("t"), ca.SX.sym("p", 2), ca.SX.sym("z", 5)
+X = ca.SX.sym("x", 2)
 F = ca.Function("f", [T, P, Z], [ca.sqrt(P[0] ** 2 + T) * Z[:2], ca.horzcat(Z[2:4], P), ca.diag(Z[:3]), ca.SX(2, 1)])
 
 
-@pytest.mark.parametrize("points", [1, 2, 127, 128, 129, 300])
+@pytest.mark.parametrize("points", [1, 2, 127, 128, 129, 300, 600])
 def test_every_number_of_points(points: int) -> None:
     random = np.random.default_rng(points)
     t, p, z = random.uniform(size=(points, 1)), random.normal(size=2), random.normal(size=(points, 5))
@@ -38,6 +39,27 @@ def test_many_instructions_are_carried_out_in_pieces() -> None:
     assert np.array_equal(found, apply("exp", x) + 1)
 
 
+ODD = np.array([0.0, -0.0, 1.5, -2.0, np.inf, -np.inf, np.nan, 5e-324])
+
+
+def test_arithmetic_at_many_points_is_that_of_casadi() -> None:
+    """Also of numbers that are none, and of conditions; what CasADi's library decides is left to it."""
+    x, y = X[0], X[1]
+    chosen = ca.if_else(ca.logic_or(x <= y, x != x), x / y, ca.floor(x) - ca.sign(y))
+    function = ca.Function(
+        "f", [X], [ca.vertcat(chosen, 1 / x, ca.sqrt(x), 2 * x * x, ca.if_else(y, x, -y), ca.fabs(y))]
+    )
+    assert arithmetic(function)
+    rows = np.array(np.meshgrid(ODD, ODD)).reshape(2, -1).T.repeat(9, axis=0)
+    assert len(rows) > 512
+    (found,) = evaluate(function, rows)
+    expected = np.array([np.asarray(function(row).full())[:, 0] for row in rows[::9]]).repeat(9, axis=0)
+    np.testing.assert_array_equal(found, expected)
+    assert np.array_equal(np.signbit(found[found == 0]), np.signbit(expected[expected == 0]))
+    assert not arithmetic(ca.Function("f", [X], [ca.fmin(x, y)]))
+    assert not arithmetic(ca.Function("f", [X], [ca.sin(x)]))
+
+
 def test_no_points_and_one_point() -> None:
     nothing = evaluate(F, np.zeros((0, 1)), [1, 2], np.zeros((0, 5)))
     assert [v.shape for v in nothing] == [(0, 2), (0, 2, 2), (0, 3, 3), (0, 2)]
@@ -55,7 +77,6 @@ def test_along_times() -> None:
     assert compiled("t**2", "t") is compiled("t**2", "t")
 
 
-X = ca.SX.sym("x", 2)
 SPARSE = ca.SX(2, 3)
 SPARSE[0, 2], SPARSE[1, 0] = X[0], X[0] * X[1]
 
