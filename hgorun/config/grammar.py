@@ -79,6 +79,7 @@ _HINTS = {
     "&": "write `and`",
     "|": "an absolute value is abs(x), and between conditions write `or`",
     "!": "write `not`",
+    "?": "write a choice as where(condition, a, b)",
     "=": "a comparison is `==`; arguments have no keywords",
     ".": "a `.` belongs to a number; there are no attributes",
     "[": "there are no lists and no subscripts, so write x1 for x[1]",
@@ -222,6 +223,8 @@ def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
         )
     if ends and begins:
         unit = "; a number has no unit here" if left.lastgroup == "number" and right.lastgroup == "name" else ""
+        if a in FUNCTIONS:
+            raise ExpressionError(f"a function has parentheses, as in `{a}({short(b)})`")
         a, b = short(a), short(b)
         raise ExpressionError(f"an operator is missing between `{a}` and `{b}`: write a product as `{a}*{b}`{unit}")
 

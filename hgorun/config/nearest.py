@@ -10,11 +10,13 @@ from pathlib import Path
 # What others call the keys of a configuration.
 _CALLED_ELSEWHERE = {
     **dict.fromkeys(("dt", "delta_t", "sample_time"), ("output_step", "step", "period")),
-    **dict.fromkeys(("ts", "t_s", "sampling_time", "rate"), ("period", "output_step")),
+    **dict.fromkeys(("ts", "t_s", "sampling_time"), ("period", "output_step")),
     **dict.fromkeys(("tf", "t_f", "tspan", "duration", "horizon"), ("end",)),
     **dict.fromkeys(("x0", "ic", "init", "x_0", "start_values"), ("initial",)),
-    **dict.fromkeys(("sigma", "stddev", "standard_deviation", "variance"), ("std",)),
+    **dict.fromkeys(("sigma", "stddev", "standard_deviation"), ("std",)),
     "rms": ("rmse", "std"),
+    **dict.fromkeys(("min", "lower"), ("low",)),
+    **dict.fromkeys(("max", "upper"), ("high",)),
     **dict.fromkeys(("gain", "l", "high_gain", "ell"), ("theta", "gains", "shgo")),
     **dict.fromkeys(("hgo", "highgain", "high_gain_observer"), ("shgo",)),
     **dict.fromkeys(("kf", "kalman", "kalman_filter"), ("kalman_bucy",)),
@@ -34,11 +36,20 @@ _CALLED_ELSEWHERE = {
     **dict.fromkeys(("integrator", "simulation"), ("solver", "method", "time")),
     **dict.fromkeys(("estimators", "filters", "filter"), ("observers",)),
 }
+# What is not the same, but follows from it.
+_FOLLOWS = {
+    **dict.fromkeys(("variance", "var", "sigma2"), ("std", "its square root")),
+    **dict.fromkeys(("rate", "frequency", "freq", "fs", "f_s", "hz"), ("period", "its inverse")),
+    **dict.fromkeys(("epsilon", "eps", "varepsilon"), ("theta", "its inverse")),
+}
 
 
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """Return " Did you mean `x`?" with the candidate most like ``name``, or called so elsewhere, or "" if none is."""
     known = {candidate.lower(): candidate for candidate in islice(candidates, 1_000) if len(candidate) < 100}
+    other, how = _FOLLOWS.get(name.lower(), ("", ""))
+    if other in known:
+        return f" Did you mean `{known[other]}`, {how}?"
     elsewhere = next((other for other in _CALLED_ELSEWHERE.get(name.lower(), ()) if other in known), None)
     if elsewhere is not None:
         return f" Did you mean `{known[elsewhere]}`?"

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Annotated, Any, ClassVar
+from collections.abc import Iterator, Sequence
+from typing import Annotated, Any, ClassVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -57,7 +57,7 @@ class Block(BaseModel):
                     {
                         "key": key,
                         "name": repr(key),
-                        "hint": f" {_COMMA}." if str(key).isdigit() else nearest(str(key), known),
+                        "hint": f" {_COMMA}." if str(key).isdigit() else cls._inside(key) or nearest(str(key), known),
                         "keys": ", ".join(known),
                     },
                 )
@@ -66,9 +66,25 @@ class Block(BaseModel):
         return data
 
     @classmethod
+    def _inside(cls, key: object) -> str:
+        """That a key belongs into a block below this one, where it does."""
+        for name, field in cls.model_fields.items():
+            if any(key in block.model_fields for block in _blocks(field.annotation)):
+                return f" It is a key of `{name}`."
+        return ""
+
+    @classmethod
     def _keys(cls) -> tuple[str, ...]:
         """All keys that are known here."""
         return tuple(dict.fromkeys((*cls.model_fields, *cls.read_before)))
+
+
+def _blocks(annotation: object) -> Iterator[type[Block]]:
+    """The blocks that the value of a key may be, or may hold."""
+    if isinstance(annotation, type) and issubclass(annotation, Block):
+        yield annotation
+    for part in get_args(annotation):
+        yield from _blocks(part)
 
 
 def number(value: object) -> float:

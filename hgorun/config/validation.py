@@ -17,6 +17,8 @@ from hgorun.errors import ConfigError, KeyPath, Problem
 _B = TypeVar("_B", bound=Block)
 
 _NOTHING = object()
+_OF_OBSERVER = 2  # keys of the path to one
+_SHOWN = 6  # entries of a list in a message
 _OUR_OWN = frozenset({"unknown_key", "no_value", "not_a_mapping", "unknown_type"})  # with messages of ours
 _EXPECTED = {
     "bool_parsing": "true or false",
@@ -54,9 +56,16 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         if item["type"] == "value_error" and isinstance(problem := item["ctx"]["error"], Problem):
             where = (*where, *problem.path)  # of a model's own check, from that model on
         file, line = source.where(where)
-        candidates.append((line, where, file, _sentence(item) + _meaning(item, model)))
+        candidates.append((line, where, file, _sentence(item) + _meaning(item, model) + _kind(item, where)))
     line, where, file, message = min(candidates, key=lambda c: c[0])
     return ConfigError(message, file=file, line=line, key=".".join(map(str, where)) or None)
+
+
+def _kind(item: ErrorDetails, where: KeyPath) -> str:
+    """Of an observer that is a word: the word may be its type."""
+    found = item["input"]
+    is_type = item["type"] == "dict_type" and where[:1] == ("observers",) and isinstance(found, str)
+    return f", such as {where[-1]}: {{type: {found[:40]}}}" if is_type and len(where) == _OF_OBSERVER else ""
 
 
 def _known_path(source: Source, path: KeyPath, location: KeyPath) -> KeyPath:
@@ -113,15 +122,22 @@ def _hint(kind: str, found: object, expected: str) -> str:
     if kind == "dict_type" and not isinstance(found, dict):
         return "; write lines `name: value`"
     if kind in ("list_type", "tuple_type"):
-        return (
-            "; a list of one is [{...}], or has `- ` before its first key"
-            if isinstance(found, dict)
-            else "; a list has brackets: [a, b]"
-        )
+        return _as_list(found)
     if kind == "literal_error" and isinstance(found, str):
         near = nearest(found, re.findall(r"'([^']*)'", expected))
         return near and f".{near}"
     return ""
+
+
+def _as_list(found: object) -> str:
+    """What was found, written as a list."""
+    if isinstance(found, dict) and any(isinstance(part, (dict, str)) for part in found.values()):
+        return "; a list of one is [{...}], or has `- ` before its first key"
+    parts = (
+        list(found) if isinstance(found, dict) else found.replace(",", " ").split() if isinstance(found, str) else []
+    )
+    shown = ", ".join(map(str, parts)) if 1 < len(parts) <= _SHOWN else "a, b"
+    return f"; a list has brackets: [{shown}]"
 
 
 def _too_few(found: object, least: int) -> str:

@@ -46,7 +46,11 @@ def _sampling(value: Any) -> Any:
     if value == "continuous" or isinstance(value, Block):
         return value
     if not isinstance(value, dict):
-        raise ValueError(f"expected continuous or a mapping with period, times or steps, found {describe(value)}")
+        meant = (
+            f": write {{period: {value}}}" if isinstance(value, (int, float)) and not isinstance(value, bool) else ""
+        )
+        found_one = f"found {describe(value)}{meant}"
+        raise ValueError(f"expected continuous or a mapping with period, times or steps, {found_one}")
     kinds: dict[str, type[Block]] = {"period": Periodic, "times": Times, "steps": Steps}
     found = [key for key in kinds if key in value]
     if len(found) != 1:

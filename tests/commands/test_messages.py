@@ -62,7 +62,7 @@ def refusal(
         ("time:", "extends: nowhere.yaml\ntime:", "extends: nowhere.yaml: there is no such file"),
         ("time:", "extends: c.yaml\ntime:", "extends itself"),
         ("x2: -k*x1", "x2: -x2\n    x1: x2**2", "given twice"),
-        ("states: [x1, x2]", "states: x1, x2", "expected a list, found 'x1, x2'; a list has brackets: [a, b]"),
+        ("states: [x1, x2]", "states: x1, x2", "expected a list, found 'x1, x2'; a list has brackets: [x1, x2]"),
         ("step: 0.01", "method: rk45", "expected 'auto', 'euler', 'rk4', 'dopri5' or 'rodas5p', found 'rk45'"),
         ("solver:", "run: {a: {}}\nsolver:", "unknown key 'run'. Did you mean `runs`?"),
     ],
