@@ -14,7 +14,7 @@ LOWEST := .venv-lowest
 SMOKE := tests/test_code.py tests/test_packaging.py tests/config tests/native tests/result tests/commands/test_cli.py tests/simulation/test_naive.py
 LOWEST_PYTHON ?= $(or $(shell command -v python3.11),$(PYTHON))
 
-.PHONY: help figures benchmark test test-lowest test-newer newer coverage bench lint docs dist sbom wheel clean
+.PHONY: help figures benchmark test test-lowest test-newer newer coverage bench lint style types docs dist sbom wheel clean
 
 help:
 	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
@@ -24,7 +24,7 @@ help:
 	@echo "make test-newer  a part of the tests with each newer Python that pyproject.toml names and this machine has"
 	@echo "make coverage  run the tests, list the lines and branches of each file that they leave out"
 	@echo "make bench     measure the speed beside its bars"
-	@echo "make lint      ruff and mypy"
+	@echo "make lint      ruff and mypy, which are \`make style\` and \`make types\`"
 	@echo "make docs      the documentation as a site, in build/docs; what is not right stops it"
 	@echo "make dist      build source distribution and wheel into dist/, the same bytes each time"
 	@echo "make sbom      what an installation consists of (CycloneDX) into dist/, and whether advisories about it are known"
@@ -62,10 +62,14 @@ coverage: $(VENV)/.installed-dev
 bench: $(VENV)/.installed-dev
 	$(BIN)/python tests/benchmarks/bench.py $(ARGS)
 
-lint: $(VENV)/.installed-dev
+lint: style types
+
+style: $(VENV)/.installed-dev
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
-	$(BIN)/mypy --num-workers 2
+
+types: $(VENV)/.installed-dev
+	$(BIN)/mypy
 
 docs: $(VENV)/.installed-dev
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d build/doctrees docs build/docs

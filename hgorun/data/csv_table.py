@@ -177,9 +177,7 @@ def _beginning(parts: Iterator[Block], skip: int) -> Block:
     """Enough lines to tell how a table is written: the first block, and more where lines are long."""
     first = next(parts)
     text, lines = [first.text], first.lines
-    for block in parts:
-        if lines > skip + _SHOWN or len(text) == _SHOWN_BLOCKS:
-            break
+    while lines <= skip + _SHOWN and len(text) < _SHOWN_BLOCKS and (block := next(parts, None)):
         text.append(block.text)
         lines += block.lines
     return first if len(text) == 1 else Block(b"".join(text), first.line)

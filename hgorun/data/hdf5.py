@@ -51,8 +51,8 @@ def _columns(
     if len(group) > _MANY or depth > _DEEP:
         raise ConfigError("more groups and data sets than a log has", file=str(path))
     for name in group:
-        if not isinstance(group.get(name, getlink=True), h5py.HardLink):
-            continue
+        if not isinstance(name, str) or not isinstance(group.get(name, getlink=True), h5py.HardLink):
+            continue  # a name that is no text cannot be asked for
         member = group[name]
         here = f"{above}{name}"
         if isinstance(member, h5py.Group):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import os
 from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -104,9 +105,12 @@ def test_an_observer_gets_what_it_needs_to_follow(plant: str, observer: str, tmp
 @pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("plant", PLANTS.names())
-def test_every_observer_of_every_plant_runs_or_is_refused(plant: str, tmp_path: Path) -> None:
-    assert [name for name in OBSERVERS.names() if not follows(plant, name, tmp_path)] == []
-    assert len(list(tmp_path.iterdir())) > len(OBSERVERS.names()) / 5
+def test_observers_run_or_are_refused(plant: str, tmp_path: Path) -> None:
+    """Each with every third plant, so that three neighbours have all; HGORUN_PAIRS=all tries each with every plant."""
+    apart = 1 if os.environ.get("HGORUN_PAIRS") == "all" else 3
+    names = list(OBSERVERS.names())[list(PLANTS.names()).index(plant) % apart :: apart]
+    assert [name for name in names if not follows(plant, name, tmp_path)] == []
+    assert len(list(tmp_path.iterdir())) > 1  # not all of these are refused
 
 
 def test_an_observer_that_loses_its_numbers_is_refused_and_nothing_is_written(shell: Shell) -> None:

@@ -330,9 +330,9 @@ def test_the_number_of_values_is_bounded() -> None:
 def test_a_billion_laughs_is_refused_soon() -> None:
     text = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n"
     text += "".join(f"a{i}: &a{i} [{','.join([f'*a{i - 1}'] * 9)}]\n" for i in range(1, 40))
-    start = time.perf_counter()
+    start = time.process_time()
     assert "aliases written out" in str(refusal(text))
-    assert time.perf_counter() - start < 5
+    assert time.process_time() - start < 5
 
 
 def test_messages_stay_short() -> None:

@@ -108,7 +108,7 @@ def test_what_xarray_writes_is_read(tmp_path: Path) -> None:
     ],
 )
 def test_dates_that_cannot_be_told_are_refused_and_numbers_are_read_with_a_unit(
-    tmp_path: Path, attributes: dict[str, str], message: str
+    tmp_path: Path, attributes: dict[str, Any], message: str
 ) -> None:
     netcdf(tmp_path / "log.nc", np.arange(12.0), **attributes)
     with pytest.raises(ConfigError, match=rf"log\.nc:?1?: t: .*{message}"):
@@ -123,7 +123,12 @@ MISSING_AND_LEFT: list[tuple[str, dict[str, Any], list[float], list[float]]] = [
     ("f4", {"missing_value": np.array([-999.9])}, [1, -999.9, 2, 3], [1, 2, 3]),
     ("f8", {"missing_value": "-1.0"}, [1, -1, 2, 3], [1, 2, 3]),
     ("f8", {"valid_range": [0.0, 2.5]}, [1, -1, 9, 2], [1, 2]),
-    ("f4", {"valid_max": 2.1, "valid_min": [0.1]}, [0.1, 0, 2.1, 2.2], [np.float32(0.1), np.float32(2.1)]),
+    (
+        "f4",
+        {"valid_max": 2.1, "valid_min": [0.1]},
+        [0.1, 0, 2.1, 2.2],
+        [float(np.float32(0.1)), float(np.float32(2.1))],
+    ),
     ("i2", {"valid_max": np.int16(50), "scale_factor": [0.5]}, [10, 60, 50, 20], [5, 25, 10]),
     ("i2", {"valid_max": 25.0, "scale_factor": 0.5}, [10, 60, 50, 20], [5, 25, 10]),  # of what they stand for
     ("i2", {"scale_factor": "0.5", "add_offset": [1.0]}, [10, 20, 30, 40], [6, 11, 16, 21]),

@@ -149,6 +149,14 @@ def test_other_columns_of_parquet_may_be_anything(tmp_path: Path) -> None:
     assert signal.taken.tolist() == [0, 4]
 
 
+def test_a_name_that_is_no_text_is_passed_over(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["t"], file["glucose"] = TIMES, VALUES
+        file.create_dataset(b"\xff\xfe", data=VALUES)
+    block = {"file": "log.h5", "time": "t", "outputs": {"S": "glucose"}}
+    assert read(Data.model_validate(block), tmp_path).outputs["S"].values.tolist() == VALUES.tolist()
+
+
 def test_labels_that_are_there_twice_name_no_column(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "log.h5", "w") as file:
         file["t"] = TIMES
