@@ -111,8 +111,8 @@ class RecordedBench(Bench):
 
 def _content(signal: Signal | InputSignal) -> list[object]:
     """A signal wherever its file stands."""
-    of = {one.name: getattr(signal, one.name) for one in fields(signal) if one.name not in ("source", "sources", "lines")}
-    return [part.tobytes() if isinstance(part, np.ndarray) else part for part in of.values()]
+    of = [getattr(signal, one.name) for one in fields(signal) if one.name not in ("source", "sources", "lines")]
+    return [part.tobytes() if isinstance(part, np.ndarray) else part for part in of]
 
 
 def _read(source: Source, path: Path) -> Samples:
