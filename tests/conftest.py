@@ -3,6 +3,7 @@
 import gc
 import os
 import signal
+import sys
 from collections.abc import Generator
 
 import pytest
@@ -12,7 +13,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy
 
 from chosen_cases import few_of_a_file, one_case
 from hypothesis import HealthCheck, settings
-from measured_cases import further_cases, unmeasured
+from measured_cases import further_cases, leave_out_drawings, unmeasured
 from measured_forks import measure_forks
 
 FURTHER = pytest.StashKey[set[str]]()
@@ -49,6 +50,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
+    if sys.gettrace() is not None:
+        leave_out_drawings()
     if item.nodeid not in item.session.stash[FURTHER]:
         return (yield)
     with unmeasured():

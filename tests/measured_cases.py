@@ -1,16 +1,23 @@
 """What coverage need not measure: of tests that are marked ``measured_once`` all cases but the first.
 
-A traced interpreter is two or three times slower, in the libraries that are called as well.
+A traced interpreter is two or three times slower, in the libraries that are called as well. Drawings are not traced:
+matplotlib runs nothing of this package there.
 """
 
 from __future__ import annotations
 
+import functools
 import os
-from collections.abc import Iterator, Sequence
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import ParamSpec, TypeVar
 
 import coverage
 import pytest
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 def further_cases(items: Sequence[pytest.Item]) -> set[str]:
@@ -41,3 +48,28 @@ def unmeasured() -> Iterator[None]:
     finally:
         measuring.start()
         os.environ.update(told)
+
+
+def leave_out_drawings() -> None:
+    """As soon as matplotlib has been imported; what it is called for is traced."""
+    figure = getattr(sys.modules.get("matplotlib.figure"), "Figure", None)
+    if figure is None or hasattr(figure.savefig, "__wrapped_untraced__"):
+        return
+    for name in ("draw", "savefig", "subplots"):
+        setattr(figure, name, untraced(getattr(figure, name)))
+    figure.savefig.__wrapped_untraced__ = True
+
+
+def untraced(function: Callable[P, R]) -> Callable[P, R]:
+    """The same function, inside of which no line is traced."""
+
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        tracer = sys.gettrace()
+        sys.settrace(None)
+        try:
+            return function(*args, **kwargs)
+        finally:
+            sys.settrace(tracer)
+
+    return call
