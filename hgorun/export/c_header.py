@@ -217,7 +217,7 @@ def header(source: Source) -> str:
     if observer.pieces:
         lines.append(f"#define {u}HISTORY {observer.pieces}U")
     lines += ["", "/* what the functions return */"]
-    for number, (name, meaning) in enumerate(_STATUS.items()):
+    for number, (name, meaning) in enumerate(STATUS.items()):
         lines.append(f"#define {u}{name} {number}U /* {meaning} */")
     if observer.flows:
         lines += [
@@ -232,7 +232,7 @@ def header(source: Source) -> str:
     return "\n".join(lines)
 
 
-_STATUS = {
+STATUS = {  # of a function, and its meaning
     "OK": "done",
     "OLD": "a sample older than one that was used, or than what is remembered: left out",
     "NOT_FINITE": "a number that is none, or an estimate that is lost",

@@ -5,11 +5,33 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from hgorun.export.c_code import Real
+from hgorun.export.c_header import STATUS
 from hgorun.export.c_source import Source
 from hgorun.export.fmu_access import access
 from hgorun.export.fmu_stubs import stubs
 from hgorun.export.fmu_templates import CORE, FMI2, FMI3, TOP, Version
 from hgorun.export.fmu_variables import Variable
+
+_LOGGERS: dict[Version, tuple[str, str]] = {  # what simulators call theirs by, and the first arguments
+    "2.0": (
+        """\
+typedef void (*logger)(void *environment, const char *name, int status, const char *category, const char *text, ...);
+
+typedef struct {
+    logger log;
+    void *(*allocate)(size_t count, size_t size);
+    void (*release)(void *memory);
+    void (*finished)(void *environment, int status);
+    void *environment;
+} callbacks;
+""",
+        "m->environment, m->name",
+    ),
+    "3.0": (
+        "typedef void (*logger)(void *environment, int status, const char *category, const char *text);\n",
+        "m->environment",
+    ),
+}
 
 
 def wrapper(source: Source, variables: Sequence[Variable], version: Version, token: str) -> str:
@@ -33,6 +55,9 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
         "@TOKEN@": token,
         "@Q@": str(q),
         "@M@": str(m),
+        "@LOGGER@": _LOGGERS[version][0],
+        "@SAID@": _LOGGERS[version][1],
+        "@WHY@": _why(source),
         "@TELL@": "\n".join(_told(source)),
         "@ACCESS@": "\n".join(access(variables, version)),
         "@FRESH@": "\n".join(f"    m->fresh[{v.index}] = 1;" for v in variables if v.kind == "new"),
@@ -41,6 +66,15 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
     for name, part in parts.items():
         text = text.replace(name, part)
     return text.replace("REAL", source.real.name).replace("~~", source.upper).replace("~", source.prefix)
+
+
+def _why(source: Source) -> str:
+    """What is said of a status, as in the header."""
+    given = "; inputs that are not given are 0" if source.observer.inputs else ""
+    found = f'"{STATUS["NOT_FINITE"]}{given}"'
+    for name in ("BAD_TIME", "TOO_FAR"):
+        found = f'(status == {source.upper}{name}) ? "{STATUS[name]}" : {found}'
+    return found
 
 
 def _told(source: Source) -> Iterator[str]:

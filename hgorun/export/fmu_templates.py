@@ -29,7 +29,11 @@ static const char token[] = "@TOKEN@";
 """
 
 CORE = """\
+@LOGGER@
 typedef struct {
+    logger log; /* of the simulator, with the two below: no part of the state */
+    void *environment;
+    char name[64];
     ~observer observer;
     double start;
     double y[@Q@];
@@ -38,9 +42,25 @@ typedef struct {
     int fresh[@Q@];
 } instance;
 
+/* take the state of another instance */
+static void take(instance *m, const instance *other)
+{
+    const logger log = m->log;
+    void *const environment = m->environment;
+    char name[sizeof(m->name)];
+
+    (void)memcpy(name, m->name, sizeof(name));
+    (void)memcpy(m, other, sizeof(*m));
+    m->log = log;
+    m->environment = environment;
+    (void)memcpy(m->name, name, sizeof(name));
+}
+
 static void begin(instance *m)
 {
-    (void)memset(m, 0, sizeof(*m));
+    static const instance nothing;
+
+    take(m, &nothing);
     ~init(&m->observer);
 @FRESH@
 }
@@ -50,12 +70,20 @@ static instance *made(const char *given)
     instance *m = NULL;
 
     if ((given != NULL) && (strcmp(given, token) == 0)) {
-        m = (instance *)malloc(sizeof(instance));
+        m = (instance *)calloc(1, sizeof(instance));
         if (m != NULL) {
             begin(m);
         }
     }
     return m;
+}
+
+/* say why a step fails */
+static void say(const instance *m, uint32_t status)
+{
+    if (m->log != NULL) {
+        m->log(@SAID@, 3, "logStatusError", @WHY@);
+    }
 }
 
 /* tell the observer what it is told at the start of a step, and go on to its end; 0, or 3 for an error */
@@ -69,6 +97,9 @@ static int step(instance *m, double end)
 
         status = ~predict(s, (to > s->t) ? to : s->t);
     }
+    if (status != ~~OK) {
+        say(m, status);
+    }
     return (status == ~~OK) ? 0 : 3;
 }
 
@@ -78,7 +109,8 @@ static int copied(const instance *m, void **state)
         *state = malloc(sizeof(instance));
     }
     if (*state != NULL) {
-        (void)memcpy(*state, m, sizeof(instance));
+        (void)memset(*state, 0, sizeof(instance));
+        take((instance *)*state, m);
     }
     return (*state != NULL) ? 0 : 3;
 }
@@ -131,7 +163,7 @@ EXPORT int FMIGetFMUSTATE(void *c, void **state)
 
 EXPORT int FMISetFMUSTATE(void *c, void *state)
 {
-    (void)memcpy(c, state, sizeof(instance));
+    take((instance *)c, (const instance *)state);
     return 0;
 }
 
@@ -210,12 +242,17 @@ EXPORT const char *fmi2GetTypesPlatform(void)
 EXPORT void *fmi2Instantiate(const char *name, int type, const char *guid, const char *location,
     const void *functions, int visible, int logging)
 {
-    (void)name;
+    instance *const m = (type == 1) ? made(guid) : NULL;
+
     (void)location;
-    (void)functions;
     (void)visible;
     (void)logging;
-    return (type == 1) ? made(guid) : NULL;
+    if ((m != NULL) && (functions != NULL)) {
+        m->log = ((const callbacks *)functions)->log;
+        m->environment = ((const callbacks *)functions)->environment;
+        (void)strncpy(m->name, (name != NULL) ? name : "", sizeof(m->name) - 1U);
+    }
+    return m;
 }
 
 EXPORT int fmi2SetupExperiment(void *c, int tolerant, double tolerance, double start, int limited, double stop)
@@ -248,9 +285,11 @@ FMI3 = (
     _common("3.0")
     + """\
 EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *given, const char *path, bool visible,
-    bool logging, bool events, bool early, const uint32_t intermediate[], size_t n, void *environment, void *log,
+    bool logging, bool events, bool early, const uint32_t intermediate[], size_t n, void *environment, logger log,
     void *update)
 {
+    instance *const m = made(given);
+
     (void)name;
     (void)path;
     (void)visible;
@@ -259,10 +298,12 @@ EXPORT void *fmi3InstantiateCoSimulation(const char *name, const char *given, co
     (void)early;
     (void)intermediate;
     (void)n;
-    (void)environment;
-    (void)log;
     (void)update;
-    return made(given);
+    if (m != NULL) {
+        m->log = log;
+        m->environment = environment;
+    }
+    return m;
 }
 
 EXPORT int fmi3EnterInitializationMode(void *c, bool tolerant, double tolerance, double start, bool limited,

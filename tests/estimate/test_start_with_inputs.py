@@ -11,6 +11,7 @@ from recordings import held_input, recording, signal, source
 
 import hgorun
 from hgorun.errors import ConfigError
+from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.prepared import prepare_estimate
@@ -92,6 +93,28 @@ def test_a_stream_begins_with_the_first_input_that_is_known(together: bool) -> N
     np.testing.assert_allclose(estimator.estimate()["O"], list(ASIDE.values()), rtol=1e-12)
     estimator.update(0.1, {"a": 0.2}, u={"u": 5.0})
     assert abs(estimator.estimate()["O"][1] + 0.4) > 1  # y' is what it was, and u has become 5
+
+
+def test_a_stream_has_the_bits_of_the_recording() -> None:
+    times, changes = np.linspace(0.1, 1, 10), {0.0: 3.0, 0.45: 1.0, 0.75: 2.0}
+    u = held_input("u", list(changes), list(changes.values()))
+    log = recording(signal("a", times, np.cos(times)), u=u)
+    config = {
+        "time": {"start": 0.0, "end": 1.0, "output_step": 0.1},
+        "plant": {key: value for key, value in DRIVEN.items() if key not in ("inputs", "initial")},
+        "observers": {"O": {"type": "eso", **FAMILIES["eso"], "initial": ASIDE}},
+        "solver": {"method": "rk4", "step": 0.01},
+    }
+    prepared = prepare_estimate(completed(source(config), log, "x", ""), log)
+    whole = estimates(prepared, times, one_pass(prepared, times, prepared.run.step)[0])[0]
+    estimator, found = Estimator(prepared.experiment, gates={}, inputs=("u",)), []
+    for t in sorted([*changes, *times.tolist()]):
+        if t in changes:
+            estimator.update(t, {}, u={"u": changes[t]})
+        else:
+            estimator.update(t, {"a": np.cos(t)})
+            found.append(estimator.estimate()["O"].copy())
+    assert np.array_equal(found, whole)
 
 
 def test_a_stream_waits_for_inputs_that_it_cannot_begin_without() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from examples import CONTOIS, Block, experiment, inline
 from exported_c import STRICT, Driven, driven, load_all
+from fmpy.fmi1 import FMICallException
 from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
@@ -188,3 +189,24 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
     ):
         code, _, err = shell("export", "tank.yaml", "--fmu", *arguments)
         assert (code, message in err) == (2, True)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_step_that_fails_says_why_to_the_simulator(tmp_path: Path, version: Version) -> None:
+    """Its input stays 0, where the plant's logarithm has no value."""
+    plant = inline({"a": "log(u) - a"}, ["a"], inputs={"u": "1.5"})
+    run = prepare(experiment(plant, {"S": {"type": "shgo", "theta": 2}}, solver={"method": "rk4", "step": 0.01}))
+    (observer,) = exported(run, Wanted(inputs_given=True))
+    file = tmp_path / "S.fmu"
+    file.write_bytes(fmu(observer, version, GCC[:1]))
+    heard: list[tuple[Any, ...]] = []
+    with pytest.raises(FMICallException):
+        fmpy.simulate_fmu(str(file), stop_time=1.0, output_interval=0.1, logger=lambda *said: heard.append(said))
+    assert [said[-1] for said in heard] == [
+        b"a number that is none, or an estimate that is lost; inputs that are not given are 0"
+    ]
+    started = fmpy.simulate_fmu(
+        str(file), start_values={"u.u": 1.5}, stop_time=1.0, logger=lambda *said: heard.append(said)
+    )
+    assert np.isfinite(started["xhat.a"]).all()
+    assert len(heard) == 1

@@ -66,7 +66,7 @@ def test_what_is_undefined_is_an_empty_cell(shell: Shell) -> None:
     ("words", "said"),
     [
         (("--export-csv", "chain.yaml"), "name another file"),
-        (("--export-csv", "results/chain.h5"), "name another file"),
+        (("--export-csv", "results/chain.h5"), "expected a file .csv"),
         (("--export-csv", "x.csv", "--set", "time.output_step=1e-7"), "are in the result file alone"),
         (("--export-csv", "x.csv", "--set", "runs={one: {}, two: {}}"), "takes one run"),
     ],
