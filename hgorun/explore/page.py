@@ -19,6 +19,7 @@ from hgorun.version import __version__
 
 _PAID = ("hf", "settling")
 _MOST_STATES, _MOST_ROWS = 8, 20_000
+_COLUMN = 70  # pixels that a column of a table has at least: where the page is narrower, the table is scrolled
 _STYLE = """
 :root { color-scheme: light; background: #fff; }
 main { overflow-wrap: anywhere; box-sizing: border-box; }
@@ -252,5 +253,5 @@ def _table(columns: dict[str, list[Any]]) -> Any:
     height = min(28 * (len(next(iter(columns.values()))) + 1) + 4, 420)
     return DataTable(
         source=ColumnDataSource(columns), columns=shown, height=height, sizing_mode="stretch_width", sortable=True,
-        index_position=None, reorderable=False,
+        index_position=None, reorderable=False, min_width=_COLUMN * len(columns),
     )  # fmt: skip
