@@ -40,7 +40,7 @@ class Estimator:
         By output, standard deviations of the innovation beyond which a sample is not used. By default, as for what
         follows, that of the block ``data``; none where it is empty.
     std : mapping of str to float, optional
-        By output, the standard deviation of its noise, where ``measurement`` says nothing of it.
+        By output, the standard deviation of its noise, where ``measurement.outputs`` has none of it.
     inputs : sequence of str, optional
         Inputs that are given with the samples, and held; the others are expressions of the time.
     remembered : int
