@@ -114,7 +114,7 @@ class Native:
             samples=[np.array(one) for one in y],
         )
         has_alpha = self.structure.system.has_alpha
-        z0 = [one.initial(run.plant.parameters, has_alpha=has_alpha) for one in designs]
+        z0 = [one.initial(run.plant, has_alpha=has_alpha, recorded=run.recorded) for one in designs]
         self.start = Start(np.concatenate(z0)[:, None], self.p[:, None], bound=UNBOUNDED)
         self.program = self.structure.program("rk4")
 

@@ -51,7 +51,7 @@ def recorded(run: PreparedRun, values: np.ndarray | None, inputs: RecordedInputs
         holds[: len(values)] = values  # type: ignore[arg-type]  # noise held on an output that is zero
         plan = replace(plan, holds=holds)
     p = parameter_values(run.plant.everything, run.experiment.stretches, designs)
-    z0 = [d.initial(run.plant.parameters, has_alpha=structure.system.has_alpha) for d in designs]
+    z0 = [d.initial(run.plant, has_alpha=structure.system.has_alpha, recorded=run.recorded) for d in designs]
     raw = structure.program("rk4").run(plan, Start(np.concatenate(z0)[:, None], p[:, None]))
     found = structure.estimates_along(run.schedule.events, p, raw.rows[:, :, 0])
     return np.hstack([found.of(j) for j in range(len(designs))])

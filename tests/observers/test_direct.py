@@ -46,13 +46,19 @@ def naive(noise: np.ndarray) -> dict[str, np.ndarray]:
     def column(*values: float) -> np.ndarray:
         return np.repeat(np.array(values)[:, None], runs, axis=1)
 
+    def differentiated(z: np.ndarray, y: np.ndarray) -> np.ndarray:
+        s = z[0] - y
+        v0 = -1.5 * np.sqrt(np.abs(s)) * np.sign(s) + z[1]
+        return np.asarray(z + H * np.array([v0, -1.1 * np.sign(z[1] - v0)]))
+
     eta, z = column(0.05, 0.05), column(0.05, 0)
+    alone = column(0.05, -u * 0.05)  # the differentiator itself begins where its estimate is (0.05, 0)
     xs = {name: column(0.05, 0.01) for name in ("(3)", "(13)", "(7)", "(18)")}
     theta = {"(7)": np.ones(runs), "(18)": np.ones(runs)}
     a, b, q, phi = 1.17, 2.3, 0.15, 4000.0
     rows: dict[str, list[np.ndarray]] = {name: [] for name in ["truth", "x^d", *xs]}
     for v in noise:
-        xd = np.array([z[0], z[1] + u * z[0]])
+        xd = np.array([alone[0], alone[1] + u * alone[0]])
         for name, x in {"truth": eta, "x^d": xd, **xs}.items():
             other = x[1] if name == "truth" else x[0] * x[1] / (3 * x[0] - x[1])
             rows[name].append(np.array([x[0], other]))
@@ -70,9 +76,7 @@ def naive(noise: np.ndarray) -> dict[str, np.ndarray]:
                 if name in theta:
                     decay = w * a + (1 - w) * phi
                     theta[name] = th - H * th / b * (decay / 3 * (th - 1) - 2 / np.sqrt(q) * 4 * y)
-            s = z[0] - y
-            v0 = -1.5 * np.sqrt(np.abs(s)) * np.sign(s) + z[1]
-            z = z + H * np.array([v0, -1.1 * np.sign(z[1] - v0)])
+            z, alone = differentiated(z, y), differentiated(alone, y)
             g = 3 * eta[0] * eta[1] / (eta[0] + eta[1])
             eta = eta + H * np.array([g - u * eta[0], -g + (0.1 - eta[1]) * u])
             for name in xs:

@@ -52,7 +52,7 @@ def recorded(run: PreparedRun, inputs: RecordedInputs | None = None) -> np.ndarr
         inputs=inputs, samples=samples,
     )  # fmt: skip
     p = parameter_values(run.plant.everything, run.experiment.stretches, designs)
-    z0 = [d.initial(run.plant.parameters, has_alpha=structure.system.has_alpha) for d in designs]
+    z0 = [d.initial(run.plant, has_alpha=structure.system.has_alpha, recorded=run.recorded) for d in designs]
     program = structure.program(run.solver.given_method)
     return program.run(plan, Start(np.concatenate(z0)[:, None], p[:, None])).rows[:, :, 0]
 
@@ -117,7 +117,7 @@ def test_groups_with_plants_of_their_own() -> None:
     structure = structure_of([truth, truth], [[d] for d in designs], stretches, schedule.variants, run.plant.everything)
     plan = build_plan(schedule, channels, run.grid, structure.system, always_slope=False, longest=run.step, reach=0.0)
     x0 = run.plant.initial
-    first, second = (d.initial(run.plant.parameters, has_alpha=True) for d in designs)
+    first, second = (d.initial(run.plant, has_alpha=True, recorded=run.recorded) for d in designs)
     z0 = np.concatenate([x0, first, x0, second, [0.0]])
     p = parameter_values(run.plant.everything, stretches, designs)
     rows = structure.program("rk4").run(plan, Start(z0[:, None], p[:, None])).rows[:, :, 0]

@@ -162,20 +162,20 @@ def test_a_design_is_made_once_for_a_family(base: Experiment) -> None:
     first, second = (base.varied({"plant.parameters.mu": mu}) for mu in (1.1, 1.2))
     assert first.designs["S"] is second.designs["S"] is base.designs["S"]
     assert base.varied({"observers.S.theta": 2}).designs["S"] is not base.designs["S"]
-    starts = [e.designs["S"].initial(e.plant.parameters, has_alpha=a) for e in (first, second) for a in (False, True)]
+    starts = [e.designs["S"].initial(e.plant, has_alpha=a, recorded=()) for e in (first, second) for a in (False, True)]
     assert [start.size for start in starts] == [2, 3, 2, 3]
     assert all(np.array_equal(start[:2], [1, 14]) for start in starts)
 
 
 def test_threads_share_a_design(base: Experiment) -> None:
     """Each gets the start that belongs to its parameters, whatever the other one asks for."""
-    design, parameters = base.designs["S"], base.plant.parameters
-    wanted = [design.initial(parameters, has_alpha=a).size for a in (False, True)]
+    design, plant = base.designs["S"], base.plant
+    wanted = [design.initial(plant, has_alpha=a, recorded=()).size for a in (False, True)]
     both = Barrier(2)
 
     def sizes(has_alpha: bool) -> set[int]:
         both.wait()
-        return {design.initial(parameters, has_alpha=has_alpha).size for _ in range(20_000)}
+        return {design.initial(plant, has_alpha=has_alpha, recorded=()).size for _ in range(20_000)}
 
     interval = sys.getswitchinterval()
     sys.setswitchinterval(1e-6)
