@@ -57,7 +57,7 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
         "@M@": str(m),
         "@LOGGER@": _LOGGERS[version][0],
         "@SAID@": _LOGGERS[version][1],
-        "@WHY@": _why(source),
+        "@WHY@": _words_of_status(source),
         "@TELL@": "\n".join(_told(source)),
         "@ACCESS@": "\n".join(access(variables, version)),
         "@FRESH@": "\n".join(f"    m->fresh[{v.index}] = 1;" for v in variables if v.kind == "new"),
@@ -68,7 +68,7 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
     return text.replace("REAL", source.real.name).replace("~~", source.upper).replace("~", source.prefix)
 
 
-def _why(source: Source) -> str:
+def _words_of_status(source: Source) -> str:
     """What is said of a status, as in the header."""
     given = "; inputs that are not given are 0" if source.observer.inputs else ""
     found = f'"{STATUS["NOT_FINITE"]}{given}"'
