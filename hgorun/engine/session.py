@@ -47,10 +47,13 @@ class Session:
     plan : Plan
         With the segments of the whole run.
     start : Start
+    late : bool
+        Whether samples are taken before they are known: what is kept of them changes until they arrive.
     """
 
-    def __init__(self, program: Program, plan: Plan, start: Start) -> None:
+    def __init__(self, program: Program, plan: Plan, start: Start, *, late: bool = False) -> None:
         self._program, self._plan = program, plan
+        self._changing = (*_CHANGING, "slots") if late else _CHANGING
         self._memory = program.memory(plan, start)
         self._at = 0
 
@@ -90,7 +93,7 @@ class Session:
     def mark(self) -> Mark:
         """This moment of a run without continuous delays, to go back to."""
         memory = self._memory
-        changing = {name: memory.arrays[name].copy() for name in _CHANGING}
+        changing = {name: memory.arrays[name].copy() for name in self._changing}
         return Mark(self._at, memory.context.copy(), changing)
 
     def go_back(self, mark: Mark) -> None:

@@ -74,7 +74,8 @@ class _GatedRun:
         ]
         first_steps = np.flatnonzero(plan.counts[:, 1] == 0)[:: 2 if uneven else 1]  # of what follows each event
         plan, self._stops = with_stops(plan, first_steps[self._places])
-        self._session = Session(prepared.program(), plan, prepared.start())
+        late = any(one.available is not one.taken for one in prepared.samples)
+        self._session = Session(prepared.program(), plan, prepared.start(), late=late)
         self._alone = self._order is not None or any(prepared.covariances())  # then each sample has to be waited for
 
     def _saving(self) -> Iterator[int]:

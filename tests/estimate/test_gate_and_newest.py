@@ -104,3 +104,23 @@ def test_an_observer_that_steps_from_sample_to_sample_is_refused(block: Block) -
     one = experiment(plant, {"O": block}, end=END, step=0.01, measurement={"sampling": {"period": 0.1}})
     with pytest.raises(ConfigError, match=message):
         Estimator(one, gates={"ya": GATE})
+
+
+def test_what_is_on_its_way_does_not_know_of_an_outlier() -> None:
+    """All samples are late by three periods: when an outlier arrives, those behind it have been taken."""
+    values = 0.6 * np.cos(TAKEN)
+    out = np.array([14, 21, 22, 33])
+    values[out] += 4.0
+    config = {
+        "time": {"start": 0.0, "end": END, "output_step": 0.1},
+        "plant": {**PLANT, "output": {"ya": "a"}},
+        "observers": {"chain": CHAIN},
+        "measurement": {"noise": NOISE},
+        "solver": {"step": 0.01},
+    }
+    kept = np.setdiff1d(np.arange(TAKEN.size), out)
+    xhat = []
+    for which, gate in ((np.arange(TAKEN.size), GATE), (kept, None)):
+        late = signal("ya", TAKEN[which], values[which], np.round(TAKEN[which] + 0.3, 10), gate=gate)
+        xhat.append(estimate(source(config), recording(late), sensitivity=False).observers["chain"].xhat)
+    np.testing.assert_allclose(*xhat, rtol=1e-12, atol=1e-12)

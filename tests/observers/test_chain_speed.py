@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from examples import Block, inline, simulated
+from examples import Block, experiment, inline, simulated
 from scipy.linalg import expm
 
+from hgorun.analysis.convergence.gains import error_dynamics
+from hgorun.analysis.linear.nominal import chain
 from hgorun.errors import ConfigError
+from hgorun.simulation.preparation import prepare
 
 TWO = inline({"a": "a2", "a2": "0", "b": "b2", "b2": "0"}, {"y_a": "a", "y_b": "b"})
 THETA, SPEED = 4.0, 0.5
@@ -55,3 +58,16 @@ def test_steps_are_short_enough_for_the_fastest_chain() -> None:
     expected = errors(matrix, np.array([-0.5, -0.5]), [0, 1])[:, 0]
     found = (result.observers["S"].xhat - result.x)[:, 2]
     np.testing.assert_allclose(found, expected, rtol=0, atol=1e-3)
+
+
+@pytest.mark.parametrize("names", [("y_a", "y_b"), ("y2", "y1")], ids=["other names", "names of another order"])
+def test_the_theory_takes_the_chain_of_the_output(names: tuple[str, str]) -> None:
+    """Poles of the chain of three -1, of the chain of one -1/2, whatever the outputs are called."""
+    plant = inline({"a": "a2", "a2": "a3", "a3": "-a", "b": "0.1*a"}, dict(zip(names, ("a", "b"), strict=True)))
+    block: Block = {"type": "shgo", "theta": THETA, "poles": -1, "speed": {names[1]: SPEED}}
+    made = experiment(plant, {"S": block}, end=2, step=0.01)
+    run = prepare(made)
+    error = error_dynamics(made.observers["S"], run.forms["S"])
+    np.testing.assert_allclose(np.poly(error.A), np.poly([-1, -1, -1, -SPEED]), rtol=1e-12)
+    alone, _ = chain(run, "S")
+    assert alone.experiment.observers["S"].model_dump()["speed"] == {"y2": SPEED}  # whose outputs are y1 and y2

@@ -22,6 +22,7 @@ from hgorun.errors import Problem
 from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
+from hgorun.observers.chain_speed import ChainSpeed
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.forward_differences import ForwardDifferences
@@ -158,6 +159,8 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
         return _differences(observer, form)
     if "gain" in observer.roles(form).values() and not isinstance(observer, SettlingGain):
         raise NoValue("its gain follows the plant and comes to rest on no chain: there is no constant matrix")
+    if isinstance(observer, ChainSpeed):
+        observer = observer.for_outputs(form.plant.outputs, _outputs(len(chains)))
     A, E, flux, powers = _LINEAR.get(
         (type(observer), repr(_plain(observer, 1.0)), chains), lambda: outcome(lambda: _scaled(observer, chains))
     ).value
@@ -225,18 +228,21 @@ def _extended(observer: LinearExtendedStateObserver, form: Form) -> ErrorDynamic
     return ErrorDynamics(A, G[:, None], np.eye(n + 1, k=1)[:1], np.arange(n + 1), n, _asked_for(observer, A))
 
 
+def _outputs(count: int) -> tuple[str, ...]:
+    return tuple(f"y{k + 1}" for k in range(count))
+
+
 def _chain_model(chains: tuple[int, ...]) -> PlantModel:
     """Chains of integrators."""
     n = sum(chains)
     states = tuple(f"x{i + 1}" for i in range(n))
     x = ca.vertcat(*[ca.SX.sym(name) for name in states])
     heads = np.cumsum([0, *chains])[:-1]
-    outputs = tuple(f"y{k + 1}" for k in range(len(chains)))
     shift = ca.diagcat(*[ca.DM(np.eye(length, k=1)) for length in chains])
     y = ca.vertcat(*[x[int(i)] for i in heads])
     return PlantModel(
         states=states,
-        outputs=outputs,
+        outputs=_outputs(len(chains)),
         inputs=(),
         parameters=(),
         t=ca.SX.sym("t"),

@@ -11,6 +11,7 @@ from hgorun.analysis.reasons import RECALLS, NoValue
 from hgorun.errors import HgorunError
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain
+from hgorun.observers.chain_speed import ChainSpeed
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_inputs import started
@@ -97,7 +98,9 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     block = run.experiment.resolved()["observers"][label]
     for name in ("initial", "saturation", "clip_estimate", "coordinates", "map", "chains"):
         block.pop(name, None)
-    observer = run.experiment.observers[label]
+    observer, outputs = run.experiment.observers[label], [f"y{i + 1}" for i in range(len(names))]
+    if isinstance(observer, ChainSpeed):
+        block["speed"] = observer.for_outputs(run.plant.model.outputs, outputs).speed
     slowest = observer.settling_rate if isinstance(observer, HighGain) else 1.0
     end = _MEMORY / slowest
     config = {
@@ -106,7 +109,7 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
             "type": "inline",
             "states": states,
             "dynamics": {s: rates[s] for s in states},
-            "output": {f"y{i + 1}": one[0] for i, one in enumerate(names)},
+            "output": {output: one[0] for output, one in zip(outputs, names, strict=True)},
             "initial": dict.fromkeys(states, 0.0),
         },
         "observers": {label: block},
