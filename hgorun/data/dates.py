@@ -54,6 +54,8 @@ def counted(values: np.ndarray, unit: int, start: int) -> tuple[np.ndarray, int 
     wrong : int or None
         The first that is not between 1678 and 2262, or about that.
     """
+    if values.dtype.kind == "f":
+        values = values.astype(float, copy=False)  # single precision has too few digits of a part
     there = ~np.isnan(values)
     first, rest = divmod(start, unit)  # small numbers, wherever they count from
     # in two parts: a date in nanoseconds has more digits than a float

@@ -14,6 +14,7 @@ import xarray
 from logs import noisy
 
 from hgorun.config.data import Data
+from hgorun.data.dates import counted
 from hgorun.data.reading import read
 from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
@@ -179,3 +180,11 @@ def test_texts_and_what_was_never_written_may_be_missing(tmp_path: Path) -> None
     signal = recorded(tmp_path / "log.h5").outputs["S"]
     assert (signal.taken.tolist(), signal.values.tolist()) == ([0, 1], [1, 2])
     assert recorded(tmp_path / "log.h5", outputs={"S": "text"}).outputs["S"].values.tolist() == [1.5, 2]
+
+
+def test_days_in_single_precision_are_as_exact_as_their_numbers() -> None:
+    quarters = np.arange(0, 400, 0.25)  # binary fractions: exact in single precision
+    day = 86_400_000_000_000
+    stamps, wrong = counted(quarters.astype(np.float32), day, 20_000 * day)
+    assert wrong is None
+    np.testing.assert_array_equal(stamps, 20_000 * day + (4 * quarters).astype(np.int64) * (day // 4))

@@ -123,4 +123,4 @@ def test_what_is_on_its_way_does_not_know_of_an_outlier() -> None:
     for which, gate in ((np.arange(TAKEN.size), GATE), (kept, None)):
         late = signal("ya", TAKEN[which], values[which], np.round(TAKEN[which] + 0.3, 10), gate=gate)
         xhat.append(estimate(source(config), recording(late), sensitivity=False).observers["chain"].xhat)
-    np.testing.assert_allclose(*xhat, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(xhat[0], xhat[1], rtol=1e-12, atol=1e-12)
