@@ -202,7 +202,8 @@ class LiveSystem:
         ValueError
         """
         if name not in self.outputs:
-            raise ValueError(f"no output is called {name!r}; there are {', '.join(self.outputs)}")
+            hint = f"; {name} is an input, given as u={{{name!r}: ...}}" if name in self.inputs else ""
+            raise ValueError(f"no output is called {name!r}; there are {', '.join(self.outputs)}{hint}")
         return self.outputs[name]
 
     def input(self, name: str) -> int:

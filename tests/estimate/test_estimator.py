@@ -138,6 +138,8 @@ def test_inputs_come_with_samples() -> None:
     blocks = {"o": {"type": "shgo", "theta": 2, "poles": -1, "initial": START}}
     whole = experiment(plant, blocks, end=2, step=0.01, measurement={"sampling": {"period": 0.1}})
     of_time, given = Estimator(whole), Estimator(whole, inputs=("u",))
+    with pytest.raises(ValueError, match=r"no output is called 'u'; .*; u is an input, given as u=\{'u': "):
+        given.update(0.0, {"u": 0.3})
     given.update(0.0, {}, u={"u": 0.3})
     for k in range(1, 20):
         if k == 10:
