@@ -72,15 +72,7 @@ class Live:
         regime : int
             The number of what the outputs are meanwhile.
         """
-        gap = t - self.t
-        if gap > 0:
-            steps = max(math.ceil(gap / self._step * _ROUNDING), 1)
-            spans, counts = self._span_words, self._count_words
-            spans[0] = spans[2] = self.t
-            spans[1] = spans[3] = t
-            counts[0] = counts[2] = steps
-            counts[3] = regime
-            counts[5] = 0
+        if self._flow_to(t, regime):
             self._run()
             self.t = t
 
@@ -89,23 +81,30 @@ class Live:
         if actions is not self._actions:
             self._memory.put("actions", actions)
             self._actions = actions
-        gap, spans, counts, segments = t - self.t, self._span_words, self._count_words, 0
-        if gap > 0:
-            steps = max(math.ceil(gap / self._step * _ROUNDING), 1)
-            spans[0] = spans[2] = self.t
-            spans[1] = spans[3] = t
-            counts[0] = counts[2] = steps
-            counts[3] = regime
-            counts[5] = 0
-            segments = 1
+        segments = self._flow_to(t, regime)
+        spans, counts = self._span_words, self._count_words
         place, word = 4 * segments, 7 * segments
         spans[place] = spans[place + 1] = spans[place + 2] = spans[place + 3] = max(t, self.t)
         counts[word], counts[word + 2], counts[word + 3], counts[word + 5] = 1, 0, regime, len(actions)
         self._run(segments + 1)
         self.t = max(t, self.t)
 
+    def _flow_to(self, t: float, regime: int) -> int:
+        """Write the segment from here to a time: how many there are, none where the time has been reached."""
+        gap = t - self.t
+        if not gap > 0:
+            return 0
+        steps = max(math.ceil(gap / self._step * _ROUNDING), 1)
+        spans, counts = self._span_words, self._count_words
+        spans[0] = spans[2] = self.t
+        spans[1] = spans[3] = t
+        counts[0] = counts[2] = steps
+        counts[3] = regime
+        counts[5] = 0
+        return 1
+
     def go_through(self, times: Floats, regime: int, actions: Integers, holds: Floats) -> Floats:
-        """Go on through events, as :meth:`advance` and :meth:`happen` would one after the other.
+        """Go on through events, as :meth:`happen_at` would one after the other.
 
         Parameters
         ----------
