@@ -38,7 +38,7 @@ FLOORS: list[set[str]] = [
     {"__main__"},
 ]
 ANALYSIS_FLOORS: list[set[str]] = [
-    {"reasons"},
+    {"chains", "reasons"},
     {"subject"},
     {"finding"},
     {"linear"},

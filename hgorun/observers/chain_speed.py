@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Self
-
 import numpy as np
 from pydantic import Field
 
@@ -35,13 +32,6 @@ class ChainSpeed(PlacedGain):
 
     def largest_pole(self, form: CanonicalForm, filter_order: int = 0) -> float:
         return super().largest_pole(form, filter_order) * float(np.max(self._speeds(form)))
-
-    def for_outputs(self, outputs: Sequence[str], others: Sequence[str]) -> Self:
-        """The observer of a plant whose outputs have other names."""
-        given = self.speed or {}
-        return self.model_copy(
-            update={"speed": {b: given[a] for a, b in zip(outputs, others, strict=True) if a in given}}
-        )
 
     def _speeds(self, form: CanonicalForm) -> np.ndarray:
         """Of every chain, shape (q,).

@@ -17,12 +17,12 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hgorun.analysis.chains import on_chains, outputs_of_chains
 from hgorun.analysis.reasons import CORRECTED, RECALLS, NoValue, Outcome, outcome
 from hgorun.errors import Problem
 from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
-from hgorun.observers.chain_speed import ChainSpeed
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.forward_differences import ForwardDifferences
@@ -159,8 +159,7 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
         return _differences(observer, form)
     if "gain" in observer.roles(form).values() and not isinstance(observer, SettlingGain):
         raise NoValue("its gain follows the plant and comes to rest on no chain: there is no constant matrix")
-    if isinstance(observer, ChainSpeed):
-        observer = observer.for_outputs(form.plant.outputs, _outputs(len(chains)))
+    observer = on_chains(observer, form.plant.outputs)
     A, E, flux, powers = _LINEAR.get(
         (type(observer), repr(_plain(observer, 1.0)), chains), lambda: outcome(lambda: _scaled(observer, chains))
     ).value
@@ -228,10 +227,6 @@ def _extended(observer: LinearExtendedStateObserver, form: Form) -> ErrorDynamic
     return ErrorDynamics(A, G[:, None], np.eye(n + 1, k=1)[:1], np.arange(n + 1), n, _asked_for(observer, A))
 
 
-def _outputs(count: int) -> tuple[str, ...]:
-    return tuple(f"y{k + 1}" for k in range(count))
-
-
 def _chain_model(chains: tuple[int, ...]) -> PlantModel:
     """Chains of integrators."""
     n = sum(chains)
@@ -242,7 +237,7 @@ def _chain_model(chains: tuple[int, ...]) -> PlantModel:
     y = ca.vertcat(*[x[int(i)] for i in heads])
     return PlantModel(
         states=states,
-        outputs=_outputs(len(chains)),
+        outputs=outputs_of_chains(len(chains)),
         inputs=(),
         parameters=(),
         t=ca.SX.sym("t"),

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from hgorun.analysis.chains import on_chains, outputs_of_chains
 from hgorun.analysis.reasons import RECALLS, NoValue
 from hgorun.errors import HgorunError
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain
-from hgorun.observers.chain_speed import ChainSpeed
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_inputs import started
@@ -98,9 +98,8 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     block = run.experiment.resolved()["observers"][label]
     for name in ("initial", "saturation", "clip_estimate", "coordinates", "map", "chains"):
         block.pop(name, None)
-    observer, outputs = run.experiment.observers[label], [f"y{i + 1}" for i in range(len(names))]
-    if isinstance(observer, ChainSpeed):
-        block["speed"] = observer.for_outputs(run.plant.model.outputs, outputs).speed
+    observer, outputs = run.experiment.observers[label], outputs_of_chains(len(names))
+    block |= on_chains(observer, run.plant.model.outputs).model_dump(include={"speed"}, exclude_none=True)
     slowest = observer.settling_rate if isinstance(observer, HighGain) else 1.0
     end = _MEMORY / slowest
     config = {
