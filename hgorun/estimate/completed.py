@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from hgorun.config.overrides import replaced
+from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal, median_step
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.prepared import prepare_estimate
-from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.estimate.stated_of_data import StatedOfData, noisy
+from hgorun.measurement.blocks import Measurement
 from hgorun.plants.base import units_of
 from hgorun.simulation.blocks import plant_of
 from hgorun.simulation.experiment import Experiment
@@ -46,8 +48,9 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     if isinstance(given.get("time") or {}, dict):
         with source.located():
             changes["time"] = _time(given.get("time") or {}, recording)
-    if not (given.get("plant") and all(isinstance(given.get(key) or {}, dict) for key in ("plant", "measurement"))):
+    if not (isinstance(given.get("plant"), dict) and given["plant"]):
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
+    _check_measurement(source)
     with source.located():
         _check_outputs(plant_of(source).output_names, recording)
     start = changes.get("time", {}).get("start")
@@ -103,16 +106,29 @@ def streamed(source: Source, said: StatedOfData, name: str) -> Experiment:
         start = given["time"].get("start", 0.0)
         if isinstance(start, (int, float)):
             changes["time"] = {"end": start + 1.0, "output_step": 1.0} | given["time"]
-    if not isinstance(given.get("plant"), dict) or not isinstance(given.get("measurement") or {}, dict):
+    if not isinstance(given.get("plant"), dict):
         return Experiment(_with(source, changes), name=name)  # which says what is wrong
+    _check_measurement(source)
     measurement = dict(given.get("measurement") or {})
-    outputs = dict(measurement.get("outputs") or {})
-    for output, std in said.std.items():
-        outputs[output] = {"noise": [{"type": "gaussian", "std": std}]} | dict(outputs.get(output) or {})
+    outputs = noisy(measurement.get("outputs") or {}, said.std)
     # that outputs are sampled is known; how often, only where the block says so
     start = changes.get("time", {}).get("start", 0.0)
     changes["measurement"] = {"sampling": {"times": [start]}} | measurement | {"outputs": outputs}
     return Experiment(_with_plant(_with(source, changes))[0], name=name)
+
+
+def _check_measurement(source: Source) -> None:
+    """Refuse blocks that are no mappings, and so cannot be completed.
+
+    Raises
+    ------
+    ConfigError
+    """
+    measurement = source.data.get("measurement") or {}
+    outputs = (measurement.get("outputs") or {}) if isinstance(measurement, dict) else {}
+    of_outputs = outputs.values() if isinstance(outputs, dict) else ()
+    if not all(isinstance(one or {}, dict) for one in (measurement, outputs, *of_outputs)):
+        validate(Measurement, measurement, source, ("measurement",))
 
 
 def with_inputs(source: Source, inputs: Iterable[str]) -> Source:
@@ -165,9 +181,8 @@ def _measurement(given: Mapping[str, Any], recording: Recording, start: float) -
         signal = recording.outputs.get(name)
         if signal is not None:
             outputs[name]["sampling"] = {"period": _period(signal.taken), **_offset(signal.taken, start)}
-            if signal.std is not None and "noise" not in outputs[name]:
-                outputs[name]["noise"] = [{"type": "gaussian", "std": signal.std}]
-    return {**found, "outputs": outputs}
+    std = {name: signal.std for name, signal in recording.outputs.items() if signal.std is not None}
+    return {**found, "outputs": noisy(outputs, std)}
 
 
 def _period(taken: np.ndarray) -> float:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Any
 
 from hgorun.config.data import Data
 from hgorun.config.overrides import replaced
@@ -49,6 +50,15 @@ class StatedOfData:
         return cls(block, tuple(block.inputs), gates, std)
 
 
+def noisy(outputs: Mapping[str, Any], std: Mapping[str, float]) -> dict[str, Any]:
+    """Blocks of outputs with gaussian noise of these standard deviations where they have none."""
+    added = {
+        name: {"noise": [{"type": "gaussian", "std": value}]} | dict(outputs.get(name) or {})
+        for name, value in std.items()
+    }
+    return {**outputs, **added}
+
+
 def with_noise(experiment: Experiment, std: Mapping[str, float]) -> Experiment:
     """The experiment with gaussian noise of the outputs for which its block ``measurement`` has none.
 
@@ -58,7 +68,5 @@ def with_noise(experiment: Experiment, std: Mapping[str, float]) -> Experiment:
     added = {name: value for name, value in std.items() if "noise" not in (outputs.get(name) or {})}
     if not added:
         return experiment
-    for name, value in added.items():
-        outputs[name] = {"noise": [{"type": "gaussian", "std": value}]} | dict(outputs.get(name) or {})
-    source, _ = replaced(experiment.source, "measurement.outputs", outputs)
+    source, _ = replaced(experiment.source, "measurement.outputs", noisy(outputs, added))
     return Experiment(source, name=experiment.name, text=experiment.text)

@@ -567,3 +567,15 @@ def test_names_in_a_stream_may_be_quoted() -> None:
     together = form.together(next(blocks), {"a": 7})
     assert together is not None
     assert together.kinds.tolist() == [7]
+
+
+@pytest.mark.parametrize("source", ["log.csv", "-"])
+@pytest.mark.parametrize(
+    ("outputs", "key"), [("[1]", "outputs"), ("text", "outputs"), ("{a: 3}", "outputs.a"), ("{a: [1]}", "outputs.a")]
+)
+def test_outputs_of_the_measurement_are_a_mapping(shell: Shell, source: str, outputs: str, key: str) -> None:
+    """Also where the block ``data`` adds noise to them."""
+    (shell.folder / "pendulum.yaml").write_text(CONFIG + f"measurement: {{outputs: {outputs}}}\n")
+    code, _, err = shell("estimate", "pendulum.yaml", source)
+    assert code == 2
+    assert f"pendulum.yaml:13: measurement.{key}: expected a mapping" in err
