@@ -100,7 +100,7 @@ def test_one_integrator_in_closed_form() -> None:
     run = prepared({"o": SHGO}, chain(1, start=0))
     with pytest.raises(NoValue, match=r"stable at every period up to [0-9.e+]+ s$"):
         chain_period(run, "o")
-    with pytest.raises(NoValue, match=r"stable at every delay up to [0-9.e+]+ s$"):
+    with pytest.raises(NoValue, match="stable at every delay"):
         chain_delay(run, "o")
 
 
