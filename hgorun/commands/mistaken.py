@@ -23,6 +23,32 @@ _CALLED_ELSEWHERE = {
 }
 
 
+# Keys of the configuration that are taken for options, and their paths.
+_KEYS = {
+    **{key: f"observers.LABEL.{key}" for key in ("theta", "poles", "r", "gains", "type", "saturation")},
+    **{key: f"measurement.sampling.{key}" for key in ("period", "jitter", "dropout", "offset")},
+    **dict.fromkeys(("delay", "noise"), ""),
+    **{key: f"time.{key}" for key in ("end", "start", "output-step")},
+    **{key: f"solver.{key}" for key in ("step", "method", "rtol", "atol", "accuracy")},
+    **{key: f"plant.{key}" for key in ("initial", "parameters", "inputs")},
+}
+_WITH_SET = {"simulate", "compare", "analyze", "estimate", "export", "explore"}
+
+
+def _refuse_keys(words: Sequence[str]) -> None:
+    """A key of the configuration in the place of an option."""
+    for i, word in enumerate(words[1:], 1):
+        name, equals, value = word.removeprefix("--").partition("=")
+        if word.startswith("--") and name in _KEYS and words[0] in _WITH_SET:
+            following = words[i + 1] if i + 1 < len(words) and not words[i + 1].startswith("-") else "VALUE"
+            path = (_KEYS[name] or f"measurement.{name}").replace("-", "_")
+            raise ConfigError(
+                f"there is no option --{name}: keys of the configuration are changed by "
+                f"--set {printable(path)}={printable(value if equals else following)}"
+                + (", where LABEL is that of the observer" if "LABEL" in path else "")
+            )
+
+
 def refuse_what_is_no_command(words: Sequence[str]) -> None:
     """Where a file or another program's word stands in the place of a command, say what would be right.
 
@@ -39,3 +65,4 @@ def refuse_what_is_no_command(words: Sequence[str]) -> None:
         raise ConfigError(f"a command comes first: hgorun simulate {printable(first)}")
     if suffix in (".h5", ".nc", ".hdf5"):
         raise ConfigError(f"a command comes first: hgorun compare {printable(first)}")
+    _refuse_keys(words)

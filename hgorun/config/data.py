@@ -211,6 +211,8 @@ def _files(value: Any) -> Any:
 class Data(Block):
     """Measurements from files, in place of a simulated plant."""
 
+    example = "data: {file: log.csv, time: COLUMN, outputs: {NAME: COLUMN}}"
+
     file: Annotated[
         tuple[str, ...],
         BeforeValidator(_files),

@@ -115,7 +115,8 @@ def _read(text: str, names: frozenset[str] | None) -> Expression:
         # what is a single number, as most values of a configuration are, needs no parser
         tree = finite(text, text) if NUMBER.fullmatch(text) else reader.read(_understood(text), 0)
     except ExpressionError as error:
-        raise ExpressionError(f"`{short(text)}`: {error}") from None
+        said = f"`{short(text)}`"
+        raise ExpressionError(str(error) if str(error).startswith(f"{said} ") else f"{said}: {error}") from None
     return Expression(text, frozenset(reader.used), tree)
 
 

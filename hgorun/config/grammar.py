@@ -298,6 +298,9 @@ class Reader:
             return Name(name, constant)
         if name in CONSTANTS:
             return Name(name, CONSTANTS[name])
+        if not self.allowed:
+            near = nearest(name, CONSTANTS)
+            raise ExpressionError(f"`{short(name)}` is not a number.{near} A number may be an expression with pi and e")
         allowed = [*sorted(self.allowed), *CONSTANTS]
         more = f" and {len(allowed) - 20} more" if len(allowed) > 20 else ""
         listed = f"{', '.join(allowed[:20])}{more}"

@@ -19,6 +19,7 @@ _CALLED_ELSEWHERE = {
     **dict.fromkeys(("max", "upper"), ("high",)),
     **dict.fromkeys(("gain", "l", "high_gain", "ell"), ("theta", "gains", "shgo")),
     **dict.fromkeys(("hgo", "highgain", "high_gain_observer"), ("shgo",)),
+    **dict.fromkeys(("vdp", "vanderpol", "van-der-pol"), ("van_der_pol",)),
     **dict.fromkeys(("kf", "kalman", "kalman_filter"), ("kalman_bucy",)),
     "extended_kalman_filter": ("ekf",),
     "unscented_kalman_filter": ("ukf",),

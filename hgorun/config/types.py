@@ -31,6 +31,8 @@ class Block(BaseModel):
 
     # built when first used: most blocks are only ever parts of others, or what others are derived from
     model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=(), defer_build=True)
+    example: ClassVar[str] = ""
+    """What may be written where something else than a mapping was found."""
     read_before: ClassVar[tuple[str, ...]] = ()
     """Keys of the mapping that are taken out of it before it is checked: known to a reader of messages."""
 
@@ -43,8 +45,12 @@ class Block(BaseModel):
         if not isinstance(data, dict):
             raise PydanticCustomError(
                 "not_a_mapping",
-                "expected a mapping with keys {keys}; found {found}",
-                {"keys": ", ".join(cls._keys()), "found": describe(data)},
+                "expected a mapping with keys {keys}; found {found}{example}",
+                {
+                    "keys": ", ".join(cls._keys()),
+                    "found": describe(data),
+                    "example": f"; write {cls.example}" if cls.example else "",
+                },
             )
         for key in data:
             if key not in fields:

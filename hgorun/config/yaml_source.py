@@ -79,6 +79,20 @@ class Source:
         around = (path[:length] for length in range(len(path), -1, -1))
         return next((self.positions[p] for p in around if p in self.positions), ("", 0))
 
+    def written(self, path: KeyPath) -> KeyPath:
+        """The path as far as it is a mapping's or a list's: what is below a single value stands at its key."""
+        part = self.data
+        for length, key in enumerate(path):
+            if isinstance(part, dict):
+                part = part.get(key)
+            elif isinstance(part, (list, tuple)) and isinstance(key, int) and key < len(part):
+                part = part[key]
+            elif part is None:
+                return path
+            else:
+                return path[:length]
+        return path
+
     def below(self, path: KeyPath) -> Source:
         """The part at a path as a source of its own."""
         places = {place[len(path) :]: where for place, where in self.positions.items() if place[: len(path)] == path}
@@ -91,7 +105,7 @@ class Source:
             yield
         except Problem as problem:
             file, line = self.where(problem.path)
-            key = ".".join(map(str, problem.path))
+            key = ".".join(map(str, self.written(problem.path)))
             raise ConfigError(problem.message, file=file, line=line, key=key) from problem
 
 

@@ -55,6 +55,11 @@ class Manifest:
             When there is none, or it is none.
         """
         path = folder / MANIFEST
+        if folder.is_file():
+            raise ConfigError(
+                "this is a file; merge takes the folders NAME.sweep in which parts of a sweep were run",
+                file=str(folder),
+            )
         try:
             said = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:

@@ -73,7 +73,10 @@ class InlinePlant(Plant):
         if missing:
             others = [name for name in self.dynamics if name not in self.states]
             instead = f"; {others[0]} is no state: the key is the name of the state itself" if others else ""
-            raise ValueError(f"dynamics: the right-hand side of {', '.join(missing)} is missing{instead}")
+            raise Problem(
+                ("dynamics",),
+                f"the right-hand side of {', '.join(missing)} is missing: write a line `{missing[0]}: ...`{instead}",
+            )
         return self
 
     @property

@@ -63,8 +63,45 @@ def found(source: Path | BytesIO, path: Path, budget: int, work: Callable[[h5py.
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
         if path.suffix.lower() in (".yaml", ".yml"):
             raise ConfigError(_NOT_YET_RUN.format(path, path.stem), file=str(path)) from None
+        if isinstance(source, Path) and (what := _other_file(source)):
+            raise ConfigError(f"not a file of hgorun: {what}", file=str(path)) from None
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise ConfigError(f"not a file of hgorun: {reason}", file=str(path)) from error
+
+
+_KINDS = {
+    b"CDF": "a netCDF-3 file",
+    b"PK": "a ZIP archive",
+    b"%PDF": "a PDF",
+    b"\x89PNG": "a picture",
+    b"MATLAB": "MATLAB's",
+}
+
+
+def _other_file(path: Path) -> str:
+    """What a file is that HDF5 cannot read, and what to do with it; nothing where it begins as one of HDF5 does."""
+    try:
+        with path.open("rb") as stream:
+            head = stream.read(1024)
+    except OSError:
+        return ""
+    if not head:
+        return "it is empty; hgorun simulate or estimate writes results"
+    if head.startswith(b"\x89HDF"):
+        return ""
+    if path.suffix.lower() in (".csv", ".txt", ".tsv", ".parquet"):
+        return "it is a table of data; a configuration names it under data.file, for hgorun estimate"
+    kinds = {
+        b"CDF": "a netCDF-3 file",
+        b"PK": "a ZIP archive",
+        b"%PDF": "a PDF",
+        b"\x89PNG": "a picture",
+        b"MATLAB": "MATLAB's",
+    }
+    kind = next((word for start, word in kinds.items() if head.startswith(start)), "")
+    if not kind:
+        kind = "a file of another kind" if b"\0" in head else "text"
+    return f"it is {kind}, not HDF5; results are HDF5 files (.h5) that hgorun simulate, estimate and sweep write"
 
 
 class StoredFile:

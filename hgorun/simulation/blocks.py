@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -214,6 +215,15 @@ def plant_of(source: Source) -> Plant:
     return validate(cls, block, source, ("plant",))
 
 
+def _types_near(label: str) -> str:
+    """Types of observers that a label sounds like; two well-known ones where it sounds like none."""
+    word = re.sub(r"[^a-z0-9]", "", label.lower())
+    near = [name for name in OBSERVERS.names() if len(word) > 1 and name.replace("_", "").startswith(word)]
+    one = re.search(r"`(\w+)`", nearest(label, OBSERVERS.names()))
+    found = list(dict.fromkeys([*near, *([one[1]] if one else [])])) or ["shgo", "ekf"]
+    return ", ".join(found[:-1]) + f" or {found[-1]}" if len(found) > 1 else found[0]
+
+
 def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserver:
     """An observer's block, checked by its class.
 
@@ -235,8 +245,11 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
         raise ConfigError(message, file=file, line=line, key=f"observers.{label}")
     if "type" not in block:
         others = [name for name in source.data["observers"] if name != label]
+        near = nearest(label, others)
+        other = f". Or, if another observer of the file is meant:{near}" if near else ""
         raise ConfigError(
-            f"type is missing.{nearest(label, others)} It is a name from hgorun list observers, such as shgo or ekf",
+            f"type is missing: the label {label} is a name of your own, the type one from hgorun list observers, such "
+            f"as {_types_near(label)}{other}",
             file=file,
             line=line,
             key=f"observers.{label}",

@@ -10,6 +10,7 @@ import numpy as np
 from hgorun.config.models import Time
 from hgorun.config.paths import dotted
 from hgorun.errors import Problem
+from hgorun.measurement.blocks import Periodic
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, heard
@@ -133,8 +134,21 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
         for label, design in experiment.designs.items()
         for remark in design.observer.remarks(design.form)
     ]
-    of_all = dict.fromkeys([*sum(found, of_plant), *_never_held(experiment), *_sampled_once(experiment)])
+    of_all = dict.fromkeys(
+        [*sum(found, of_plant), *_never_held(experiment), *_sampled_once(experiment), *_swapped(experiment)]
+    )
     return (*of_all, *of_observers, *_uneven(experiment), *sign_remarks(experiment.source))
+
+
+def _swapped(experiment: Experiment) -> list[str]:
+    """Jitter that lets samples pass each other: two neighbours keep their order up to half a period."""
+    sampled = [s.sampling for one in experiment.stretches for s in one if isinstance(s.sampling, Periodic)]
+    return [
+        f"measurement.sampling.jitter: {one.jitter:g} is more than half of the period {one.period:g}, so that samples "
+        "change places; they are used in the order in which they arrive"
+        for one in sampled
+        if one.jitter > 0.5 * one.period
+    ]
 
 
 def _uneven(experiment: Experiment) -> list[str]:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import csv as csv_module
 import io
+import math
 from collections.abc import Iterator
 
 import numpy as np
 
 from hgorun.result.data import PLANT, ResultData
 from hgorun.tables.typeset import printable
+
+_ROUNDING = 64 * float(np.finfo(float).eps)  # of sums that times are made by, relative to the longest time
 
 
 def csv(result: ResultData) -> str:
@@ -26,11 +29,25 @@ def csv(result: ResultData) -> str:
     known = any(result.units.get(state) for state in result.states)
     t = _headed("t", result.units.get("time", "")) if known else "t"
     writer.writerow([t, "observer", *(_headed(name, result.units.get(state, "")) for state, name in columns)])
-    times = result.time.tolist()
+    times = _on_grid(result.time).tolist()
     for label, values in _sources(result):
         for t, row in zip(times, values.tolist(), strict=True):
             writer.writerow([repr(t), label, *(repr(v) if v == v else "" for v in row)])
     return buffer.getvalue()
+
+
+def _on_grid(time: np.ndarray) -> np.ndarray:
+    """The times of an even grid with as few digits as tell them: 24.7 for 24.69999999999991.
+
+    Nothing is left out but the rounding of sums: a time of another grid, such as k/3, keeps all its digits.
+    """
+    if time.size < 2:
+        return time
+    step = float(time[-1] - time[0]) / (time.size - 1)
+    digits = 9 - math.floor(math.log10(step)) if step > 0 else 0
+    short = np.array([round(t, digits) for t in time.tolist()])
+    close = np.abs(short - time) <= _ROUNDING * np.max(np.abs(time))
+    return np.where(close, short, time)
 
 
 def _headed(name: str, unit: str) -> str:

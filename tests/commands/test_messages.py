@@ -55,7 +55,7 @@ def refusal(
         ("k: 2", "k: 4,39", "written with a point"),
         ("k: 2", "k: max(0, 2)", "a comma ends the entry"),
         ("initial: {x1: 1, x2: 0}", "initial: [1, 0]", "write lines `name: value`"),
-        ("output: x1", "output: 1", "plant.output.y1: 1.0 is a number"),
+        ("output: x1", "output: 1", "plant.output: 1.0 is a number"),
         ("output: x1", "output: {y: 2*3}", "such as x1"),
         ("k: 2", "k: 2, pi: 3", "plant.parameters: 'pi' is a name of a constant"),
         ("time:", "% a comment\ntime:", "a comment begins with #"),

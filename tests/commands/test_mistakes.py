@@ -78,7 +78,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ),
         ("period: 0.1", "perod: 0.1", "found perod. Did you mean `period`?"),
         ("type: shgo", "type: high_gain", "Did you mean `shgo`?"),
-        ("theta: 2", "theta: one", "`one` is not known. Known names: pi, e"),
+        ("theta: 2", "theta: one", "observers.SHGO.theta: `one` is not a number. A number"),
         ("method: rk4", "method: ode45", "Did you mean `dopri5`?"),
         ("solver:", "runs: {a: {sees: 3}}\nsolver:", "runs.a.sees: unknown key 'sees'. Did you mean `seeds`?"),
         (
@@ -100,7 +100,11 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("{type: shgo, theta: 2}", "{type: ekf, Q: 0}", "{state: 0.1, ...} (the diagonal)"),
         ("{type: shgo, theta: 2}", "{type: ekf, Q: [0.1, 0.1]}", "found a list: write {state: 0.1, ...}"),
         ("type: shgo", "type: SHGO", "Did you mean `shgo`? See hgorun list observers"),
-        ("{type: shgo, theta: 2}", "{theta: 2}", "type is missing. It is a name from hgorun list observers"),
+        (
+            "{type: shgo, theta: 2}",
+            "{theta: 2}",
+            "type is missing: the label SHGO is a name of your own, the type one from hgorun list observers",
+        ),
         ("output_step: 0.1", "dt: 0.1", "Did you mean `output_step`?"),
         ("end: 1", "tf: 1", "Did you mean `end`?"),
         ("  initial:", "  x0:", "Did you mean `initial`?"),
