@@ -211,7 +211,7 @@ def _files(value: Any) -> Any:
 class Data(Block):
     """Measurements from files, in place of a simulated plant."""
 
-    example = "data: {file: log.csv, time: COLUMN, outputs: {NAME: COLUMN}}"
+    written_as = "data: {file: log.csv, time: COLUMN, outputs: {NAME: COLUMN}}"
 
     file: Annotated[
         tuple[str, ...],

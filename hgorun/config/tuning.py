@@ -17,7 +17,7 @@ MOST_GAINS = 6
 class Range(Block):
     """Between which values a gain is sought, evenly on a linear or a logarithmic scale."""
 
-    example = "{log: [low, high]} or {linear: [low, high]}"
+    written_as = "{log: [low, high]} or {linear: [low, high]}"
 
     log: tuple[Number, Number] | None = Field(default=None, description="[low, high], both > 0")
     linear: tuple[Number, Number] | None = Field(default=None, description="[low, high]")

@@ -31,7 +31,7 @@ class Block(BaseModel):
 
     # built when first used: most blocks are only ever parts of others, or what others are derived from
     model_config = ConfigDict(extra="forbid", frozen=True, protected_namespaces=(), defer_build=True)
-    example: ClassVar[str] = ""
+    written_as: ClassVar[str] = ""
     """What may be written where something else than a mapping was found."""
     read_before: ClassVar[tuple[str, ...]] = ()
     """Keys of the mapping that are taken out of it before it is checked: known to a reader of messages."""
@@ -49,7 +49,7 @@ class Block(BaseModel):
                 {
                     "keys": ", ".join(cls._keys()),
                     "found": describe(data),
-                    "example": f"; write {cls.example}" if cls.example else "",
+                    "example": f"; write {cls.written_as}" if cls.written_as else "",
                 },
             )
         for key in data:
