@@ -42,17 +42,31 @@ def ask() -> First:
 
 
 def _own() -> First:
-    """Your own plant: states, equations, output, parameters, initial state."""
+    """Your own plant: states, equations, output, parameters, inputs, initial state."""
     unit = _answer("unit of time", "s", str.strip)
     states = _answer("states, with commas between", "x1, x2", _names)
     parameters = _answer("parameters, such as a = 1, b = 0.5 (Enter: none)", "", _assignments)
-    known = {*states, *parameters, "t"}
+    names = _answer("inputs, with commas between (Enter: none)", "", lambda text: _names(text) if text else [])
+    known = {*states, *parameters, *names, "t"}
     lines = [f"  states: [{', '.join(states)}]", "  dynamics:"]
+    right_hand_sides = []
     for state in states:
         right = _answer(f"{state}' =", "", lambda text: _expression(text, known))
+        right_hand_sides.append(right)
         lines.append(f'    {state}: "{right}"')
     output = _answer("output", states[0], lambda text: _expression(text, known))
     lines.append(f'  output: "{output}"')
+    texts = [*right_hand_sides, output]
+    if names:
+        functions = {
+            name: _answer(f"{name} =", "sin(t)", lambda text: _expression(text, {*parameters, "t"})) for name in names
+        }
+        lines.append("  inputs: {" + ", ".join(f'{name}: "{text}"' for name, text in functions.items()) + "}")
+        texts += functions.values()
+    used = {name for text in texts for name in parse(text).names}
+    for name in [name for name in parameters if name not in used]:
+        del parameters[name]
+        print(f"  nothing uses the parameter {name}: it is left out", file=sys.stderr)
     if parameters:
         lines.append("  parameters: {" + ", ".join(f"{k}: {v:g}" for k, v in parameters.items()) + "}")
     initial = {state: _answer(f"{state} at the start", "1", _number) for state in states}

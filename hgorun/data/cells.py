@@ -178,11 +178,17 @@ def iso_stamp(text: str) -> tuple[int, bool]:
         said = f"expected a date such as 2024-05-31T13:45:10.25, found {describe(text)}"
         raise ValueError(_of_another_form(said) if _DATE_OR_TIME.fullmatch(text) else said)
     year, month, day, hour, minute, second, digits, zone = match.groups()
+    if second == "60":
+        raise ValueError(
+            f"{describe(text)} is a leap second, which dates here do not count: write the second before it"
+        )
+    midnight = hour == "24" and not int(minute or 0) and not int(second or 0) and not int(digits or 0)
+    clock = 0 if midnight else int(hour or 0), int(minute or 0), int(second or 0)
     try:
-        moment = datetime(int(year), int(month), int(day), int(hour or 0), int(minute or 0), int(second or 0))
+        moment = datetime(int(year), int(month), int(day), *clock)
     except ValueError as error:
         raise ValueError(f"{describe(text)}: {error}") from None
-    seconds = (moment - _EPOCH) // _SECOND - _offset(zone)
+    seconds = (moment - _EPOCH) // _SECOND - _offset(zone) + 86_400 * midnight  # 24:00 ends the day
     return _in_range(seconds * 10**9 + int((digits or "0").ljust(9, "0")), text), zone is not None
 
 

@@ -121,7 +121,8 @@ def _stamps(cells: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
     begin = months.astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
     end = (months + 1).astype("datetime64[M]").astype("datetime64[D]").astype(np.int64)
     possible = (year >= 1678) & (year <= 2261) & (month >= 1) & (month <= 12) & (day >= 1) & (day <= end - begin)
-    possible &= (hour < 24) & (minute < 60) & (second < 60)
+    midnight = (hour == 24) & (minute == 0) & (second == 0) & (fraction == 0)  # at the end of the day
+    possible &= ((hour < 24) | midnight) & (minute < 60) & (second < 60)
     seconds = ((begin + day - 1) * 24 + hour) * 3600 + minute * 60 + second
     return seconds * _SECOND + fraction, possible
 

@@ -158,15 +158,18 @@ def answers(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
 
 
 def test_a_plant_of_your_own_from_answers(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    equations = ("x2", "-a*x1 + u", "-a*x1")  # the second of these has an unknown name, and is asked again
+    equations = ("x2", "-a*x1 + w", "-a*x1 + u")  # the second of these has an unknown name, and is asked again
     end_and_sampling = ("-5", "5", "0", "0.01")
-    named = ("own", "h", "x1, x1", "x1, x2", "b", "a = 2")
-    answers(monkeypatch, *named, *equations, "", "", "", "", "one", "0", *end_and_sampling, "shgo, ekff", "shgo")
+    named = ("own", "h", "x1, x1", "x1, x2", "b", "a = 2, c = 3", "u")
+    answers(
+        monkeypatch, *named, *equations, "", "a*cos(t)", "", "", "", "one", "0", *end_and_sampling, "shgo, ekff", "shgo"
+    )
     code, out, err = shell("init", "--ask", "-o", "own.yaml")
     assert code == 0, err
     assert "written: own.yaml" in out
     for words in (
-        "`u` is not known",
+        "`w` is not known",
+        "nothing uses the parameter c: it is left out",
         "different names",
         "expected name = number",
         "> 0, found -5",
@@ -175,7 +178,8 @@ def test_a_plant_of_your_own_from_answers(shell: Shell, monkeypatch: pytest.Monk
         assert words in err
     found = yaml.safe_load((shell.folder / "own.yaml").read_text())
     assert found["time"] == {"end": 5, "output_step": 0.005, "unit": "h"}
-    assert found["plant"]["dynamics"] == {"x1": "x2", "x2": "-a*x1"}
+    assert found["plant"]["dynamics"] == {"x1": "x2", "x2": "-a*x1 + u"}
+    assert found["plant"]["inputs"] == {"u": "a*cos(t)"}
     assert found["plant"]["parameters"] == {"a": 2}
     assert "sampling" not in found["measurement"]
 
@@ -238,6 +242,6 @@ def test_what_does_not_go_together_is_refused(shell: Shell, arguments: tuple[str
 def test_a_plant_of_your_own_that_does_not_run_is_written_and_told(
     shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    answers(monkeypatch, "own", "", "", "", "-x1", "-x2", *[""] * 5, "", "", "", "shgo")  # x1 says nothing of x2
+    answers(monkeypatch, "own", "", "", "", "", "-x1", "-x2", *[""] * 5, "", "", "", "shgo")  # x1 says nothing of x2
     code, _, err = shell("init", "--ask", "-o", "a.yaml")
     assert (code, "a.yaml is written, but does not run yet: a.yaml:" in err) == (1, True), err

@@ -24,13 +24,18 @@ FORMS = [
     "2024-05-31T13:45-11:30",
     "1700-02-28T00:00:00",
     "2000-02-29T23:59:59.999999999",
+    "2024-02-28T24:00",
+    "2024-12-31T24:00:00.0Z",
 ]
 WRONG = [
     "2024-02-30",
     "2023-02-29",
     "2024-13-01",
     "2024-00-10",
-    "2024-05-31T24:00",
+    "2024-05-31T24:01",
+    "2024-05-31T24:00:01",
+    "2024-05-31T24:00:00.1",
+    "2016-12-31T23:59:60",
     "2024-05-31T13:60",
     "2024-05-31T13:45:60",
     "31.05.2024",
@@ -110,3 +115,10 @@ def test_the_first_row_is_not_plain(tmp_path: Path) -> None:
     wanted: list[Cells] = [Stamps("t"), Numbers("a")]
     table = CsvFile(tmp_path / "log.csv", Csv()).table(wanted, 1e9)
     assert table.columns[wanted[1]].tolist() == [1, 2]
+
+
+def test_midnight_ends_the_day_and_leap_seconds_are_told() -> None:
+    assert iso_stamp("2024-02-28T24:00") == iso_stamp("2024-02-29T00:00")
+    assert iso_stamp("2024-12-31T24:00:00Z") == iso_stamp("2025-01-01T00:00:00Z")
+    with pytest.raises(ValueError, match="is a leap second, which dates here do not count: write the second before it"):
+        iso_stamp("2016-12-31T23:59:60Z")
