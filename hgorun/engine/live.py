@@ -77,8 +77,8 @@ class Live:
         self.innovations: Floats = arrays["innovations"][:, :, 0]
         self.samples: Floats = arrays["bias"].reshape(-1)
         self.diverged: Floats = arrays["diverged"].reshape(-1)
-        self._before = np.empty((1, *arrays["rows"].shape[1:]))
-        self._memory.put("rows", self._before)
+        self._memory.put("rows", np.empty((1, *arrays["rows"].shape[1:])))
+        self.before: Floats = arrays["rows"].reshape(-1)  # all states, where an action has shown them in row 0
         # words are written much faster than rows of arrays
         self._span_words = cast("MutableSequence[float]", arrays["spans"].reshape(-1).data)
         self._count_words = cast("MutableSequence[int]", arrays["counts"].reshape(-1).data)
@@ -86,11 +86,6 @@ class Live:
         self._words = cast("MutableSequence[int]", self._memory.context.data)
         self._go_on = program.caller(self._memory)
         self._actions: Integers | None = None  # those in the memory
-
-    @property
-    def before(self) -> Floats:
-        """All states as the last action that shows them has shown them in row 0, shape (states,): a view."""
-        return self._before.reshape(-1)
 
     def advance(self, t: float, regime: int) -> None:
         """Go on to a time; nothing happens but the flow.

@@ -71,7 +71,8 @@ class Arriving:
 
     def _samples(self, y: Any) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, float], ...]]:
         """Places of samples that are known when they are taken, and the samples; those that are missing left out."""
-        places, samples = list[tuple[int, int]](), list[tuple[int, int, float]]()
+        places: list[tuple[int, int]] = []
+        samples: list[tuple[int, int, float]] = []
         for name, value in y.items() if type(y) is dict else numbers_by_name("y", y):
             place = self._places.get(name) or self._places[self._unknown(name, value)]
             if type(value) is not float:

@@ -121,7 +121,7 @@ class Following:
         actions = self._actions(event, used, jumps, gated=gated)
         live.happen_at(event.t, actions, self._regime)
         z = live.before if gated else live.z
-        out = dict[int, list[tuple[int, int]]]()
+        out: dict[int, list[tuple[int, int]]] = {}
         for i, slot, _ in event.samples:
             if taking[i]:
                 if not self.heard[i]:
@@ -146,7 +146,7 @@ class Following:
 
     def _left_out(self, i: int, slot: int, event: Event, taking: Sequence[int], z: Floats, w: Floats) -> list[int]:
         """The observers to which a sample that has arrived is an outlier, and those that have used a newer one."""
-        outliers = list[int]()
+        outliers: list[int] = []
         if self.gate is not None and self.limited[i]:
             outliers = self.gate.outliers(i, self.live.innovations[slot], event.t, z, w, taking)
             self.offered[i] = _increased(self.offered[i], taking)
