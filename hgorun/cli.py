@@ -110,7 +110,7 @@ def _default(field: Field[Any]) -> object:
 
 @_command("simulate", options.Simulate, _NOT_OK)
 def _simulate(chosen: options.Simulate) -> int:
-    from hgorun.commands.run import simulate
+    from hgorun.commands.simulate import simulate
 
     return simulate(chosen)
 
@@ -145,7 +145,7 @@ def _rerun(chosen: options.Rerun) -> int:
 
 @_command("compare", ensemble_options.Compare, _NOT_OK)
 def _compare(chosen: ensemble_options.Compare) -> int:
-    from hgorun.commands.run import compare
+    from hgorun.commands.compare import compare
 
     return compare(chosen)
 

@@ -273,6 +273,7 @@ class Export(Configured):
             autocompletion=completion.configurations,
         ),
     ]
+    run: WhichRun = None
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="Folder to write to (default: results/NAME).")
     ] = None
@@ -322,6 +323,7 @@ class Analyze(Configured, Drawing):
             autocompletion=completion.configurations,
         ),
     ]
+    run: WhichRun = None
     search: Annotated[
         bool,
         typer.Option("--search", help="Search for the largest theta that fails below the working range."),

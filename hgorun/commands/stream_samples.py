@@ -37,8 +37,8 @@ class Stream:
     Attributes
     ----------
     experiment : Experiment
-    inputs : tuple of str
-        Those that come with the samples.
+    said : StatedOfData
+        What the block ``data`` says of samples.
     late : bool
         Whether the configuration says that samples are known later than they are taken.
     ignored : tuple of str
@@ -46,7 +46,7 @@ class Stream:
     """
 
     experiment: Experiment
-    inputs: tuple[str, ...]
+    said: StatedOfData
     late: bool = False
     ignored: tuple[str, ...] = ()
 
@@ -61,9 +61,9 @@ class Stream:
         said = StatedOfData.of(source)
         experiment = streamed(source, said, name)
         if said.block is None:
-            return cls(experiment, said.inputs)
+            return cls(experiment, said)
         late = any(one.available is not None for one in said.block.outputs.values())
-        return cls(experiment, said.inputs, late, tuple(_ignored(said.block, experiment)))
+        return cls(experiment, said, late, tuple(_ignored(said.block, experiment)))
 
     def check_lateness(self, *, told: bool = False) -> None:
         """Refuse observers that treat late samples differently where these come; where they may come, tell of it.
@@ -93,7 +93,13 @@ class Stream:
 
     def estimator(self, *, remembered: int) -> Estimator:
         """At the start of the stream; ``remembered`` is 0 where no sample can be late."""
-        return Estimator(self.experiment, remembered=remembered)
+        said = self.said
+        return Estimator(self.experiment, gates=said.gates, std=said.std, inputs=said.inputs, remembered=remembered)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Those that come with the samples."""
+        return self.said.inputs
 
 
 def _ignored(block: Data, experiment: Experiment) -> Iterator[str]:

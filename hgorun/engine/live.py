@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import ctypes
 import math
-from collections.abc import MutableSequence
-from typing import cast
+from collections.abc import Mapping, MutableSequence, Sequence
+from typing import TypeAlias, cast
 
 import numpy as np
 
-from hgorun.engine.layout import ACTION_WORDS, DONE
+from hgorun.engine.layout import ACTION_WORDS, COUNT, DONE, SPAN, WORD
 from hgorun.engine.memory import Memory, Start
 from hgorun.engine.plan import Floats, Integers, Plan
 from hgorun.engine.program import Program
 from hgorun.errors import SimulationError
 
-_KEPT = ("z", "w", "slots", "diverged", "innovations")  # of the memory: what a run goes on from
+LiveState: TypeAlias = tuple[float, bytes]
+"""What a run goes on from: its time, and numbers that :meth:`Live.told` names."""
+
 _ROUNDING = 1 - 1e-9
+_SEGMENT = WORD["segment"]
+_STEPS, _LAST, _REGIME, _ACTIONS = (COUNT.index(name) for name in ("steps", "last", "regime", "action_last"))
+# The two segments of the memory: the flow, and what happens then, which takes no time.
+_EVENT, _EVENT_COUNTS = len(SPAN), len(COUNT)
+_ONE, _TWO = ctypes.c_int64(1), ctypes.c_int64(2)  # which a call need not make anew
 
 
 class Live:
@@ -46,22 +54,37 @@ class Live:
             slots=slots + at_once,
             gain=np.ones(slots + at_once),
             bias=np.zeros(slots + at_once),
-            holds=nothing,
+            holds=np.array([0.0, 1.0]),
         )
         self.at_once, self.slots = at_once, slots
         self._memory: Memory = program.memory(plan, start)
-        arrays = self._memory.arrays
+        arrays, self._kept = self._memory.arrays, dict[str, slice]()
+        # Those numbers that a run goes on from lie in one piece, which is copied at once. Of samples that are carried
+        # out at once nothing is left, but of those in the first slots.
+        end, first = 0, {"slots": slots * program.system.width}
+        for name in ("z", "w", "diverged", "slots"):
+            self._kept[name] = slice(end, end + first.get(name, arrays[name].size))
+            end += arrays[name].size
+        block = np.empty(end)
+        for name, part in self._kept.items():
+            own = block[part.start : part.start + arrays[name].size].reshape(arrays[name].shape)
+            own[...] = arrays[name]
+            self._memory.put(name, own)
+        self._numbers: Floats = block[: self._kept["slots"].stop]
+        self._bytes = self._numbers.data.cast("B")
         self.z: Floats = arrays["z"].reshape(-1)
         self.w: Floats = arrays["w"].reshape(-1)
         self.innovations: Floats = arrays["innovations"][:, :, 0]
         self.samples: Floats = arrays["bias"].reshape(-1)
         self.diverged: Floats = arrays["diverged"].reshape(-1)
-        # of samples that are carried out at once nothing is left, but of those in the first slots
-        own = {"slots": slots * program.system.width, "innovations": slots}
-        self._kept = {name: arrays[name][: own.get(name)] for name in _KEPT}
-        # of at most two segments: words are written much faster than rows of arrays
+        self._memory.put("rows", np.empty((1, *arrays["rows"].shape[1:])))
+        self.before: Floats = arrays["rows"].reshape(-1)  # all states, where an action has shown them in row 0
+        # words are written much faster than rows of arrays
         self._span_words = cast("MutableSequence[float]", arrays["spans"].reshape(-1).data)
         self._count_words = cast("MutableSequence[int]", arrays["counts"].reshape(-1).data)
+        self.sample_words = cast("MutableSequence[float]", self.samples.data)
+        self._words = cast("MutableSequence[int]", self._memory.context.data)
+        self._go_on = program.caller(self._memory)
         self._actions: Integers | None = None  # those in the memory
 
     def advance(self, t: float, regime: int) -> None:
@@ -72,36 +95,36 @@ class Live:
         regime : int
             The number of what the outputs are meanwhile.
         """
-        if self._flow_to(t, regime):
-            self._run()
+        if t > self.t:
+            self._flow_to(t, regime)
+            self._run(0, _ONE)
             self.t = t
 
     def happen_at(self, t: float, actions: Integers, regime: int) -> None:
         """Go on to a time, as :meth:`advance`; then something happens: rows of the engine's action table."""
+        spans, counts, first = self._span_words, self._count_words, 1
         if actions is not self._actions:
             self._memory.put("actions", actions)
             self._actions = actions
-        segments = self._flow_to(t, regime)
-        spans, counts = self._span_words, self._count_words
-        place, word = 4 * segments, 7 * segments
-        spans[place] = spans[place + 1] = spans[place + 2] = spans[place + 3] = max(t, self.t)
-        counts[word], counts[word + 2], counts[word + 3], counts[word + 5] = 1, 0, regime, len(actions)
-        self._run(segments + 1)
-        self.t = max(t, self.t)
+            counts[_EVENT_COUNTS + _ACTIONS] = len(actions)
+        if t > self.t:
+            self._flow_to(t, regime)
+            first = 0
+        else:
+            t = self.t
+        spans[_EVENT] = spans[_EVENT + 1] = spans[_EVENT + 2] = spans[_EVENT + 3] = t
+        counts[_EVENT_COUNTS + _REGIME] = regime
+        self._run(first, _TWO)
+        self.t = t
 
-    def _flow_to(self, t: float, regime: int) -> int:
-        """Write the segment from here to a time: how many there are, none where the time has been reached."""
-        gap = t - self.t
-        if not gap > 0:
-            return 0
-        steps = max(math.ceil(gap / self._step * _ROUNDING), 1)
-        spans, counts = self._span_words, self._count_words
-        spans[0] = spans[2] = self.t
+    def _flow_to(self, t: float, regime: int) -> None:
+        """Write the segment from here to a later time."""
+        since, spans, counts = self.t, self._span_words, self._count_words
+        steps = math.ceil((t - since) / self._step * _ROUNDING) or 1
+        spans[0] = spans[2] = since
         spans[1] = spans[3] = t
-        counts[0] = counts[2] = steps
-        counts[3] = regime
-        counts[5] = 0
-        return 1
+        counts[_STEPS] = counts[_LAST] = steps
+        counts[_REGIME] = regime
 
     def go_through(self, times: Floats, regime: int, actions: Integers, holds: Floats) -> Floats:
         """Go on through events, as :meth:`happen_at` would one after the other.
@@ -141,24 +164,42 @@ class Live:
         self._memory.put("actions", actions.reshape(-1, ACTION_WORDS))
         self._actions = None
         try:
-            self._run(int(np.count_nonzero(happens)))
+            self._run(0, ctypes.c_int64(int(np.count_nonzero(happens))))
         finally:
             for name, array in own.items():
                 self._memory.put(name, array)
         self.t = float(times[-1])
         return rows
 
-    def _run(self, segments: int = 1) -> None:
-        self._memory["segment"] = 0
-        if self._program.go_on(self._memory, segments) != DONE:
+    def _run(self, first: int, stop: ctypes.c_int64) -> None:
+        self._words[_SEGMENT] = first
+        if self._go_on(stop) != DONE:
             raise SimulationError(f"the run cannot go on at t = {self.t:.6g}")
 
-    def state(self) -> dict[str, Floats]:
+    def state(self) -> LiveState:
         """All that the run goes on from, copied."""
-        return {name: values.copy() for name, values in self._kept.items()} | {"t": np.array([self.t])}
+        return self.t, self._bytes.tobytes()
 
-    def restore(self, state: dict[str, Floats]) -> None:
+    def restore(self, state: LiveState) -> None:
         """Go on from what :meth:`state` gave."""
-        for name, values in self._kept.items():
-            values[...] = state[name]
-        self.t = float(state["t"][0])
+        self.t, self._bytes[:] = state
+
+    def told(self, states: Sequence[LiveState]) -> dict[str, Floats]:
+        """The numbers of some states by their names, those of each in a row."""
+        rows = np.frombuffer(b"".join(numbers for _, numbers in states)).reshape(len(states), -1)
+        found = {name: rows[:, part] for name, part in self._kept.items()}
+        return found | {"t": np.array([[t] for t, _ in states])}
+
+    def states(self, told: Mapping[str, Floats]) -> list[LiveState]:
+        """Those of :meth:`told` again.
+
+        Raises
+        ------
+        ValueError
+            For numbers of another system.
+        """
+        times = told["t"].reshape(-1).tolist()
+        rows = np.empty((len(times), self._numbers.size))
+        for name, part in self._kept.items():
+            rows[:, part] = told[name].reshape(len(times), -1)
+        return [(t, row.tobytes()) for t, row in zip(times, rows, strict=True)]

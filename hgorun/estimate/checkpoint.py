@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,6 @@ import numpy as np
 from hgorun.engine.plan import Floats
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.estimate.event import Event
-from hgorun.estimate.following import State
 
 _MAGIC = b"hgorun-estimator-1\n"
 
@@ -24,37 +23,35 @@ class Checkpoint:
 
     Attributes
     ----------
-    now : State
-        Of the run.
-    before : sequence of State
-        Before each of the events.
+    numbers : mapping of str to ndarray
+        Of the run, by name: a row of what they are now, then one of what they were before each of the events.
+    notes : sequence of sequence
+        What is known beside them, as JSON has it.
     events : sequence of Event
         What is remembered for samples that come late.
     """
 
-    now: State
-    before: Sequence[State]
+    numbers: Mapping[str, Floats]
+    notes: Sequence[Sequence[Any]]
     events: Sequence[Event]
 
-    def written(self, identity: str) -> bytes:
-        """As bytes; ``identity`` is what it is of."""
-        every = [self.now, *self.before]
+    def written(self, identity: str, gates: Mapping[str, float]) -> bytes:
+        """As bytes; ``identity`` is what it is of, and ``gates`` are those that judged its samples."""
         file = io.BytesIO()
-        arrays: dict[str, Any] = {name: np.stack([state[name] for state, _ in every]) for name in self.now[0]}
-        np.savez(file, **arrays)
-        now, *before = (json.dumps(notes) for _, notes in every)
+        np.savez(file, **self.numbers)  # type: ignore[arg-type]  # an array is no flag, however it is called
+        now, *before = (json.dumps(notes) for notes in self.notes)
         notes = json.dumps([now, before, [one.told() for one in self.events]]).encode()
-        head = json.dumps({"of": identity, "notes": len(notes)}).encode()
+        head = json.dumps({"of": identity, "notes": len(notes), "gates": dict(sorted(gates.items()))}).encode()
         return _MAGIC + head + b"\n" + notes + file.getvalue()
 
     @classmethod
-    def read(cls, data: bytes | bytearray, identity: str) -> Checkpoint:
+    def read(cls, data: bytes | bytearray, identity: str, gates: Mapping[str, float]) -> Checkpoint:
         """From what :meth:`written` gave.
 
         Raises
         ------
         ConfigError
-            When it is no checkpoint, one of something else, or damaged.
+            When it is no checkpoint, one of something else or with other gates, or damaged.
         """
         if not data.startswith(_MAGIC):
             raise ConfigError("this is not a checkpoint of an estimator, or one of another version")
@@ -63,22 +60,27 @@ class Checkpoint:
             told = json.loads(head)
             if told["of"] != identity:
                 raise ConfigError("the checkpoint is of another configuration")
+            judged = told.get("gates", gates)  # older ones do not tell
+            if judged != gates:
+                raise ConfigError(
+                    f"the checkpoint was made with gates {_said(judged)}, and this estimator has {_said(gates)}: "
+                    "give it the same gates, or begin anew"
+                )
             size = int(told["notes"])
             with np.load(io.BytesIO(rest[size:]), allow_pickle=False) as arrays:
-                states = {name: np.array(arrays[name], dtype=float) for name in arrays.files}
+                numbers = {name: np.array(arrays[name], dtype=float) for name in arrays.files}
             now, before, events = json.loads(rest[:size])
-            every = [_state(states, k, notes) for k, notes in enumerate([now, *before])]
-            return cls(every[0], every[1:], [Event.of(one) for one in events])
+            return cls(numbers, [json.loads(notes) for notes in (now, *before)], [Event.of(one) for one in events])
         except HgorunError:
             raise
         except Exception as error:
             raise damaged(error) from error
 
 
+def _said(gates: Mapping[str, float]) -> str:
+    return "{" + ", ".join([f"{name}: {value:g}" for name, value in gates.items()]) + "}"
+
+
 def damaged(error: Exception) -> ConfigError:
     """Of a checkpoint that looks like one."""
     return ConfigError(f"the checkpoint is damaged: {error}")
-
-
-def _state(states: dict[str, Floats], k: int, notes: str) -> State:
-    return {name: values[k] for name, values in states.items()}, json.loads(notes)

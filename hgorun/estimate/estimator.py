@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
@@ -13,18 +12,16 @@ import numpy as np
 
 from hgorun.config.reading import read_source
 from hgorun.engine.plan import Floats, Integers
+from hgorun.estimate.arriving import Arriving
 from hgorun.estimate.checkpoint import Checkpoint, damaged
 from hgorun.estimate.completed import streamed
-from hgorun.estimate.event import Event
 from hgorun.estimate.following import Following
-from hgorun.estimate.given import as_number, numbers_by_name
-from hgorun.estimate.live_system import LATE, TOGETHER, LiveSystem, slot_of
+from hgorun.estimate.given import as_number
+from hgorun.estimate.live_system import LiveSystem
 from hgorun.estimate.remembered import Remembered
 from hgorun.estimate.stated_of_data import StatedOfData, with_noise
-from hgorun.estimate.together import Kinds
+from hgorun.estimate.together import Together
 from hgorun.simulation.experiment import Experiment
-
-_FARTHEST = 1e8  # steps to the next event, a minute or so: what is further off is on another clock, as that of Unix
 
 
 class Estimator:
@@ -67,21 +64,23 @@ class Estimator:
         inputs: Sequence[str] | None = None,
         remembered: int = 1000,
     ) -> None:
-        said = StatedOfData.of(experiment.source)
-        gates = said.gates if gates is None else gates
-        experiment = with_noise(experiment, said.std if std is None else std)
+        if gates is None or std is None or inputs is None:
+            said = StatedOfData.of(experiment.source)
+            gates = said.gates if gates is None else gates
+            std = said.std if std is None else std
+            inputs = said.inputs if inputs is None else inputs
+        experiment = with_noise(experiment, std)
         self._experiment = experiment
         with experiment.located():
-            self._system = system = LiveSystem.of(experiment, tuple(said.inputs if inputs is None else inputs))
+            self._system = system = LiveSystem.of(experiment, tuple(inputs))
             for name in gates:
                 system.output(name)
             self._run = Following(system, gates)
         self._live = self._run.live
-        self._joint = system.joint
-        self._past = Remembered(self._run, max(remembered, int(self._joint)))
-        self._kinds = Kinds.of(system.structure, list(system.corrections), len(system.inputs), LATE)
-        self._reach = _FARTHEST * system.step
-        self._simple = system.follows_states and not (gates or system.steps or remembered > 0)
+        self._gates = {name: float(gate) for name, gate in gates.items()}
+        self._past = Remembered(self._run, max(remembered, int(system.joint)))
+        self._arriving = Arriving(self._run, self._past)
+        self._together = Together(self._run, self._arriving, decided=bool(gates or system.steps or remembered > 0))
 
     @classmethod
     def load(cls, path: str | Path, overrides: Sequence[str] = ()) -> Estimator:
@@ -94,7 +93,8 @@ class Estimator:
         ConfigError
         """
         _, source = read_source(path, overrides)
-        return cls(streamed(source, StatedOfData.of(source), Path(path).stem))
+        said = StatedOfData.of(source)
+        return cls(streamed(source, said, Path(path).stem), gates=said.gates, std=said.std, inputs=said.inputs)
 
     @property
     def t(self) -> float:
@@ -170,7 +170,7 @@ class Estimator:
         """
         ahead = self._live.state()
         for t in times:
-            since, kept = self._since_start(t), self._live.state()
+            since, kept = self._arriving.since_start(as_number("t", t)), self._live.state()
             try:
                 self._live.restore(ahead)
                 self._live.advance(since, self._run.regime)
@@ -187,18 +187,7 @@ class Estimator:
         ------
         ValueError
         """
-        self._since_start(t)
-
-    def _since_start(self, t: float, name: str = "t") -> float:
-        t = as_number(name, t)
-        since = t - self._experiment.origin
-        if not since >= self._live.t:  # NaN, too
-            raise ValueError(f"t = {t:g} is before {self.t:g}, which has been reached")
-        if since - self._live.t > self._reach:
-            raise ValueError(
-                f"t = {t:g} is more than {_FARTHEST:.0e} steps after {self.t:g}: time.start may be missing"
-            )
-        return since
+        self._arriving.since_start(as_number("t", t))
 
     def update(
         self,
@@ -214,55 +203,25 @@ class Estimator:
         t : float
             When they were taken.
         y : mapping of str to float
-            By output; what is not finite is missing.
+            By output; one that is NaN is missing.
         available : float, optional
             When they are known, if that is later than ``t``.
         u : mapping of str to float, optional
-            Inputs from then on.
+            Inputs from then on; one that is NaN stays what it is.
 
         Raises
         ------
         ValueError
-            For a time that has passed, and for names that are unknown.
+            For a time that has passed, for names that are unknown, and for infinite numbers.
         TypeError
             For what is no number, or no mapping.
         """
-        t = as_number("t", t)
-        system, past = self._system, self._past
-        values = [(system.output(name), value) for name, value in numbers_by_name("y", y)]
-        values = sorted([(i, value) for i, value in values if math.isfinite(value)])
-        changed = () if u is None else tuple((system.input(name), value) for name, value in numbers_by_name("u", u))
-        if available is None or available == t:
-            now = self._since_start(t)
-            samples = tuple([(i, slot_of(i), value) for i, value in values])
-            event = Event(now, tuple([(i, slot) for i, slot, _ in samples]), samples, changed, now)
-            if self._joint and now == self._live.t:
-                past.go_back(event, together=True)
-            else:
-                past.go_on(event)
-            return
-        now, taken = self._since_start(available, "available"), t - self._experiment.origin
-        if taken > now:
-            raise ValueError(f"taken at {t:g}, after it was known at {available:g}")
-        if taken < now and not self._run.by_innovation(t):
-            if "replay" in system.treatments.values():
-                samples = tuple((i, slot_of(i), value) for i, value in values)
-                past.go_back(
-                    Event(taken, tuple((i, slot) for i, slot, _ in samples), samples, (), taken), together=True
-                )
-            past.go_on(Event(now, (), (), changed, now))
-            return
-        slots = tuple((i, self._run.next_slot(i)) for i, _ in values)
-        past.go_back(Event(taken, slots))
-        samples = tuple((i, slot, value) for (i, slot), (_, value) in zip(slots, values, strict=True))
-        past.go_on(Event(now, (), samples, changed, taken))
+        self._arriving.take(t, y, available, u)
 
     @property
     def kinds(self) -> dict[str, int]:
         """The numbers of outputs and of inputs that come with samples, for :meth:`update_many`; by name."""
-        outputs, inputs = self._system.outputs, self._system.inputs
-        given = {name: len(outputs) + i for name, i in inputs.items() if name not in outputs}
-        return {**outputs, **given}
+        return self._together.kinds
 
     def at_once(self, t: Floats, kinds: Integers) -> int:
         """How many of some samples, from the first on, :meth:`update_many` may take together.
@@ -277,17 +236,7 @@ class Estimator:
         kinds : ndarray of int, shape (N,)
             What each is of, see :attr:`kinds`.
         """
-        if not self._simple:
-            return 0
-        heard = np.array([*self._run.heard, *([True] * len(self._system.inputs))])
-        since = t - self._experiment.origin
-        fits = heard[kinds] & (since >= np.append(self._live.t, since[:-1]))
-        gaps = np.diff(since, prepend=self._live.t)
-        fits &= gaps <= self._reach  # one further off is refused by `update`
-        if self._joint:
-            fits &= (gaps > 0) & np.append(gaps[1:] > 0, False)
-        count = len(fits) if fits.all() else int(np.argmin(fits))
-        return min(count, TOGETHER)
+        return self._together.at_once(t, kinds)
 
     def update_many(self, t: Floats, kinds: Integers, values: Floats) -> dict[str, tuple[Floats, np.ndarray]]:
         """Take samples that are known when they are taken, with the bits of one :meth:`update` after the other.
@@ -302,15 +251,7 @@ class Estimator:
         dict of str to (ndarray, ndarray of bool)
             By observer xhat after every sample, shape (N, n), and whether it had no numbers any more, shape (N,).
         """
-        since = t - self._experiment.origin
-        rows = self._kinds.carry_out(self._live, self._run.regime, since, kinds, values, LATE)
-        for i in range(len(self._system.outputs)):
-            own = since[kinds == i]
-            if own.size:
-                self._run.newest[i] = [float(own[-1])] * len(self.labels)
-        lost = self._live.diverged[:, None] <= since
-        readouts = zip(self.labels, self._system.structure.estimates, lost, strict=True)
-        return {label: (readout.along(since, self._system.p, rows), gone) for label, readout, gone in readouts}
+        return self._together.take(t, kinds, values)
 
     @cached_property
     def _identity(self) -> str:
@@ -320,23 +261,25 @@ class Estimator:
 
     def checkpoint(self) -> bytes:
         """All that the estimator goes on from, with what is remembered for samples that come late."""
-        return Checkpoint(self._run.state(), self._past.before, self._past.events).written(self._identity)
+        numbers, notes = self._run.told([self._run.state(), *self._past.before])
+        return Checkpoint(numbers, notes, self._past.events).written(self._identity, self._gates)
 
     def restore(self, checkpoint: bytes | bytearray) -> None:
-        """Go on from a checkpoint of the same configuration.
+        """Go on from a checkpoint of the same configuration, with the same gates.
 
         Raises
         ------
         HgorunError
-            When it is none, or one of another configuration.
+            When it is none, or one of another configuration or with other gates.
         TypeError
             When it is no bytes at all.
         """
         if not isinstance(checkpoint, bytes | bytearray):
             raise TypeError(f"checkpoint: expected the bytes of checkpoint(), found {checkpoint!r:.50}")
-        found = Checkpoint.read(checkpoint, self._identity)
+        found = Checkpoint.read(checkpoint, self._identity, self._gates)
         try:
-            self._run.restore(found.now)
+            now, *before = self._run.states(found.numbers, found.notes)
+            self._run.restore(now)
         except Exception as error:
             raise damaged(error) from error
-        self._past.replace(found.events, found.before)
+        self._past.replace(found.events, before)

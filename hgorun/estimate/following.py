@@ -2,24 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, TAKE
+from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, SHOW, TAKE
+from hgorun.engine.live import LiveState
 from hgorun.engine.plan import Floats, Integers
 from hgorun.engine.session import without
 from hgorun.estimate.event import Event
-from hgorun.estimate.gate import Gate
+from hgorun.estimate.gate import Gate, kept_of
 from hgorun.estimate.gated import jumps_by_several, leave_out
 from hgorun.estimate.lateness import disagreement
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 
-Notes: TypeAlias = list[Any]  # of numbers, and lists of them: as JSON has them
-State: TypeAlias = tuple[dict[str, Floats], Notes]  # the numbers of a run, and what is known beside them
+Notes: TypeAlias = tuple[Any, ...]  # what is known beside the numbers of a run; nothing in it changes any more
+State: TypeAlias = tuple[LiveState, Notes]
 
 _ROWS = 1000  # of action tables that are kept
+_ZERO, _ONE = 0, 1  # the numbers that are set, as a live run has them
 
 
 class Following:
@@ -36,13 +39,13 @@ class Following:
     system : LiveSystem
     live : Live
     gate : Gate or None
-    heard : list of bool
+    heard : tuple of bool
         Which outputs have had a sample.
-    newest : list of list of float
+    newest : list of tuple of float
         When the newest sample of each output that each observer has used had been taken.
     limited : list of bool
         Which outputs have a gate.
-    offered, outliers : list of list of int
+    offered, outliers : list of tuple of int
         How many samples of each output with a gate each observer has judged, and how many of them it has left out.
     """
 
@@ -52,18 +55,18 @@ class Following:
         self.gate = Gate(system.experiment, limits, system.covariances) if gates else None
         self.limited = [limit is not None for limit in limits]
         self._different = disagreement(system.experiment)
-        self.heard = [False] * len(limits)
-        self._every, count = range(len(system.labels)), len(system.labels)
-        self.newest = [[-np.inf] * count for _ in limits]
-        self.offered = [[0] * count for _ in limits]
-        self.outliers = [[0] * count for _ in limits]
+        self._every, self._count = range(len(system.labels)), len(system.labels)
+        self.heard = (False,) * len(limits)
+        self.newest = [(-math.inf,) * self._count] * len(limits)
+        self.offered = [(0,) * self._count] * len(limits)
+        self.outliers = [(0,) * self._count] * len(limits)
         self._pending = [0] * len(limits)
-        self._last_sample = np.nan
+        self._last_sample = math.nan
         self._told: dict[int, float] = {}
         self._rows: dict[object, Integers] = {}
         self._held = system.structure.system.held
-        self._regime = system.regimes[tuple(self.heard)]
-        self._looks_before = self.gate is not None or bool(system.steps)  # at the states before a sample arrives
+        self._regime = system.regimes[self.heard]
+        self._decides = self.gate is not None or bool(system.steps or system.driven)  # what a sample does to whom
 
     @property
     def regime(self) -> int:
@@ -83,10 +86,25 @@ class Following:
 
     def carry_out(self, event: Event) -> None:
         """Go on to an event, and let it happen."""
-        live = self.live
-        if self.system.driven and live.t <= 0.0 and not any(self.heard):
+        if self._decides or event.inputs or not event.samples or event.taken != event.t:
+            self._carry_out(event)
+            return
+        live, t = self.live, event.t
+        words, newest = live.sample_words, self.newest
+        for _, slot, value in event.samples:
+            words[slot] = value
+        live.happen_at(t, self._actions_on_time(event), self._regime)
+        for i, _, _ in event.samples:
+            newest[i] = (t,) * self._count
+            if not self.heard[i]:
+                self._hear(i)
+
+    def _carry_out(self, event: Event) -> None:
+        """As :meth:`carry_out`, of whatever it may be."""
+        live, system = self.live, self.system
+        if system.driven and live.t <= 0.0 and not any(self.heard):
             self._begin(event)
-        if self._looks_before or event.inputs or not (event.take or event.samples):
+        if system.steps or event.inputs or not (event.take or event.samples):
             live.advance(event.t, self._regime)
             for number, value in event.inputs:
                 place, slope, since, _ = self._held.input(number)
@@ -94,30 +112,30 @@ class Following:
             if not (event.take or event.samples):
                 return
         for _, slot, value in event.samples:
-            live.samples[slot] = value
+            live.sample_words[slot] = value
         taking = {i: self._taking(i, event) for i, _, _ in event.samples}
         used = tuple([bool(taking[i]) for i, _, _ in event.samples])
         jumps = self._jumps(event) if True in used else ()
-        gated = self.gate is not None and any(self.limited[i] and taking[i] for i in taking)
-        z, w = (live.z.copy(), live.w.copy()) if gated else (live.z, live.w)
-        fresh = [self._held.fresh(i) for i, members in taking.items() if members] if self._held.flags else []
-        for place in fresh:
-            live.w[place] = 1.0
-        actions = self._actions(event, used, jumps)
+        gated = self.gate is not None and any([self.limited[i] and taking[i] for i in taking])
+        w = live.w.copy() if gated else live.w
+        actions = self._actions(event, used, jumps, gated=gated)
         live.happen_at(event.t, actions, self._regime)
-        for place in fresh:
-            live.w[place] = 0.0
-        out = dict[int, list[tuple[int, int]]]()
+        z = live.before if gated else live.z
+        out: dict[int, list[tuple[int, int]]] = {}
         for i, slot, _ in event.samples:
             if taking[i]:
                 if not self.heard[i]:
-                    self.heard[i] = True
-                    self._regime = self.system.regimes[tuple(self.heard)]
+                    self._hear(i)
                 for j in self._left_out(i, slot, event, taking[i], z, w):
                     out.setdefault(j, []).append((i, slot))
-                    leave_out(self.system.structure.system, live, i, j, z, w)
+                    leave_out(system.structure.system, live, i, j, z, w)
         for j, samples in out.items():
-            self._jump_without(event, j, samples, fresh, actions, z, w)
+            self._jump_without(event, j, samples, actions, z, w)
+
+    def _hear(self, output: int) -> None:
+        """An output has had its first sample."""
+        self.heard = (*self.heard[:output], True, *self.heard[output + 1 :])
+        self._regime = self.system.regimes[self.heard]
 
     def _taking(self, output: int, event: Event) -> Sequence[int]:
         """The observers that have used no newer sample of an output."""
@@ -128,16 +146,18 @@ class Following:
 
     def _left_out(self, i: int, slot: int, event: Event, taking: Sequence[int], z: Floats, w: Floats) -> list[int]:
         """The observers to which a sample that has arrived is an outlier, and those that have used a newer one."""
-        newest, outliers = self.newest[i], list[int]()
+        outliers: list[int] = []
         if self.gate is not None and self.limited[i]:
             outliers = self.gate.outliers(i, self.live.innovations[slot], event.t, z, w, taking)
-            for j in taking:
-                self.offered[i][j] += 1
-                self.outliers[i][j] += j in outliers
-        for j in taking:
-            if j not in outliers:
-                newest[j] = event.taken
-        return [j for j in self._every if j in outliers or j not in taking]
+            self.offered[i] = _increased(self.offered[i], taking)
+            if outliers:
+                self.outliers[i] = _increased(self.outliers[i], outliers)
+        if not outliers and taking is self._every:
+            self.newest[i] = (event.taken,) * self._count
+            return outliers
+        out = [j for j in self._every if j in outliers or j not in taking]
+        self.newest[i] = tuple([old if j in out else event.taken for j, old in enumerate(self.newest[i])])
+        return out
 
     def _begin(self, event: Event) -> None:
         """Let observers start with the inputs that are known by now.
@@ -165,7 +185,6 @@ class Following:
         event: Event,
         j: int,
         samples: list[tuple[int, int]],
-        fresh: list[int],
         actions: Integers,
         z: Floats,
         w: Floats,
@@ -175,10 +194,9 @@ class Following:
         start, stop, _ = system.blocks[j]
         if not jumps_by_several(system, start):
             return
-        kept, out = live.state(), {system.held.fresh(i) for i, _ in samples}
+        kept, flags = live.state(), [system.held.fresh(i) for i, _ in samples]
         live.z[...], live.w[...] = z, w
-        live.w[[place for place in fresh if place not in out]] = 1.0
-        live.happen_at(event.t, without(actions, samples, ()), self._regime)
+        live.happen_at(event.t, without(actions, samples, flags), self._regime)
         states = live.z[start:stop].copy()
         live.restore(kept)
         live.z[start:stop] = states
@@ -195,47 +213,81 @@ class Following:
             self._last_sample = event.t
         return found
 
-    def _actions(self, event: Event, used: tuple[bool, ...], jumps: tuple[int, ...]) -> Integers:
+    def _actions_on_time(self, event: Event) -> Integers:
+        """As :meth:`_actions`, of samples that all observers take as they come."""
+        actions = self._rows.get(event.take)
+        if actions is None:
+            actions = self._actions(event, (True,) * len(event.samples), self.system.corrections, gated=False)
+            self._rows[event.take] = actions
+        return actions
+
+    def _actions(self, event: Event, used: tuple[bool, ...], jumps: tuple[int, ...], *, gated: bool) -> Integers:
         """Rows of the engine's action table, in their order; kept, since few of them differ."""
-        key = (event.take, tuple([(i, slot) for i, slot, _ in event.samples]), used, jumps)
+        key = (event.take, tuple([(i, slot) for i, slot, _ in event.samples]), used, jumps, gated)
         if key not in self._rows:
-            rows = [(TAKE, i, slot, 0, 0) for i, slot in event.take]
-            arriving = list(zip(event.samples, used, strict=True))
+            system, arriving = self.system.structure.system, list(zip(event.samples, used, strict=True))
+            fresh = [self._held.fresh(i) for (i, _, _), heard in arriving if heard and self._held.flags]
+            rows = [(SHOW, 0, 0, 0, 0)] if gated else []
+            rows += [(SET, place, _ONE, 0, 0) for place in fresh]
+            rows += [(TAKE, i, slot, 0, 0) for i, slot in event.take]
             rows += [(ARRIVE if heard else RECORD, i, slot, 0, 0) for (i, slot, _), heard in arriving]
-            if self.system.structure.system.has_alpha:
+            if system.has_alpha:
                 late = ((i, slot_of(i, 1), slot_of(i + 1)) for (i, _, _), heard in arriving if heard)
                 rows += [(REBASE, i, 0, first, last) for i, first, last in late]
             rows += [(JUMP, number, 0, 0, 0) for number in jumps]
+            rows += [(SET, place, _ZERO, 0, 0) for place in fresh]
             if len(self._rows) > _ROWS:
                 self._rows.clear()
             self._rows[key] = np.array(rows, dtype=np.int64)
         return self._rows[key]
 
     def state(self) -> State:
-        """All that the run goes on from, copied."""
-        gate = None if self.gate is None else [[one.state() for one in row] for row in self.gate.deviations]
-        counts = _copied(self.offered), _copied(self.outliers)
-        known = self.heard.copy(), _copied(self.newest), self._pending.copy(), self._last_sample, gate
-        return self.live.state(), [*known, *counts, list(self._told.items())]
+        """All that the run goes on from: what is kept does not change, so that next to nothing is copied."""
+        gate = None if self.gate is None else self.gate.state()
+        known = self.heard, (*self.newest,), (*self._pending,), self._last_sample, gate
+        return self.live.state(), (*known, (*self.offered,), (*self.outliers,), self._told)
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
-        numbers, notes = state
-        heard, newest, pending, self._last_sample, gate, *counts = notes
-        self.heard, self._pending, self.newest = heard.copy(), pending.copy(), self._of_each(newest)
-        self._regime = self.system.regimes[tuple(self.heard)]
-        if counts:  # older checkpoints have none
-            self.offered, self.outliers = self._of_each(counts[0]), _copied(counts[1])
-            self._told = {number: value for pairs in counts[2:] for number, value in pairs}
+        numbers, (self.heard, newest, pending, self._last_sample, gate, offered, outliers, self._told) = state
+        self.newest, self._pending, self.offered, self.outliers = map(list, (newest, pending, offered, outliers))
+        self._regime = self.system.regimes[self.heard]
         if self.gate is not None and gate is not None:
-            for row, kept in zip(self.gate.deviations, gate, strict=True):
-                for one, innovations in zip(row, kept, strict=True):
-                    one.restore(innovations)
+            self.gate.restore(gate)
         self.live.restore(numbers)
 
-    def _of_each(self, numbers: Sequence[Any]) -> list[list[Any]]:
-        """Of every output those of each observer, copied; older checkpoints have one for all of them."""
-        return [one.copy() if isinstance(one, list) else [one] * len(self._every) for one in numbers]
+    def told(self, states: Sequence[State]) -> tuple[dict[str, Floats], list[list[Any]]]:
+        """Some states for a checkpoint: numbers by name, those of each state in a row, and notes as JSON has them."""
+        notes = []
+        for _, (*known, gate, offered, outliers, inputs) in states:
+            kept = None if gate is None else [[kept_of(one) for one in row] for row in gate]
+            notes.append([*known, kept, offered, outliers, list(inputs.items())])
+        return self.live.told([numbers for numbers, _ in states]), notes
+
+    def states(self, numbers: Mapping[str, Floats], notes: Sequence[Sequence[Any]]) -> list[State]:
+        """Those of :meth:`told` again, also from older checkpoints."""
+        return list(zip(self.live.states(numbers), map(self._notes, notes), strict=True))
+
+    def _notes(self, told: Sequence[Any]) -> Notes:
+        heard, newest, pending, last_sample, gate, *more = told
+        counts, inputs = more[:2] or (self.offered, self.outliers), more[2:]  # older ones have none
+        offered, outliers = (tuple(map(self._of_each, rows)) for rows in counts)
+        known = None if gate is None else [[(one, len(one)) for one in row] for row in gate]
+        given = {number: value for pairs in inputs for number, value in pairs}
+        return (
+            tuple(heard),
+            tuple(map(self._of_each, newest)),
+            tuple(pending),
+            last_sample,
+            known,
+            offered,
+            outliers,
+            given,
+        )
+
+    def _of_each(self, numbers: Any) -> tuple[Any, ...]:
+        """Those of each observer; older checkpoints have one for all of them."""
+        return (numbers,) * self._count if isinstance(numbers, int | float) else tuple(numbers)
 
     def go_back(self, state: State) -> None:
         """As :meth:`restore`, but no slot of a sample that is on its way is given to another."""
@@ -244,5 +296,6 @@ class Following:
         self._pending = pending
 
 
-def _copied(rows: Sequence[list[Any]]) -> list[list[Any]]:
-    return [row.copy() for row in rows]
+def _increased(counts: tuple[int, ...], which: Sequence[int]) -> tuple[int, ...]:
+    """Counts of which some are one more."""
+    return tuple([count + (j in which) for j, count in enumerate(counts)])

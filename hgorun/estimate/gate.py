@@ -9,9 +9,9 @@ the output is followed after some samples and does not shut the observer out for
 from __future__ import annotations
 
 from bisect import bisect_left, insort
-from collections import deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
@@ -23,8 +23,15 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 _WINDOW = 61  # innovations whose median is taken
+_ROOM = 1024  # of them that stand in one list, those that are not needed any more among them
 _FEWEST = 8  # of them, before anything is an outlier
 _NORMAL = 1.4826  # standard deviations in a median of |e|
+
+Innovations: TypeAlias = tuple[list[float], int]
+"""Sizes of innovations, oldest first, and how many of them there were: a list to which others may be appended."""
+
+Known: TypeAlias = Sequence[Sequence[Innovations]]
+"""The innovations of every output and observer."""
 
 
 class RunningDeviation:
@@ -38,7 +45,7 @@ class RunningDeviation:
 
     def __init__(self, least: float = 0.0) -> None:
         self.least = least
-        self._last: deque[float] = deque()
+        self._last: list[float] = []  # appended to only: see `state`
         self._sorted: list[float] = []
 
     @property
@@ -56,18 +63,28 @@ class RunningDeviation:
         size = abs(innovation)
         if size != size:
             return
-        self._last.append(size)
-        insort(self._sorted, size)
-        if len(self._last) > _WINDOW:
-            del self._sorted[bisect_left(self._sorted, self._last.popleft())]
+        last, ascending = self._last, self._sorted
+        last.append(size)
+        insort(ascending, size)
+        if len(ascending) > _WINDOW:
+            del ascending[bisect_left(ascending, last[-1 - _WINDOW])]
+            if len(last) > _ROOM:
+                self._last = last[-_WINDOW:]
 
-    def state(self) -> list[float]:
-        """The innovations kept, oldest first."""
-        return list(self._last)
+    def state(self) -> Innovations:
+        """The innovations known by now; nothing is copied."""
+        return self._last, len(self._last)
 
-    def restore(self, innovations: list[float]) -> None:
+    def restore(self, innovations: Innovations) -> None:
         """Those of :meth:`state` again."""
-        self._last, self._sorted = deque(innovations), sorted(innovations)
+        self._last = kept_of(innovations)
+        self._sorted = sorted(self._last)
+
+
+def kept_of(innovations: Innovations) -> list[float]:
+    """The innovations that are kept, oldest first."""
+    last, count = innovations
+    return last[max(count - _WINDOW, 0) : count]
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -177,11 +194,11 @@ class Gate:
                 deviations[j].add(values[j])
         return True
 
-    def state(self) -> list[list[list[float]]]:
+    def state(self) -> Known:
         """The last innovations of every output and observer."""
         return [[one.state() for one in row] for row in self.deviations]
 
-    def restore(self, known: Sequence[Sequence[list[float]]]) -> None:
+    def restore(self, known: Known) -> None:
         """Those of :meth:`state` again."""
         for row, kept in zip(self.deviations, known, strict=True):
             for one, innovations in zip(row, kept, strict=True):

@@ -19,7 +19,7 @@ from hgorun.engine.layout import HybridSystem
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
 from hgorun.engine.session import Session, with_stops
-from hgorun.estimate.gate import Entering, Gate
+from hgorun.estimate.gate import Entering, Gate, Known
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
 from hgorun.measurement.late import HeardOtherwise, Order
@@ -61,7 +61,7 @@ class _GatedRun:
             self._entering.setdefault(place, []).append(one)
         schedule = prepared.run.schedule
         self._order, self._events = schedule.order, schedule.events
-        self._saved: dict[int, tuple[list[list[list[float]]], Floats, Floats]] = {}  # by event: what is gone back to
+        self._saved: dict[int, tuple[Known, Floats, Floats]] = {}  # by event: what is gone back to
         self._until = np.zeros(0, dtype=int) if self._order is None else _needed_until(prepared)
         self._begins = set() if self._order is None else set(self._order.begins.tolist())
         self._members = tuple(j for j in range(used.shape[1]) if prepared.treatment(j) == "replay")

@@ -202,7 +202,10 @@ class LiveSystem:
         ValueError
         """
         if name not in self.outputs:
-            hint = f"; {name} is an input, given as u={{{name!r}: ...}}" if name in self.inputs else ""
+            hint = ""
+            if name in self.experiment.plant.model.inputs:
+                hint = f"; {name} is an input, given as u={{{name!r}: ...}}"
+                hint += "" if name in self.inputs else f" where inputs=[{name!r}] says that it comes with samples"
             raise ValueError(f"no output is called {name!r}; there are {', '.join(self.outputs)}{hint}")
         return self.outputs[name]
 

@@ -5,9 +5,13 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections import deque
 from collections.abc import Sequence
+from itertools import islice
+from operator import attrgetter
 
 from hgorun.estimate.event import Event
 from hgorun.estimate.following import Following, State
+
+_time = attrgetter("t")
 
 
 class Remembered:
@@ -27,22 +31,25 @@ class Remembered:
     """
 
     def __init__(self, run: Following, most: int) -> None:
-        self._run = run
+        self._run, self._most = run, most
         self.events: deque[Event] = deque(maxlen=most)
         self.before: deque[State] = deque(maxlen=most)
 
     def replace(self, events: Sequence[Event], before: Sequence[State]) -> None:
         """Remember others."""
-        self.events = deque(events, self.events.maxlen)
-        self.before = deque(before, self.before.maxlen)
+        self.events = deque(events, self._most)
+        self.before = deque(before, self._most)
 
     def go_on(self, event: Event) -> None:
         """Carry an event out, and remember it."""
-        before = self._run.state() if self.events.maxlen else None
-        self._run.carry_out(event)
-        if before is not None:  # what is refused is not remembered
-            self.before.append(before)
-            self.events.append(event)
+        run = self._run
+        if self._most == 0:
+            run.carry_out(event)
+            return
+        before = run.state()
+        run.carry_out(event)
+        self.before.append(before)  # what is refused is not remembered
+        self.events.append(event)
 
     def go_back(self, event: Event, *, together: bool = False) -> None:
         """Let something happen at an earlier time: from there all is carried out again.
@@ -59,17 +66,17 @@ class Remembered:
             For an event that is older than all that is remembered.
         """
         now = self._run.live.t
-        place = bisect_right([one.t for one in self.events], event.t)
+        place = bisect_right(self.events, event.t, key=_time)
         other = self._beside(event, place) if together else None
         if event.t >= now and other is None:
             self.go_on(event)
             return
-        if event.t < (float(self.before[0][0]["t"][0]) if self.before else now):
+        if event.t < (self.before[0][0][0] if self.before else now):
             taken = self._run.system.experiment.origin + event.t
             raise ValueError(f"a sample taken at {taken:g} is older than all that is remembered: increase remembered")
-        again = [event, *list(self.events)[place:]]
+        again = [event, *islice(self.events, place, None)]
         if other is not None:
-            again = list(self.events)[other:]
+            again = list(islice(self.events, other, None))
             again[0], place = again[0].joined(event), other
         if place < len(self.events):
             self._run.go_back(self.before[place])

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from hgorun.engine.layout import ACTION_WORDS, ARRIVE, JUMP, NOTHING, REBASE, SET, SHOW, TAKE
 from hgorun.engine.live import Live
 from hgorun.engine.plan import Floats, Integers
+from hgorun.estimate.arriving import Arriving
+from hgorun.estimate.following import Following
+from hgorun.estimate.live_system import LATE, TOGETHER
 from hgorun.simulation.structure import Structure
 
 _Row = tuple[tuple[int, ...], str]  # of the action table, and what of it is the sample's own
@@ -88,3 +92,58 @@ class Kinds:
             place[...] = np.where(marked[kinds], what[:, None], place)
         place[:, -1] = numbers
         return live.go_through(times, regime, actions, np.concatenate([[0.0, 1.0], values, times]))
+
+
+class Together:
+    """Many samples of a run, with the bits of one after the other.
+
+    Parameters
+    ----------
+    run : Following
+    arriving : Arriving
+        Single samples of the run.
+    decided : bool
+        Whether something is decided between two samples, so that they are taken one by one.
+    """
+
+    def __init__(self, run: Following, arriving: Arriving, *, decided: bool) -> None:
+        self._run, self._system, self._live, self._arriving = run, run.system, run.live, arriving
+        self._simple = self._system.follows_states and not decided
+
+    @property
+    def kinds(self) -> dict[str, int]:
+        """The numbers of outputs and of inputs that come with samples, by name."""
+        outputs, inputs = self._system.outputs, self._system.inputs
+        given = {name: len(outputs) + i for name, i in inputs.items() if name not in outputs}
+        return {**outputs, **given}
+
+    def at_once(self, t: Floats, kinds: Integers) -> int:
+        """How many of some samples may be taken together, see :meth:`hgorun.Estimator.at_once`."""
+        if not self._simple:
+            return 0
+        heard = np.array([*self._run.heard, *([True] * len(self._system.inputs))])
+        since = t - self._system.experiment.origin
+        fits = heard[kinds] & (since >= np.append(self._live.t, since[:-1]))
+        gaps = np.diff(since, prepend=self._live.t)
+        fits &= gaps <= self._arriving.reach  # one further off is refused where it is taken alone
+        if self._system.joint:
+            fits &= (gaps > 0) & np.append(gaps[1:] > 0, False)
+        count = len(fits) if fits.all() else int(np.argmin(fits))
+        return min(count, TOGETHER)
+
+    def take(self, t: Floats, kinds: Integers, values: Floats) -> dict[str, tuple[Floats, np.ndarray]]:
+        """As many as that, see :meth:`hgorun.Estimator.update_many`."""
+        system, run, live = self._system, self._run, self._live
+        since = t - system.experiment.origin
+        rows = self._kinds.carry_out(live, run.regime, since, kinds, values, LATE)
+        for i in range(len(system.outputs)):
+            own = since[kinds == i]
+            if own.size:
+                run.newest[i] = (float(own[-1]),) * len(system.labels)
+        lost = live.diverged[:, None] <= since
+        readouts = zip(system.labels, system.structure.estimates, lost, strict=True)
+        return {label: (readout.along(since, system.p, rows), gone) for label, readout, gone in readouts}
+
+    @cached_property
+    def _kinds(self) -> Kinds:
+        return Kinds.of(self._system.structure, list(self._system.corrections), len(self._system.inputs), LATE)

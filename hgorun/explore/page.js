@@ -53,35 +53,24 @@
     if (channel === null || asked !== null || waiting.length === 0) return;
     asked = waiting.shift();
     asked.number = ++number;
-    channel.asked = JSON.stringify(asked);
+    channel.send(JSON.stringify(asked));
     clearTimeout(slow);
     slow = setTimeout(() => say("computing", "busy"), 200);
   }
   function say(words, kind = "") {
     const said = byId("said");
-    said.textContent = words;
-    said.dataset.kind = kind;
+    if (said.textContent !== words) said.textContent = words;
+    if (said.dataset.kind !== kind) said.dataset.kind = kind;
   }
 
   // ---- answers
 
-  // Bokeh draws in the next frame. What is told is written down in the same one, but after that: curves read styles,
-  // which every change here makes stale.
-  function heard() {
-    const told = JSON.parse(channel.told);
-    draw(told.drawn);
-    requestAnimationFrame(() => take(told));
-  }
-  const here = { sync: false };  // the server knows it
-  function draw({ curves, limits, dashes }) {
-    const model = (id) => channel.document.get_model_by_id(id);
-    const points = new Float64Array(channel.points ?? 0);
-    let first = 0;
-    const next = (count) => points.slice(first, first += count);
-    for (const [id, count] of Object.entries(curves)) model(id).setv({ data: { t: next(count), v: next(count) } }, here);
-    for (const [id, [start, end]] of Object.entries(limits))
-      model(id).setv({ start, end, reset_start: start, reset_end: end }, here);
-    for (const [id, line_dash] of Object.entries(dashes)) model(id).setv({ line_dash }, here);
+  // Curves are drawn before what is told is written down: they read styles, which every change there makes stale.
+  function heard({ data }) {
+    const length = new Uint32Array(data, 0, 1)[0];
+    const told = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 8, length)));
+    painting.draw(Bokeh.documents[0], told.drawn, new Float64Array(data, 8 + length));
+    take(told);
   }
   function take(told) {
     const further = told.further || (told.theories && !told.picture);
@@ -139,7 +128,8 @@
   function redrawn(at) {
     if (at !== undefined) since = at;
     const begun = since;
-    setTimeout(() => times.push([at === undefined ? "theory" : "curves", performance.now() - begun]));  // after the frame
+    requestAnimationFrame(() => setTimeout(() =>  // after the frame
+      times.push([at === undefined ? "theory" : "curves", performance.now() - begun])));
   }
 
   const element = (kind, words, more = {}) => Object.assign(document.createElement(kind), { textContent: words }, more);
@@ -171,7 +161,9 @@
     const lines = byId(id).tBodies[0].rows;
     rows.forEach(([, cells], i) => cells.forEach((cell, j) => {
       const old = lines[i].cells[j + 1];
-      if (old.textContent !== cell.textContent || old.title !== cell.title) old.replaceWith(cell);
+      if (old.textContent !== cell.textContent) old.textContent = cell.textContent;
+      if (old.title !== cell.title) old.title = cell.title;
+      if (old.dataset.value !== cell.dataset.value) old.dataset.value = cell.dataset.value;
     }));
   }
   function draw_metrics(picture) {
@@ -251,52 +243,28 @@
 
   // ---- the connection
 
-  // Bokeh computes anew at every frame what stays as it is on this page. Where it has another inside than what is
-  // replaced here, figures are as right and slower.
-  function keep_styles() {
-    const part = (name) => Bokeh.require(name);
-    const { VisualProperties } = part("core/visuals/visual"), { InlineStyleSheet } = part("core/dom");
-    const { PlotView } = part("models/plots/plot_canvas"), { AxisView } = part("models/axes/axis");
-    const { GlyphRendererView } = part("models/renderers/glyph_renderer");
-    VisualProperties.prototype._get_css_value = () => "";  // no style of this page is for lines
-    const size = Object.getOwnPropertyDescriptor(PlotView.prototype, "base_font_size").get;
-    const kept = new WeakMap();
-    const get = function () {
-      if (!kept.get(this)) kept.set(this, size.call(this));
-      return kept.get(this);
-    };
-    Object.defineProperty(PlotView.prototype, "base_font_size", { get, configurable: true });
-    // style sheets of where the parts of a figure are: each that is written makes all styles of the page stale
-    const write = InlineStyleSheet.prototype._update;
-    InlineStyleSheet.prototype._update = function (css) { if (this.css !== css) write.call(this, css); };
-    GlyphRendererView.prototype.update_position = () => {};  // of a curve there is nothing in the document
-    // a curve is kept five times, four of them for when it is selected, muted, or drawn roughly: never, here
-    const built = GlyphRendererView.prototype.lazy_initialize;
-    GlyphRendererView.prototype.lazy_initialize = async function () {
-      await built.call(this);
-      for (const which of ["selection_glyph", "nonselection_glyph", "muted_glyph", "decimated_glyph"])
-        for (const step of ["set_data", "set_visuals", "after_visuals", "after_lazy_visuals", "map_data"])
-          this[which][step] = () => {};
-    };
-    // a digit more in an axis' labels does not move everything
-    const room = AxisView.prototype.get_size;
-    AxisView.prototype.get_size = function () {
-      const { width, height } = room.call(this);
-      return { width, height: 16 * Math.ceil(height / 16) };
-    };
-  }
-  try { keep_styles(); } catch { /* as Bokeh does it */ }
+  try { painting.quicken(); } catch { /* as Bokeh does it */ }
   function name_figures() {
     for (const figure of document.querySelectorAll("figure")) label_parts(figure, figure.getAttribute("aria-label"));
   }
   function begin() {
-    const found = window.Bokeh?.documents?.[0]?.get_model_by_name("channel");
-    if (!found) { setTimeout(begin, 20); return; }
+    if (!window.Bokeh?.documents?.[0]?.roots().length) { setTimeout(begin, 20); return; }
     for (const wait of [0, 1000, 5000]) setTimeout(name_figures, wait);  // figures are built after the document
-    channel = found;
-    found.properties.told.change.connect(heard);
-    waiting.unshift({ do: "begin" });
-    send();
+    const address = new URL(`channel?key=${encodeURIComponent(known.channel)}`, location.href);
+    address.protocol = address.protocol.replace("http", "ws");
+    const socket = new WebSocket(address);
+    socket.binaryType = "arraybuffer";
+    socket.addEventListener("message", heard);
+    socket.addEventListener("open", () => {
+      channel = socket;
+      waiting.unshift({ do: "begin" });
+      send();
+    });
+    socket.addEventListener("close", () => {
+      channel = null;
+      clearTimeout(slow);
+      say("the command that serves this page has ended: nothing here changes any more", "error");
+    });
   }
   begin();
 })();

@@ -79,6 +79,7 @@ def empty_plot(name: str, time: str, value: str, span: tuple[float, float], *, l
     )
     plot.toolbar.logo = None
     for axis in (plot.xaxis, plot.yaxis):
+        axis.level = "overlay"  # has a canvas of its own: axes are not drawn anew with every curve
         axis.axis_label_text_font_style = "normal"
         axis.axis_label_text_color = axis.major_label_text_color = _GREY
     if logarithmic:

@@ -8,12 +8,14 @@ import logging
 import os
 import secrets
 import socket
+import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from errno import EACCES, EADDRINUSE
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlencode
+from urllib.parse import urlencode, urlsplit
 
 from bokeh.application import Application
 from bokeh.application.handlers.function import FunctionHandler
@@ -24,6 +26,7 @@ from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPHeaders, HTTPServerRequest
 from tornado.ioloop import IOLoop
 from tornado.web import ErrorHandler, OutputTransform, RequestHandler
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench, Shown
@@ -34,6 +37,7 @@ from hgorun.explore.worker import Worker
 
 HOST = "127.0.0.1"
 _SECRET_BYTES = 24
+_TURN = 1e-3  # seconds that the thread that computes keeps Python to itself while the server has something to send
 _NOT_FOUND, _BAD_REQUEST = 404, 400
 _TYPES = {"png": "image/png", "pdf": "application/pdf"}
 # Nothing is loaded from elsewhere, and nobody is told the address. Bokeh makes functions and styles of text.
@@ -105,14 +109,19 @@ class LivePage:
             listening.close()
             raise
         self.worker = Worker(failed)
+        origins = [f"{HOST}:{self.port}", f"localhost:{self.port}"]
         self.server = _Guarded(
             self.secret,
             Application(FunctionHandler(self._open)),
-            extra_websocket_origins=[f"{HOST}:{self.port}", f"localhost:{self.port}"],
-            extra_patterns=[(r"/figure\.(png|pdf)", _Figure, {"page": self})],
+            extra_websocket_origins=origins,
+            extra_patterns=[
+                (r"/figure\.(png|pdf)", _Figure, {"page": self}),
+                (r"/channel", Channel, {"page": self, "origins": origins}),
+            ],
         )
         self.http = HTTPServer(self.server)
         self.http.add_sockets([listening])
+        self._opened: dict[str, tuple[View, str]] = {}  # pages without a channel: what is drawn on, and the query
         self._loop = IOLoop.current()
         self._running: asyncio.AbstractEventLoop | None = None
         self._server = BaseServer(self._loop, self.server, self.http)
@@ -129,11 +138,14 @@ class LivePage:
             self._running = asyncio.get_running_loop()
             ready()
 
+        interval = sys.getswitchinterval()
+        sys.setswitchinterval(_TURN)
         self._server.start()
         self._loop.add_callback(begun)
         try:
             self._loop.start()
         finally:
+            sys.setswitchinterval(interval)
             self._server.stop(wait=False)
 
     def stop(self) -> None:
@@ -142,19 +154,32 @@ class LivePage:
             self._running.call_soon_threadsafe(self._loop.stop)  # which wakes it, also from its own thread
 
     def _open(self, document: Document) -> None:
-        """A page has been opened: it asks for what it shows once it is there."""
+        """A page has been opened: it asks for what it shows, on a channel, once it is there."""
         view = View(document, self.bench, self.keeper, self._base)
+        arguments = document.session_context.request.arguments.items()
+        pairs = [(name, value.decode("utf-8", "replace")) for name, values in arguments for value in values]
+        self._opened[view.key] = view, urlencode(pairs)
+
+        def gone(_: object) -> None:
+            self._opened.pop(view.key, None)
+
+        document.on_session_destroyed(gone)
+
+    def begun(self, key: str, channel: Channel) -> Session | None:
+        """What answers on a channel; None where no page that was opened has this key, or it has one already."""
+        opened = self._opened.pop(key, None)
+        if opened is None:
+            return None
+        view, query = opened
+        loop = asyncio.get_running_loop()
 
         def post(job: Callable[[], None]) -> None:
             if not session.closed:
-                document.add_next_tick_callback(job)
+                loop.call_soon_threadsafe(job)
 
-        request = document.session_context.request
-        arguments = request.arguments.items()
-        pairs = [(name, value.decode("utf-8", "replace")) for name, values in arguments for value in values]
-        session = Session(self.bench, self.keeper, self.worker, post, view, urlencode(pairs))
-        view.channel.on_change("asked", lambda _attribute, _before, now: session.ask(now))
-        document.on_session_destroyed(lambda _: session.close())
+        view.send = channel.give
+        session = Session(self.bench, self.keeper, self.worker, post, view, query)
+        return session
 
     def figure(self, query: str, kind: str) -> bytes:
         """The file of a figure of what an address stands for; by the worker's thread only.
@@ -170,6 +195,35 @@ class LivePage:
         with tempfile.TemporaryDirectory() as folder:
             (file,) = save(comparison(shown.result), Path(folder) / "figure", (kind,))
             return file.read_bytes()
+
+
+class Channel(WebSocketHandler):
+    """What a page asks, as JSON, and what it is told. Bokeh's own messages take ten times as long as these."""
+
+    def initialize(self, page: LivePage, origins: list[str]) -> None:
+        self._page, self._origins = page, origins
+        self._session: Session | None = None
+
+    def check_origin(self, origin: str) -> bool:
+        return urlsplit(origin).netloc in self._origins
+
+    def open(self, *_arguments: str, **_named: str) -> None:
+        self._session = self._page.begun(self.get_query_argument("key", ""), self)
+        if self._session is None:
+            self.close(reason="no page is open here")
+
+    def on_message(self, message: str | bytes) -> None:
+        if self._session is not None and isinstance(message, str):
+            self._session.ask(message)
+
+    def on_close(self) -> None:
+        if self._session is not None:
+            self._session.close()
+
+    def give(self, message: bytes) -> None:
+        """Send a message, unless the page is gone."""
+        with suppress(WebSocketClosedError):
+            self.write_message(message, binary=True)
 
 
 class _Figure(RequestHandler):

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+import struct
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from secrets import token_urlsafe
 from typing import Any
 
-from bokeh.core.properties import Bytes, Nullable, String
 from bokeh.document import Document
-from bokeh.model import DataModel
 from jinja2 import Template
 
 from hgorun.analysis.finding import FINDINGS
@@ -26,14 +26,6 @@ _PLACES = 200  # of a slider: a step is a two-hundredth of its range
 _TOGETHER = {"measurement": "Measurement", "run": "Run"}
 
 
-class Channel(DataModel):  # type: ignore[misc]  # bokeh's models are made at run time
-    """What the page asks and is told, as JSON, and beside it the points of the curves that are drawn with that."""
-
-    asked = String(default="")
-    told = String(default="")
-    points = Nullable(Bytes)  # none at first: what it begins with is cloned, and bytes cannot be
-
-
 @dataclass(frozen=True)
 class _Named:
     """A figure of the page."""
@@ -46,7 +38,7 @@ class _Named:
 
 
 class View:
-    """The figures of one page, and the channel that it asks by.
+    """The figures of one page.
 
     Parameters
     ----------
@@ -56,14 +48,22 @@ class View:
     keeper : Keeper
     base : Shown
         The file as it is: how many states there are, and how observers look.
+
+    Attributes
+    ----------
+    key : str
+        By which its page says, on a channel, whose that is.
+    send : callable
+        Gives a message to the page.
     """
 
     def __init__(self, document: Document, bench: Bench, keeper: Keeper, base: Shown) -> None:
+        self.key = token_urlsafe(8)
+        self.send: Callable[[bytes], object] = lambda _: None
         self._labels = bench.labels
         self._closed = base.experiment.closed
         self._theory, self._recorded = bench.theory and not self._closed, base.result.recorded is not None
         self._states = tuple(base.result.states)
-        self.channel = Channel(name="channel")
         looks = styles_of(base.result)
         self._changes = Changes()
         self._estimates: list[Lines] = []
@@ -74,10 +74,9 @@ class View:
         named = list(self._figures(base, looks))
         for one in named:
             document.add_root(one.plot)
-        document.add_root(self.channel)
         document.title = f"{bench.name} - hgorun explore"
         document.template = Template(_read("page.html"))
-        document.template_variables.update(_words(bench, keeper, base, looks, named))
+        document.template_variables.update(_words(self.key, bench, keeper, base, looks, named))
 
     def _figures(self, base: Shown, looks: Any) -> Iterator[_Named]:
         result = base.result
@@ -147,12 +146,17 @@ class View:
     def tell(self, told: Mapping[str, object]) -> None:
         """Give numbers and messages to the page, and with them what has been drawn."""
         drawn, points = self._changes.taken()
-        if points:
-            self.channel.points = points
-        self.channel.told = json.dumps({**told, "drawn": drawn}, allow_nan=False)
+        self.send(packed({**told, "drawn": drawn}, points))
 
 
-def _words(bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequence[_Named]) -> dict[str, Any]:
+def packed(told: Mapping[str, object], points: bytes) -> bytes:
+    """A message: the length of its text, the text, which is JSON, and points, from places that are multiples of 8."""
+    text = json.dumps(told, allow_nan=False).encode()
+    text += b" " * (-len(text) % 8)
+    return struct.pack("<Q", len(text)) + text + points
+
+
+def _words(key: str, bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequence[_Named]) -> dict[str, Any]:
     """What the template shows; Jinja does not escape, so all of it is."""
     knobs = list(bench.knobs.values())
     names = dict.fromkeys([*bench.labels, *(knob.group for knob in knobs)])
@@ -169,6 +173,7 @@ def _words(bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequenc
             }
         )
     known = {
+        "channel": key,
         "places": _PLACES,
         "labels": bench.labels,
         "knobs": [
@@ -179,7 +184,7 @@ def _words(bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequenc
     }
     return {
         "style": _read("page.css"),
-        "script": _read("labels.js") + _read("page.js"),
+        "script": _read("labels.js") + _read("painting.js") + _read("page.js"),
         "known": json.dumps(known).replace("<", "\\u003c"),
         "heading": _safe(base.result.title or bench.name),
         "file": _safe(str(bench.path) + (f", run {bench.run_name}" if bench.run_name else "")),

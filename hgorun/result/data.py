@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -139,6 +140,8 @@ class ResultData:
     closed_loop : mapping of str to ClosedLoop
         Where a controller drives the plant: by observer the plant that its estimates drive, and under ``plant`` the
         one that the true state drives, which x, u, y and the measurements are of. Else empty.
+    last : float
+        The time of the last point, where the trajectories are in a file and none of them is here.
     """
 
     name: str
@@ -164,6 +167,12 @@ class ResultData:
     design: DesignNumbers | None = None
     recorded: Recorded | None = None
     closed_loop: Mapping[str, ClosedLoop] = field(default_factory=dict)
+    last: float = math.nan
+
+    @property
+    def end(self) -> float:
+        """The time of the last point."""
+        return float(self.time[-1]) if self.time.size else self.last
 
     def truth_of(self, label: str | None) -> np.ndarray:
         """What an observer estimates, shape (Nt, n): the plant, or in a closed loop the one that it drives."""

@@ -131,6 +131,7 @@ def written(run: PreparedRun, path: Path, progress: Progress = None, *, check_st
         grid, rows = run.grid[:0], np.zeros((0, structure.system.states))
         found = _measured(run, look, grid, rows, metrics)
         result = record(run, raw, found, look.integration, look.of_plant, grid=grid)
+        result = replace(result, last=run.origin + float(run.grid[:: run.experiment.grid[1]][-1]))
         file.finish(result)
     return result
 

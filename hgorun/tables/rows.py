@@ -40,7 +40,7 @@ class Row:
         value, known = self.value(metric, state), all_metrics(closed=True).get(metric)
         if known is None or not known.moment or value is None or not value < math.inf:
             return False
-        return bool(self.result.time[-1] <= value) or self.noisy(metric, state)
+        return self.result.end <= value or self.noisy(metric, state)
 
     def noisy(self, metric: str, state: str) -> bool:
         """Whether noise decides the number, see :func:`hgorun.result.metrics.settling.lifted_by_noise`."""

@@ -125,7 +125,7 @@ def test_whatever_ends_a_command_is_one_line(
     def fails(*_: object, **__: object) -> None:
         raise raised
 
-    monkeypatch.setattr("hgorun.commands.run.simulate_into", fails)
+    monkeypatch.setattr("hgorun.commands.simulate.simulate_into", fails)
     found, out, err = shell("simulate", "base.yaml")
     assert (found, out) == (code, "")
     assert err.startswith(words)

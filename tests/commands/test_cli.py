@@ -311,7 +311,7 @@ def test_a_library_that_cannot_be_loaded(shell: Shell, monkeypatch: pytest.Monke
     def fail(*_: object) -> None:
         raise OSError("Could not find/load shared object file")
 
-    monkeypatch.setattr("hgorun.commands.run.simulate", fail)
+    monkeypatch.setattr("hgorun.commands.simulate.simulate", fail)
     code, _, err = shell("simulate", "small.yaml")
     assert code == 1
     assert err.startswith("hgorun: a library cannot be loaded: too little memory, or a broken installation: Could not")

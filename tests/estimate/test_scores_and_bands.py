@@ -13,7 +13,7 @@ from hgorun.errors import ConfigError
 from hgorun.estimate.bands import Band, band_of, coverage, since_last
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import evaluate_run
-from hgorun.estimate.gate import RunningDeviation
+from hgorun.estimate.gate import RunningDeviation, kept_of
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.estimate.scores import chi_squared_beyond, ljung_box, rms, scores_of, settled
@@ -88,11 +88,17 @@ def test_the_running_deviation_is_that_of_normal_numbers_and_ignores_outliers() 
     last = np.abs(values)[-61:]
     assert deviation.value == pytest.approx(1.4826 * np.median(last))
     deviation.add(float("nan"))
-    for value in rng.standard_normal(200):
+    for value in rng.standard_normal(2000):
         deviation.add(value)
     other = RunningDeviation()
     other.restore(deviation.state())
-    assert other.value == deviation.value == pytest.approx(1.4826 * np.median(deviation.state()))
+    kept = kept_of(deviation.state())
+    assert len(kept) == 61
+    assert other.value == deviation.value == pytest.approx(1.4826 * np.median(kept))
+    before = deviation.state()
+    deviation.add(50.0)
+    assert kept_of(before) == kept
+    assert kept_of(deviation.state()) == [*kept[1:], 50.0]
     assert RunningDeviation(5.0).value == np.inf
 
 

@@ -32,16 +32,20 @@ class Drawn(Live):
         super().__init__(path)
         self.document = Document()
         self.sent: list[dict[str, Any]] = []
+        self.told: dict[str, Any] = {}
         self.view = View(self.document, self.bench, self.keeper, self.bench.shown(State()))
-        self.view.channel.on_change("told", lambda _attribute, _before, told: self._arrived(told))
+        self.view.send = self._arrived
         self.session.page = Both(self)
         self.ask("begin")
 
-    def _arrived(self, told: str) -> None:
+    def _arrived(self, message: bytes) -> None:
         """Give the models what the page gives its own."""
-        drawn = json.loads(told)["drawn"]
+        end = 8 + int.from_bytes(message[:8], "little")
+        self.told = json.loads(message[8:end])
+        drawn = self.told["drawn"]
         self.sent.append(drawn)
-        points = np.frombuffer(self.view.channel.points or b"")
+        assert end % 8 == 0
+        points = np.frombuffer(message[end:])
         assert 2 * sum(drawn["curves"].values()) in (0, points.size)
         for name, count in drawn["curves"].items():
             self.document.get_model_by_id(name).data = {"t": points[:count], "v": points[count : 2 * count]}
@@ -94,7 +98,7 @@ def test_curves_are_those_of_a_simulation(drawn: Drawn) -> None:
             assert any(np.array_equal(expected, one) for one in lines)
         assert len(lines) == 3
         assert len(drawn.lines("estimate0")) == 4  # with the samples
-    assert drawn.view.channel.told == json.dumps({**drawn.paper.told[-1], "drawn": drawn.sent[-1]})
+    assert drawn.told == {**drawn.paper.told[-1], "drawn": drawn.sent[-1]}
 
 
 def test_only_what_has_changed_is_sent(drawn: Drawn) -> None:

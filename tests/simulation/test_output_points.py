@@ -21,6 +21,7 @@ from hgorun.result.reading import read
 from hgorun.result.writing import digests_of
 from hgorun.simulation import long_run, simulate
 from hgorun.simulation.simulate import prepare, simulate_into, simulate_prepared
+from hgorun.tables.metrics import text
 
 SHGO = {"type": "shgo", "theta": 3, "poles": -1}
 FHGO = {"type": "fhgo2", "theta": 3, "r": 1, "poles": -1}
@@ -84,6 +85,8 @@ def test_what_is_written_as_it_comes_is_what_memory_holds(name: str, long: pytes
     result = simulate_prepared(run)
     assert _digests(path) == digests_of(result)
     back = read(path)
+    assert found.end == result.time[-1] == back.end
+    assert text([found]) == text([back])
     assert back.status == result.status
     assert list(back.observers) == list(result.observers)
     assert back.troubles() == result.troubles()

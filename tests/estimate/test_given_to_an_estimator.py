@@ -1,0 +1,85 @@
+"""What an estimator takes for a sample, what it refuses, and which checkpoints are its own."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from examples import Block, experiment, inline
+
+from hgorun.errors import ConfigError
+from hgorun.estimate.estimator import Estimator
+from hgorun.simulation.experiment import Experiment
+
+PLANT = inline({"a": "b", "b": "-sin(a) + u + v"}, {"y": "a"}, inputs={"u": "0", "v": "0"})
+SHGO: Block = {"type": "shgo", "theta": 2, "poles": -1, "initial": {"b": 1}}
+
+
+@pytest.fixture(name="pushed", scope="module")
+def of_a_pushed_pendulum() -> Experiment:
+    return experiment(PLANT, {"o": SHGO}, end=2, step=0.01, measurement={"sampling": {"period": 0.1}})
+
+
+def test_a_sample_that_is_nan_is_missing_and_one_that_is_infinite_is_refused(pushed: Experiment) -> None:
+    estimator, without = (Estimator(pushed, inputs=["u"]) for _ in range(2))
+    for one in (estimator, without):
+        one.update(0.1, {"y": 0.1}, u={"u": 0.5})
+    estimator.update(0.2, {"y": float("nan")})
+    assert estimator.t == 0.2
+    without.update(0.2, {})
+    assert np.array_equal(estimator.estimate()["o"], without.estimate()["o"])
+    before = estimator.checkpoint()
+    message = r"\['.'\]: expected a finite number, or NaN for a missing value, found -?inf"
+    with pytest.raises(ValueError, match=message):
+        estimator.update(0.3, {"y": np.inf})
+    with pytest.raises(ValueError, match=message):
+        estimator.update(0.3, {}, u={"u": -np.inf})
+    assert estimator.checkpoint() == before
+
+
+def test_an_input_that_is_nan_stays_what_it_is(pushed: Experiment) -> None:
+    estimator, without = (Estimator(pushed, inputs=["u"]) for _ in range(2))
+    for one in (estimator, without):
+        one.update(0.0, {}, u={"u": 0.5})
+    estimator.update(0.2, {}, u={"u": float("nan")})
+    without.update(0.2, {})
+    for one in (estimator, without):
+        one.update(0.4, {"y": 0.2})
+    assert np.isfinite(estimator.estimate()["o"]).all()
+    assert np.array_equal(estimator.estimate()["o"], without.estimate()["o"])
+
+
+def test_an_input_among_the_samples_is_told_its_place(pushed: Experiment) -> None:
+    estimator = Estimator(pushed, inputs=["u"])
+    with pytest.raises(
+        ValueError, match=r"no output is called 'u'; there are y; u is an input, given as u=\{'u': \.\.\.\}$"
+    ):
+        estimator.update(0.0, {"u": 1.0})
+    with pytest.raises(ValueError, match=r"v is an input, given as u=\{'v': \.\.\.\} where inputs=\['v'\] says"):
+        estimator.update(0.0, {"v": 1.0})
+
+
+def test_a_checkpoint_of_other_gates_is_refused(pushed: Experiment) -> None:
+    gated, free = Estimator(pushed, gates={"y": 4}), Estimator(pushed)
+    gated.update(0.1, {"y": 0.1})
+    stored = gated.checkpoint()
+    for other, found in ((free, r"\{\}"), (Estimator(pushed, gates={"y": 5}), r"\{y: 5\}")):
+        with pytest.raises(ConfigError, match=rf"was made with gates \{{y: 4\}}, and this estimator has {found}"):
+            other.restore(stored)
+        assert other.t == 0.0
+    Estimator(pushed, gates={"y": 4.0}).restore(stored)
+    with pytest.raises(ConfigError, match=r"was made with gates \{\}, and"):
+        gated.restore(free.checkpoint())
+
+
+def test_a_checkpoint_that_does_not_tell_its_gates_is_an_older_one(pushed: Experiment) -> None:
+    estimator = Estimator(pushed)
+    estimator.update(0.1, {"y": 0.1})
+    magic, head, rest = estimator.checkpoint().split(b"\n", 2)
+    told = json.loads(head)
+    del told["gates"]
+    other = Estimator(pushed)
+    other.restore(b"\n".join([magic, json.dumps(told).encode(), rest]))
+    assert other.t == 0.1
+    assert np.array_equal(other.estimate()["o"], estimator.estimate()["o"])
