@@ -1,8 +1,10 @@
-"""Which tests are enough to find out what another version of Python or of a library does not have."""
+"""Which cases of tests are tried: of many alike a part, and with other versions of libraries still fewer."""
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterable, Sequence
+from zlib import crc32
 
 import pytest
 
@@ -13,6 +15,32 @@ ROOMS = ("config", "data", "engine", "explore", "figures", "interop", "result", 
 FILES = ("commands/test_cli.py", "commands/test_mqtt.py", "ensemble/test_cluster.py", "export/test_fmu.py")
 ALL_OF = tuple(f"tests/{name}" for name in (*(f"{room}/" for room in ROOMS), *FILES))
 OF_OTHERS = 3
+ALL_CASES = os.environ.get("HGORUN_CASES") == "all"
+
+
+def one_in(items: Iterable[pytest.Item]) -> list[pytest.Item]:
+    """Of each test that is marked ``one_in(n)`` every n-th case, and all cases of the others.
+
+    Of several parameters the values are combined as in a Latin square, so that none is always left out; tests of the
+    same values begin at different ones.
+    """
+    items = list(items)
+    chosen = {item.nodeid for item in items if _is_tried(item)}
+    some = {_test(item) for item in items if item.nodeid in chosen}
+    first = {_test(item): item.nodeid for item in reversed(items)}
+    chosen |= {name for test, name in first.items() if test not in some}
+    return [item for item in items if item.nodeid in chosen]
+
+
+def _is_tried(item: pytest.Item) -> bool:
+    marker = item.get_closest_marker("one_in")
+    if marker is None:
+        return True
+    places = dict(item.callspec.indices)  # type: ignore[attr-defined]  # of what is parametrised
+    for names in (mark.args[0] for mark in item.iter_markers("parametrize")):
+        for name in (names.split(",") if isinstance(names, str) else names)[1:]:
+            places.pop(name.strip(), None)  # it goes with the first
+    return (crc32(_test(item).encode()) + sum(places.values())) % marker.args[0] == 0
 
 
 def one_case(items: Iterable[pytest.Item]) -> list[pytest.Item]:

@@ -11,7 +11,7 @@ import pytest
 os.environ.pop("COLUMNS", None)  # workers of pytest-xdist are told another width than what is tested
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
-from chosen_cases import few_of_a_file, one_case
+from chosen_cases import ALL_CASES, few_of_a_file, one_case, one_in
 from hypothesis import HealthCheck, settings
 from measured_cases import further_cases, leave_out_drawings, unmeasured
 from measured_forks import measure_forks
@@ -37,7 +37,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 @pytest.hookimpl(trylast=True)  # of what -m leaves
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Other versions of Python or of libraries are found out by calls, of which many tests make the same."""
-    kept = items
+    kept = items if ALL_CASES else one_in(items)
     if config.getoption("--one-case"):
         kept = one_case(kept)
     if config.getoption("--few"):

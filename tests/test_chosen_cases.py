@@ -1,11 +1,12 @@
 """What is left out with other versions of libraries: a wrong choice would leave out all that finds a fault."""
 
+from collections.abc import Iterator
 from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
 import pytest
-from chosen_cases import ALL_OF, few_of_a_file, one_case
+from chosen_cases import ALL_OF, few_of_a_file, one_case, one_in
 
 ROOT = Path(__file__).parents[1]
 
@@ -32,6 +33,37 @@ def test_few_are_three_tests_with_all_their_cases_and_all_where_libraries_are_us
     whole = [f"tests/result/test_b.py::t{k}" for k in range(5)]
     given = items(*others[:2], *cases, *others[3:], "tests/study/test_c.py::alone", *whole)
     assert names(few_of_a_file(given)) == [others[0], *cases, others[4], "tests/study/test_c.py::alone", *whole]
+
+
+class Cases:
+    """What pytest knows of a case of a test of two parameters, the second of which is given with a third."""
+
+    def __init__(self, test: str, a: int, b: int, marks: list[pytest.Mark]) -> None:
+        self.nodeid, self.marks = f"{test}[{a}-{b}]", marks
+        self.callspec = SimpleNamespace(indices={"a": a, "b": b, "c": b})
+
+    def get_closest_marker(self, name: str) -> pytest.Mark | None:
+        return next(self.iter_markers(name), None)
+
+    def iter_markers(self, name: str) -> Iterator[pytest.Mark]:
+        return (mark for mark in self.marks if mark.name == name)
+
+
+def test_every_third_case_has_every_value_of_every_parameter() -> None:
+    marks = [pytest.mark.parametrize("a", []).mark, pytest.mark.parametrize(("b", "c"), []).mark]
+    grid = [(a, b) for a in range(3) for b in range(4)]
+    some = [cast(pytest.Item, Cases("a.py::t", a, b, [*marks, pytest.mark.one_in(3).mark])) for a, b in grid]
+    whole = [cast(pytest.Item, Cases("b.py::t", a, 0, marks)) for a in range(2)]
+    kept = [item.nodeid for item in one_in([*some, *whole])]
+    assert len(kept) == 12 / 3 + 2  # all where there is no mark
+    assert {name[8] for name in kept if name.startswith("a")} == set("012")
+    assert {name[10] for name in kept if name.startswith("a")} == set("0123")
+
+
+def test_of_few_cases_one_is_tried() -> None:
+    marks = [pytest.mark.parametrize("a", []).mark, pytest.mark.one_in(9).mark]
+    for name in "stuvwxyz":
+        assert len(one_in([cast(pytest.Item, Cases(f"a.py::{name}", a, 0, marks)) for a in range(2)])) == 1
 
 
 def test_what_is_named_exists() -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -12,6 +11,7 @@ from urllib.request import url2pathname
 import numpy as np
 import pytest
 import yaml
+from chosen_cases import ALL_CASES
 from shell import Shell
 
 from hgorun.commands import init, trial
@@ -106,8 +106,8 @@ def test_an_observer_gets_what_it_needs_to_follow(plant: str, observer: str, tmp
 @pytest.mark.slow
 @pytest.mark.parametrize("plant", PLANTS.names())
 def test_observers_run_or_are_refused(plant: str, tmp_path: Path) -> None:
-    """Each with every third plant, so that three neighbours have all; HGORUN_PAIRS=all tries each with every plant."""
-    apart = 1 if os.environ.get("HGORUN_PAIRS") == "all" else 3
+    """Each observer with one plant; HGORUN_CASES=all tries it with every one."""
+    apart = 1 if ALL_CASES else len(PLANTS.names())
     names = list(OBSERVERS.names())[list(PLANTS.names()).index(plant) % apart :: apart]
     assert [name for name in names if not follows(plant, name, tmp_path)] == []
     assert len(list(tmp_path.iterdir())) > 1  # not all of these are refused

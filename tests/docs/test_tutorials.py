@@ -11,6 +11,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from chosen_cases import ALL_CASES
 from shell import Shell
 from site_notebooks import notebook, write
 from site_steps import steps
@@ -21,6 +22,7 @@ from hgorun.plants.base import PLANTS
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "docs" / "tutorials" / "own_package.md"
 TUTORIALS = sorted(set((ROOT / "docs" / "tutorials").glob("*.md")) - {PACKAGE})
+SHORT = ROOT / "docs" / "tutorials" / "own_log.md"
 LIKE = doctest.ELLIPSIS | doctest.NORMALIZE_WHITESPACE
 
 
@@ -29,9 +31,28 @@ def told(shown: str, out: str) -> None:
     assert not shown or doctest.OutputChecker().check_output(shown.rstrip("\n") + "\n", out, LIKE), out
 
 
-@pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("page", TUTORIALS, ids=[page.stem for page in TUTORIALS])
+def test_a_tutorial_prints_what_it_says(
+    page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shell, names = Shell(tmp_path, monkeypatch, capsys), dict[str, object]()
+    for step in steps(page.read_text(encoding="utf-8")):
+        if step.kind == "file":
+            (tmp_path / step.name).write_text(step.text)
+        elif step.kind == "command":
+            for line in step.text.splitlines():
+                code, out, err = shell(*shlex.split(line)[1:])
+                assert code == 0, err
+            told(step.shown, out)
+        elif step.kind == "python":
+            exec(step.text, names)
+            told(step.shown, capsys.readouterr().out)
+
+
+# A kernel and its commands are processes, each of which imports all; the longer pages have theirs with all cases.
+@pytest.mark.slow
+@pytest.mark.parametrize("page", TUTORIALS if ALL_CASES else [SHORT], ids=lambda page: page.stem)
 @pytest.mark.filterwarnings("ignore")  # of Jupyter's own
 def test_the_notebook_of_a_tutorial_runs_and_prints_what_the_page_says(
     page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

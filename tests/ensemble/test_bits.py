@@ -96,6 +96,7 @@ def alone(base: Experiment, members: Members, i: int, block: Block) -> None:
         assert np.array_equal(block.integration_error[i], errors, equal_nan=True)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("axes", AXES)
 @pytest.mark.parametrize("measured", MEASURED)
 def test_given_steps(measured: str, axes: str) -> None:

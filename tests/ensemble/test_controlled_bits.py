@@ -82,6 +82,7 @@ def test_threads_do_not_matter() -> None:
     assert np.all(np.isnan(one.step))
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("axes", AXES)

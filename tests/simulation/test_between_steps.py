@@ -119,7 +119,7 @@ def test_friction_of_which_the_observer_has_a_copy() -> None:
 )
 def test_narrow_features_of_other_forms(force: str) -> None:
     found = simulate(oscillator(force))
-    exact = simulate(oscillator(force, solver={"method": "dopri5", "rtol": 1e-9, "max_step": 2e-5}))
+    exact = simulate(oscillator(force, solver={"method": "dopri5", "rtol": 1e-9, "max_step": 5e-5}))
     free = simulate(oscillator("0"))
     assert np.abs(exact.x - free.x).max() > 1e-2  # it matters
     assert found.status == "ok"
@@ -138,7 +138,7 @@ def test_what_cannot_be_followed_is_said() -> None:
 
 def test_with_a_chosen_method_it_is_met_or_said() -> None:
     result = simulate(oscillator(BAND, solver={"method": "rk4"}))
-    exact = simulate(oscillator(BAND, solver={"method": "dopri5", "rtol": 1e-9, "max_step": 2e-5}))
+    exact = simulate(oscillator(BAND, solver={"method": "dopri5", "rtol": 1e-9, "max_step": 5e-5}))
     assert result.status != "ok" or np.allclose(result.x, exact.x, atol=2e-3)
 
 

@@ -146,6 +146,7 @@ def order_of(run: Callable[[float], Vector], steps: Sequence[float]) -> float:
     return -np.polyfit(range(len(errors)), np.log2(errors), 1)[0]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("r", [0, 1, 2, 3])
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_order_four(scenario: str, r: int) -> None:

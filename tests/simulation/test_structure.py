@@ -126,6 +126,7 @@ def counted(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, int]]:
         yield counts
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OBSERVED)

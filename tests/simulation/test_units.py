@@ -97,6 +97,7 @@ def outcome(plant: Plant, units: Units, kind: str) -> dict[str, np.ndarray] | st
 CASES = [(name, kind) for name, plant in PLANTS.items() for kind in plant.observers]
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "kind"), CASES)
