@@ -6,10 +6,12 @@ and machines at rest are not taken for faults; what is done about a find is deci
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
+
+from hgorun.data.fault_passes import EXACT, gaps_above, large_steps, straight_runs
+from hgorun.memo import Memo, same
 
 GAP = 20.0
 """Median steps that make a gap."""
@@ -18,11 +20,9 @@ STUCK = 20
 LINE = 10
 """Points on a line that noise does not leave there."""
 _SHORT_LINE = 4
-_EXACT = 1e-12  # of the size of the values: what rounding may leave of a line in doubles
 _FACTORS = np.array([60.0, 100.0, 1000.0, 3600.0, 1e6])
 _KELVIN = 273.15
 _FIRST = 100_000  # samples that show what is usual
-_PIECE = 2**15
 _LEAST, _MOST = 3, 20  # samples on each side of a slip that have to agree, in a short and in a long log
 
 
@@ -37,6 +37,14 @@ class Stretch:
     def size(self) -> int:
         """How many."""
         return self.stop - self.start
+
+
+_ASCENDING: Memo[bool] = Memo(2)  # the signals of a file share their times
+
+
+def ascending(taken: np.ndarray) -> bool:
+    """Whether all stamps are numbers, and each is larger than the one before."""
+    return _ASCENDING.get(same(taken), lambda: not np.isnan(taken[:1]).any() and bool(np.all(taken[1:] > taken[:-1])))
 
 
 def backwards(taken: np.ndarray) -> np.ndarray:
@@ -58,11 +66,7 @@ def gaps(taken: np.ndarray) -> np.ndarray:
     usual = float(np.median(np.diff(taken[:_FIRST])))
     if not usual > 0:
         return np.empty(0, dtype=int)
-    found = [
-        np.flatnonzero(np.diff(taken[some.start : some.stop + 1]) > GAP * usual) + some.start + 1
-        for some in _pieces(taken.size - 1)
-    ]
-    return np.concatenate(found)
+    return gaps_above(taken, GAP * usual)
 
 
 def stuck(values: np.ndarray) -> list[Stretch]:
@@ -85,12 +89,8 @@ def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
     if values.size < LINE:
         return []
     quantum = _quantum(np.diff(values[:_FIRST]))
-    straight = np.empty(values.size - 2, dtype=bool)
-    for some in _pieces(straight.size):
-        straight[some] = _Threes(taken[some.start : some.stop + 2], values[some.start : some.stop + 2]).straight(
-            quantum
-        )
-    lines = [Stretch(run.start, run.stop + 1) for run in _true_runs(straight) if run.size + 1 >= _SHORT_LINE]
+    runs = straight_runs(taken, values, quantum, _SHORT_LINE - 2)
+    lines = [Stretch(start, stop + 2) for start, stop in runs.tolist()]
     if lines:
         lines = _between_bends(taken, values, lines, quantum)
     if sum(line.size for line in lines) >= values.size / 2:
@@ -98,7 +98,7 @@ def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
     return [line for line in lines if line.size >= LINE]
 
 
-class _Threes:
+class Threes:
     """Every three neighbours of some samples, or given ones."""
 
     def __init__(self, taken: np.ndarray, values: np.ndarray, first: np.ndarray | None = None) -> None:
@@ -117,21 +117,14 @@ class _Threes:
     def exact(self) -> np.ndarray:
         """What rounding leaves of a bend, in doubles."""
         level: np.ndarray = np.maximum(np.abs(self._values[1]), np.abs(self.rise))
-        return _EXACT * level
-
-    def straight(self, quantum: float) -> np.ndarray:
-        """Those on a line that is not level: it climbs by more than its digits and its rounding."""
-        exact, climbs = self.exact(), np.abs(self.rise)
-        on_line: np.ndarray = (self.bend <= np.maximum(exact, quantum)) & (climbs > 1000 * exact)
-        on_line &= climbs > 5 * quantum
-        return on_line
+        return EXACT * level
 
 
 def _between_bends(taken: np.ndarray, values: np.ndarray, lines: list[Stretch], quantum: float) -> list[Stretch]:
     """The lines with a sharp bend at both ends, or at the one that is not an end of the log."""
     last = values.size - 3
     ends = np.array([[line.start - 1, line.stop - 2] for line in lines])
-    threes = _Threes(taken, values, np.clip(ends, 0, last).ravel())
+    threes = Threes(taken, values, np.clip(ends, 0, last).ravel())
     sharp = threes.bend > 5 * np.maximum(threes.exact(), quantum)
     sharp, outside = sharp.reshape(-1, 2), (ends < 0) | (ends > last)
     kept = (sharp | outside).all(axis=1) & ~outside.all(axis=1)  # a log that is one line is a ramp
@@ -154,27 +147,15 @@ def _quantum(rise: np.ndarray) -> float:
     return 0.0
 
 
-def _pieces(count: int) -> Iterator[slice]:
-    """Indices in pieces that the caches of a processor hold."""
-    return (slice(start, min(start + _PIECE, count)) for start in range(0, count, _PIECE))
-
-
 def slips(values: np.ndarray) -> list[tuple[int, str]]:
     """Where values change by the factor between two units from one sample on, and what they change by."""
     width = max(_LEAST, min(values.size // 12, _MOST))
     if values.size < 2 * width:
         return []
-    factors, shifts = [], []
-    for some in _pieces(values.size - 1):
-        before, after = values[some], values[some.start + 1 : some.stop + 1]
-        moved = np.abs(after - before)
-        before, after = np.abs(before), np.abs(after)
-        small, large = np.minimum(before, after), np.maximum(before, after)
-        factors.append(np.flatnonzero((large > 45 * small) & (small > 0)) + some.start + 1)
-        shifts.append(np.flatnonzero(np.abs(moved - _KELVIN) < 5) + some.start + 1)
-    near = _steadily(values, np.concatenate(factors), _LEAST)  # of noise around zero few are left
+    factors, shifts = large_steps(values)
+    near = _steadily(values, factors, _LEAST)  # of noise around zero few are left
     found = [(int(k), _said(factor)) for k, factor in _confirmed(values, _steadily(values, near, width), width)]
-    return sorted(found + [(int(k), "273.15") for k in _shifted(values, np.concatenate(shifts), width)])
+    return sorted(found + [(int(k), "273.15") for k in _shifted(values, shifts, width)])
 
 
 def _said(factor: float) -> str:

@@ -83,7 +83,7 @@ class Sorting:
         missing = np.isnan(samples.values)
         refuse = "faults: {missing: drop} leaves them out" if self._told.missing == "refuse" else None
         samples = self._kept(samples, missing, "missing", "the value is missing", refuse)
-        if (unstamped := np.isnan(samples.taken)).any():
+        if not faults.ascending(samples.taken) and (unstamped := np.isnan(samples.taken)).any():
             raise self._refused(samples, int(unstamped.argmax()), "a value without time stamp", "it cannot be placed")
         if samples.late:
             unknown = np.isnan(samples.available)
@@ -111,6 +111,8 @@ class Sorting:
         return samples
 
     def _in_order(self, samples: Samples) -> Samples:
+        if faults.ascending(samples.taken):
+            return samples
         back = faults.backwards(samples.taken)
         if not back.size:
             return self._by_arrival(samples)
@@ -134,7 +136,7 @@ class Sorting:
         return samples if np.all(np.diff(order) == 1) else samples.at(order)
 
     def _once(self, samples: Samples) -> Samples:
-        again = faults.repeated(samples.taken)
+        again = faults.repeated(samples.taken) if not faults.ascending(samples.taken) else np.empty(0, dtype=int)
         told = self._told.repeated
         if not again.size:
             return samples

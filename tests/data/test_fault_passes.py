@@ -1,0 +1,67 @@
+"""What machine code finds in long logs, beside the same written out with numpy."""
+
+from __future__ import annotations
+
+from itertools import groupby
+
+import numpy as np
+import pytest
+
+from hgorun.data import recording
+from hgorun.data.fault_passes import gaps_above, large_steps, straight_runs
+
+
+def _signal(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    """Noise with three digits, some of it filled in, with a step of units and some uneven times."""
+    drawn = np.random.default_rng(seed)
+    t = np.cumsum(drawn.choice([1.0, 1.0, 1.0, 0.5, 30.0], 500))
+    y = np.round(drawn.normal(size=t.size), 3)
+    few = np.unique(np.append(drawn.integers(200, 400, 20), [200, 399]))
+    y[200:400] = np.interp(t[200:400], t[few], y[few])
+    y[450:] = 1000 * y[450:] + 273.15
+    return t, y
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_lines_are_those_that_numpy_finds(seed: int) -> None:
+    t, y = _signal(seed)
+    share = (t[1:-1] - t[:-2]) / (t[2:] - t[:-2])
+    bends = [np.abs(y[:-2] + share * (y[2:] - y[:-2]) - y[1:-1]), np.abs(0.5 * (y[:-2] + y[2:]) - y[1:-1])]
+    bend = np.where(np.abs(share - 0.5) < 0.005, np.minimum(*bends), bends[0])
+    rise = np.abs(y[2:] - y[1:-1])
+    exact = 1e-12 * np.maximum(np.abs(y[1:-1]), rise)
+    for quantum in (0.0, 1e-3):
+        straight = (bend <= np.maximum(exact, quantum)) & (rise > 1000 * exact) & (rise > 5 * quantum)
+        runs = [list(run) for true, run in groupby(range(straight.size), key=straight.__getitem__) if true]
+        expected = [[run[0], run[-1] + 1] for run in runs if len(run) >= 2]
+        assert len(expected) > 3
+        assert straight_runs(t, y, quantum, 2).tolist() == expected
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_large_steps_and_gaps_are_those_that_numpy_finds(seed: int) -> None:
+    t, y = _signal(seed)
+    small, large = np.sort(np.abs([y[:-1], y[1:]]), axis=0)
+    factors, shifts = large_steps(y)
+    assert factors.tolist() == (np.flatnonzero((large > 45 * small) & (small > 0)) + 1).tolist()
+    assert shifts.tolist() == (np.flatnonzero(np.abs(np.abs(np.diff(y)) - 273.15) < 5) + 1).tolist()
+    assert gaps_above(t, 20.0).tolist() == (np.flatnonzero(np.diff(t) > 20) + 1).tolist()
+    assert factors.size
+    assert gaps_above(t[:1], 1.0).size == 0
+
+
+@pytest.mark.parametrize("kind", ["rounded", "random", "two steps", "repeated", "of two thirds"])
+@pytest.mark.parametrize("count", [3001, 3002])
+def test_the_median_step_of_many_times_is_that_of_numpy(kind: str, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(recording, "_MANY", 100)
+    monkeypatch.setattr(recording, "_PIECE", 256)
+    drawn = np.random.default_rng(count)
+    times = {
+        "rounded": 1e4 + np.round(1e-3 * np.arange(count), 3),
+        "random": np.cumsum(drawn.random(count)),
+        "two steps": np.cumsum(np.arange(count) % 2 + 1.0),
+        "repeated": np.sort(drawn.integers(0, 500, count).astype(float)),
+        "of two thirds": np.cumsum(np.where(np.arange(count) < 2000, 0.1, 5.0)),
+    }[kind]
+    steps = np.diff(times)
+    assert recording.median_step(times) == np.median(steps[steps > 0])
