@@ -46,7 +46,7 @@ def _text(found: Sequence[tuple[str, str, Verdict]]) -> str:
         surprise = "" if verdict.as_expected else f"  (expected: {verdict.claim.expected})"
         first, *others = verdict.texts
         lines += wrapped(f"{verdict.claim.id:>4}  {verdict.verdict:<11}  {first}{surprise}", "  ", then=" " * 8)
-        for words in (verdict.claim.claim, *others, verdict.claim.undecidable):
+        for words in (verdict.claim.claim, *others, verdict.reason):
             lines += wrapped(words, " " * 8)
     counts = {kind: sum(v.verdict == kind for _, _, v in found) for kind in VERDICTS}
     unexpected = sum(not v.as_expected for _, _, v in found)

@@ -120,6 +120,17 @@ class Inequality(Block):
         """How many are given."""
         return sum(getattr(self, key) is not None for key in ("below", "above", "between"))
 
+    @property
+    def relation(self) -> str:
+        """The key of the threshold: below, above or between."""
+        return next(key for key in ("below", "above", "between") if getattr(self, key) is not None)
+
+    def holds(self, value: float) -> bool:
+        """Whether a value satisfies it."""
+        if self.between is not None:
+            return self.between[0] <= value <= self.between[1]
+        return value < self.below if self.below is not None else value > (self.above or 0.0)
+
 
 class Alternative(Inequality):
     """What decides a claim if something that the publication leaves open is chosen in another way."""
@@ -139,6 +150,11 @@ class Claim(Inequality):
     )
     alternatives: tuple[Alternative, ...] = Field(
         default=(), description="other choices of what is open: where they differ, the verdict is `depends`"
+    )
+    divergence: bool = Field(
+        default=False,
+        strict=True,
+        description="it says that an observer diverges: the infinite error of one that did is its number",
     )
     undecidable: str = Field(default="", description="why no finite run decides it; the value is shown beside that")
     expect: Literal["confirmed", "refuted", "undecided", "undecidable", "depends"] = Field(

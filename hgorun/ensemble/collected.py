@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -71,6 +72,8 @@ class Collected:
         What else was measured, by its text.
     settling : float
         The part of its peak below which an error has settled.
+    end : float
+        The last output point of every member; infinite where they end at different times.
     """
 
     name: str
@@ -89,6 +92,7 @@ class Collected:
     trajectories: Trajectories | None = None
     quantities: Mapping[str, Floats] = field(default_factory=dict)
     settling: float = 0.05
+    end: float = math.inf
 
     def __len__(self) -> int:
         return int(self.status.shape[0])
@@ -169,6 +173,17 @@ class Collected:
         ends = [*self.axes, *(axis.rpartition(".")[2] for axis in self.axes)]
         what = f"several axes end with {name!r}" if found else f"no axis is called {name!r}.{nearest(name, ends)}"
         raise ConfigError(f"{self.name}: {what} Known: {known}" if not found else f"{self.name}: {what}: {known}")
+
+    def never(self, metric: str) -> NDArray[np.bool_]:
+        """Whose moment has not come by the last output point, as that of an error that never settles.
+
+        Parameters
+        ----------
+        metric : str
+            One whose value is a moment.
+        """
+        values = self.metrics[metric]
+        return np.asarray((values >= self.end) & np.isfinite(values) & self.sound[:, :, None])
 
     def where(self, members: NDArray[np.bool_]) -> Collected:
         """Some of the members.
@@ -258,3 +273,8 @@ def _of_members(kept: Trajectories | None, members: NDArray[np.bool_]) -> Trajec
     stay = members[kept.member]
     places = np.cumsum(members) - 1
     return Trajectories(member=places[kept.member[stay]], time=kept.time, x=kept.x[stay], xhat=kept.xhat[stay])
+
+
+def last_point(start: float, end: float, step: float) -> float:
+    """The last point of an output grid, less what rounding may have taken off it."""
+    return start + (math.floor((end - start) / step * (1 + 1e-12) + 1e-9) - 1e-6) * step

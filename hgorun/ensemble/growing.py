@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hgorun.ensemble.collected import Collected, Trajectories, as_text
+from hgorun.ensemble.collected import Collected, Trajectories, as_text, last_point
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.reading import QUANTITIES, read
 from hgorun.ensemble.rows import joined, part
@@ -130,7 +131,9 @@ def _finished(store: Store, max_memory: float) -> Collected:
     if not blocks:
         raise ConfigError("no member is finished yet", file=str(store.folder))
     block, members = joined(blocks), np.concatenate(numbers)
-    units = {"time": base.blocks.time.unit, **base.plant.units}
+    clock = base.blocks.time
+    units = {"time": clock.unit, **base.plant.units}
+    same_end = not any(path.startswith("time.") for path in ensemble.axes)
     return Collected(
         name=ensemble.name,
         title=ensemble.title or base.blocks.title,
@@ -148,6 +151,7 @@ def _finished(store: Store, max_memory: float) -> Collected:
         trajectories=_kept(kept, members),
         quantities=dict(zip(map(str, ensemble.quantities), block.quantities.T, strict=True)),
         settling=base.blocks.metrics.settling,
+        end=last_point(clock.start, clock.end, clock.output_step) if same_end else math.inf,
     )
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Collected, Trajectories
+from hgorun.ensemble.collected import Collected, Trajectories, last_point
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, opened
@@ -87,10 +88,11 @@ class _Reader(StoredFile):
         if not np.all(np.isin(status, np.arange(len(STATUSES)))):
             raise self.error(f"status holds numbers that are none of {', '.join(STATUSES)}")
         error = np.array(self.texts("error", *shape), dtype=object) if "error" in self.file else np.full(size, "", "O")
+        axes = self.axes(dimensions, shape)
         return Collected(
             name=printable(self.text("name")) if "name" in self.file.attrs else self.path.name.partition(".")[0],
             title=printable(self.text("title")) if "title" in self.file.attrs else "",
-            axes=self.axes(dimensions, shape),
+            axes=axes,
             observers=observers,
             states=states,
             metrics=metrics,
@@ -104,13 +106,25 @@ class _Reader(StoredFile):
             trajectories=self.trajectories(size, m, n) if "trajectories" in self.file else None,
             quantities=self.quantities(dimensions, shape),
             settling=self.settling(),
+            end=self.end(axes),
         )
 
     def settling(self) -> float:
         """The part of the peak in the configuration of its base."""
+        return self.number_of_base("metrics", "settling", 0.05)
+
+    def end(self, axes: Iterable[str]) -> float:
+        """The last output point of its members."""
+        if any(path.startswith("time.") for path in axes):
+            return math.inf
+        start, end, step = (self.number_of_base("time", key, 0.0) for key in ("start", "end", "output_step"))
+        return last_point(start, end, step) if end > start and step > 0 else math.inf
+
+    def number_of_base(self, block: str, key: str, default: float) -> float:
+        """A number in the configuration of its base."""
         text = self.text("config_resolved") if "config_resolved" in self.file.attrs else ""
-        found = re.search(r"^metrics:\n(?:[ ]+.*\n)*?[ ]+settling: ([0-9.e+-]+)$", text, re.MULTILINE)
-        return float(found[1]) if found else 0.05
+        found = re.search(rf"^{block}:\n(?:[ ]+.*\n)*?[ ]+{key}: (-?[0-9.]+(?:e[+-]?[0-9]+)?)$", text, re.MULTILINE)
+        return float(found[1]) if found else default
 
     def quantities(self, dimensions: Sequence[str], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
         """What else was measured; nothing in most files."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import combinations, product
 from typing import Any
 
@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats
-from hgorun.result.metrics.settling import lifted_by_noise
+from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.settling import SETTLING, lifted_by_noise
 
 QUANTILES = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
 LEVEL = 0.95  # of the intervals
@@ -100,8 +101,11 @@ class Statistics:
     summaries : mapping of (str, str, str) to Summary
         By observer, metric and state.
     differences : tuple of Difference
-    noisy : frozenset of (str, str, str)
-        Of ``summaries`` the times that noise decides in at least half of the members: no mean tells anything.
+    never : frozenset of (str, str, str)
+        Of ``summaries`` the times that have not come by the end of the run, or are decided by noise, in at least half
+        of the members: no mean tells anything.
+    cut : mapping of (str, str, str) to int
+        Of the other times, how many members count with the end of the run.
     """
 
     at: Mapping[str, Any]
@@ -111,11 +115,12 @@ class Statistics:
     differences: tuple[Difference, ...]
     pooled: tuple[str, ...] = ()
     shared: tuple[str, ...] = ()
-    noisy: frozenset[tuple[str, str, str]] = frozenset()
+    never: frozenset[tuple[str, str, str]] = frozenset()
+    cut: Mapping[tuple[str, str, str], int] = field(default_factory=dict)
 
-    def decided_by_noise(self, metric: str, state: str, *labels: str) -> bool:
+    def has_none(self, metric: str, state: str, *labels: str) -> bool:
         """Whether that is so of an observer, or of any of several; of any at all where none is named."""
-        return any((m, s) == (metric, state) and (not labels or label in labels) for label, m, s in self.noisy)
+        return any((m, s) == (metric, state) and (not labels or label in labels) for label, m, s in self.never)
 
     @property
     def independent(self) -> bool:
@@ -144,24 +149,41 @@ def statistics(members: Collected, metrics: Sequence[str] = (), at: Mapping[str,
         found = _summaries(members.metrics[metric], members.sound, chance=members.independent)
         for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
             summaries[label, metric, state] = found[i][j]
-    noisy = frozenset(_noisy(members, names))
+    never, cut = _never(members, names)
     differences = tuple(_differences(members, names))
     return Statistics(
-        dict(at or {}), len(members), members.counts, summaries, differences, members.grid, members.shared, noisy
+        dict(at or {}), len(members), members.counts, summaries, differences, members.grid, members.shared, never, cut
     )
 
 
-def _noisy(members: Collected, metrics: Sequence[str]) -> Iterator[tuple[str, str, str]]:
-    """The settling times that noise decides in at least half of the members that have numbers."""
-    if "settling" not in metrics or not {"sup", "hf", "peak"} <= members.metrics.keys():
-        return
+def _never(
+    members: Collected, metrics: Sequence[str]
+) -> tuple[frozenset[tuple[str, str, str]], dict[tuple[str, str, str], int]]:
+    """The times that have none in at least half of the members with numbers; of the others, how many lack it."""
+    never, cut = set(), {}
+    for metric in metrics:
+        known = all_metrics(closed=True).get(metric)
+        if known is None or not known.moment:
+            continue
+        late = members.never(metric)
+        often = late | _lifted(members) if metric == SETTLING.name else late
+        most = 2 * np.sum(often, axis=0) >= np.maximum(np.sum(members.sound, axis=0), 1)[:, None]
+        count = np.sum(late, axis=0)
+        for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
+            if most[i, j]:
+                never.add((label, metric, state))
+            elif count[i, j]:
+                cut[label, metric, state] = int(count[i, j])
+    return frozenset(never), cut
+
+
+def _lifted(members: Collected) -> NDArray[np.bool_]:
+    """Whose settling times noise decides."""
+    if not {"sup", "hf", "peak"} <= members.metrics.keys():
+        return np.zeros(members.metrics[SETTLING.name].shape, dtype=bool)
     sup, fast, peak = (members.metrics[name] for name in ("sup", "hf", "peak"))
     with np.errstate(invalid="ignore"):
-        lifted = lifted_by_noise(sup, fast, peak, members.settling) & members.sound[:, :, None]
-    often = 2 * np.sum(lifted, axis=0) >= np.maximum(np.sum(members.sound, axis=0), 1)[:, None]
-    for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
-        if often[i, j]:
-            yield label, "settling", state
+        return np.asarray(lifted_by_noise(sup, fast, peak, members.settling) & members.sound[:, :, None])
 
 
 def quantiles(values: Floats, sound: NDArray[np.bool_], at: Iterable[float]) -> list[Floats]:

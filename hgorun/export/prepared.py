@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+import shlex
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -106,7 +107,29 @@ def _all(run: PreparedRun, wanted: Wanted, told: tuple[int, ...], find: Callable
     with run.experiment.located():
         flows = any(isinstance(run.experiment.observers[label], ContinuousObserver) for label in labels)
         steps = find() if flows and wanted.steps else None
-        return [_exported(run, label, steps, wanted, told) for label in labels]
+        return [
+            _or_others(run, label, labels, lambda one: _exported(run, one, steps, wanted, told)) for label in labels
+        ]
+
+
+def _or_others(run: PreparedRun, label: str, labels: Sequence[str], export: Callable[[str], Exported]) -> Exported:
+    """An exported observer, or why there is none, and how to export those beside it for which there is one."""
+    try:
+        return export(label)
+    except Problem as problem:
+        others = [other for other in labels if other != label and _can(export, other)]
+        if not others:
+            raise
+        chosen = " ".join(f"--observer {shlex.quote(other)}" for other in others)
+        raise Problem(problem.path, f"{problem}; to export the others: {chosen}") from problem
+
+
+def _can(export: Callable[[str], Exported], label: str) -> bool:
+    try:
+        export(label)
+    except Problem:
+        return False
+    return True
 
 
 def _labels(run: PreparedRun, chosen: Iterable[str]) -> list[str]:
@@ -236,15 +259,13 @@ def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted
 
 
 def _without_lateness(run: PreparedRun, label: str) -> str:
-    """What to leave out for an observer that goes back to late samples, and which others can be exported."""
+    """What to change for an observer that goes back to late samples."""
     data = run.experiment.blocks.data
     recorded = {} if data is None else data.outputs
     keys = [f"data.outputs.{name}.available" for name, one in recorded.items() if one.available is not None]
     said = f"take {' and '.join(keys)} out" if keys else "leave measurement.delay out"
-    designs = run.experiment.designs.items()
-    others = [name for name, other in designs if treatment_of(other.observer) not in run.treatments]
-    chosen = " ".join(f"--observer {name}" for name in others)
-    return f"{said}, or export the others with {chosen}" if others else said
+    corrected = isinstance(run.experiment.observers[label], CorrectedObserver)
+    return said if corrected else f"say `late: innovation`, or {said}"
 
 
 def _start(run: PreparedRun, label: str, found: Equations) -> np.ndarray:

@@ -85,7 +85,7 @@ def _claims(made: Sequence[tuple[Work, Outcome]]) -> Iterator[str]:
         return
     yield from ("", "### Claims", "", "| | claim | stated in | measured | verdict |", "|---|---|---|---|---|")
     for v in verdicts:
-        note = "".join(f" *{words.strip()}*" for words in (v.claim.undecidable, v.claim.note) if words)
+        note = "".join(f" *{words.strip()}*" for words in (v.reason, v.claim.note) if words)
         expressions = [f" `{one.inequality.value}`" for one in v.measured] or [""]
         number = "; ".join(text + expression for text, expression in zip(v.texts, expressions, strict=True))
         verdict = f"**{v.verdict}**" + ("" if v.as_expected else f" (expected: {v.claim.expected})")

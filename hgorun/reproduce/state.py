@@ -78,7 +78,7 @@ def of_figure(study: Study, name: str) -> Ingredients:
 def of_claim(study: Study, number: int) -> Ingredients:
     """Of a claim's numbers: its expressions, its runs, and the code that measures them.
 
-    The thresholds are compared anew each time.
+    The thresholds are compared anew each time; what an observer that diverged counts as depends on their direction.
     """
     quantities = study.quantities(number)
     runs = [study.runs[name] for name in dict.fromkeys(run for q in quantities for run, _ in q.of)]
@@ -86,7 +86,9 @@ def of_claim(study: Study, number: int) -> Ingredients:
     if any(quantity.function == "analysis" for quantity in quantities):
         groups.append(THEORY)
         theirs = code_of(finding.of for finding in all_findings())
-    value = {"the claim's value": _hash(*(one.value for one in study.claims[number].inequalities))}
+    claim = study.claims[number]
+    asked = [(one.value, one.relation, claim.divergence) for one in claim.inequalities]
+    value = {"the claim's value": _hash(*(part for one in asked for part in map(str, one)))}
     return _code(*groups) | theirs | _runs(runs) | value
 
 

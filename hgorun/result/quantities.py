@@ -162,7 +162,15 @@ def _metric(quantity: Quantity, results: Mapping[str, Result]) -> float:
     asked = METRICS.find(quantity.function)
     if asked.closed:
         raise ExpressionError(f"{quantity}: only closed loops have this, without a window")
-    return float(measure(result.time, x[:, None], {"": xhat[:, None]}, settings, [asked])[""][asked.name][0])
+    rows = _before_divergence(result.time, xhat, steady[1]) if asked.window != "run" else slice(None)
+    x, xhat = x[rows, None], xhat[rows, None]
+    return float(measure(result.time[rows], x, {"": xhat}, settings, [asked])[""][asked.name][0])
+
+
+def _before_divergence(time: np.ndarray, xhat: np.ndarray, end: float) -> slice:
+    """All rows, or those before an estimate was lost where a window that it is measured in ends earlier."""
+    lost = np.flatnonzero(~np.isfinite(xhat))
+    return slice(int(lost[0])) if lost.size and end < time[lost[0]] else slice(None)
 
 
 def _of_error(of: Callable[[np.ndarray], float]) -> Callable[[Quantity, Mapping[str, Result]], float]:

@@ -46,6 +46,10 @@ class RecordedInputs:
         i = last_of(self.times, times)
         return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
 
+    def slopes_at(self, times: np.ndarray) -> np.ndarray:
+        """u' at several times, where it jumps the one behind them, shape (len(times), m)."""
+        return np.asarray(self.slopes[last_of(self.times, times)])
+
     def values(self, channels: Sequence[Channel], *, before: bool) -> list[np.ndarray]:
         """What is set in w: of every time the three numbers of every line; at every sample the inputs ``before``."""
         lines = np.empty((*self.levels.shape, 3))

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeAlias
 
 import numpy as np
 
+from hgorun.config.study import Inequality
 from hgorun.ensemble.collected import Collected, Floats, shown
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.refused import told_where
 from hgorun.errors import SimulationError
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.quantities import Quantity, exponent, measure_quantity
+from hgorun.result.quantities import Quantity, exponent, inside, measure_quantity
 from hgorun.result.result import Result
 from hgorun.study.sentences import Sentence
 from hgorun.study.study import Run, Study
@@ -87,6 +89,7 @@ def values_of(
     """The value of each inequality of a claim: one number, or one for each member of the ensemble it refers to.
 
     Of an ensemble of values and seeds there is one for each seed, the mean over the values: these are independent.
+    What cannot be known because an observer diverged is NaN.
 
     Parameters
     ----------
@@ -100,12 +103,18 @@ def values_of(
     theory : callable
         Gives a number of the analysis.
     """
-    return [_values(study, sentence, results, ensembles, theory) for sentence in study.sentences[claim]]
+    asked = study.claims[claim]
+    return [
+        _values(study, sentence, one, asked.divergence, results, ensembles, theory)
+        for sentence, one in zip(study.sentences[claim], asked.inequalities, strict=True)
+    ]
 
 
 def _values(
     study: Study,
     sentence: Sentence,
+    inequality: Inequality,
+    of_divergence: bool,
     results: Mapping[str, Result],
     ensembles: Mapping[str, Numbers],
     theory: Callable[[Quantity], float],
@@ -119,12 +128,29 @@ def _values(
             measured[str(q)] = np.array([[measure_quantity(q, results)]])
         elif q.function == "exponent":
             amplitudes = ensembles[run.name][str(on_member(q))]
-            measured[str(q)] = np.array([[exponent(run.values, column, q.window) for column in amplitudes.T]])
+            measured[str(q)] = np.array([[_slope(run, column, q) for column in amplitudes.T]])
         else:
             measured[str(q)] = ensembles[run.name][str(q)]
+    of_runs = {str(q) for q in sentence.quantities if q.function != "analysis"}
+
+    def _value(found: Mapping[str, float]) -> float:
+        value = sentence.value(found)
+        if of_divergence or not any(math.isinf(found[text]) for text in of_runs):
+            return value
+        # an error without bound is not below one; what else follows from an observer that diverged nobody knows
+        return value if math.isinf(value) and not inequality.holds(value) else math.nan
+
     rows, seeds = np.broadcast_shapes(*(part.shape for part in measured.values()))
     each = {text: np.broadcast_to(part, (rows, seeds)) for text, part in measured.items()}
-    table = [[sentence.value({t: float(p[v, s]) for t, p in each.items()}) for s in range(seeds)] for v in range(rows)]
+    table = [[_value({t: float(p[v, s]) for t, p in each.items()}) for s in range(seeds)] for v in range(rows)]
     if seeds == 1:
         return [row[0] for row in table]
     return [float(np.mean(column)) for column in zip(*table, strict=True)]
+
+
+def _slope(run: Run, amplitudes: Floats, asked: Quantity) -> float:
+    """An exponent; infinite where an observer diverged at one of the values that it is drawn through."""
+    used = [asked.window is None or inside(value, asked.window) for value in run.values]
+    if np.any(np.isinf(amplitudes[used])):
+        return math.inf
+    return exponent(run.values, amplitudes, asked.window)

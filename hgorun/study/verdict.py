@@ -30,7 +30,7 @@ class Measured:
     ----------
     inequality : Inequality
     verdict : str
-        confirmed, refuted, or undecided where the interval holds the threshold.
+        confirmed, refuted, undecided where the interval holds the threshold, or undecidable where there is no number.
     value : float
         The mean over members of an ensemble.
     interval : (low, high) or None
@@ -90,14 +90,17 @@ class Verdict:
     claim : Claim
     verdict : str
         confirmed, refuted or undecided by the claim's own inequality and all alternatives; depends, where some of
-        them confirm it and others refute it; undecidable, where no finite run decides.
+        them confirm it and others refute it; undecidable, where no finite run decides, or there is no number.
     measured : tuple of Measured
         The claim's own inequality, then the alternatives; nothing where it has no value.
+    reason : str
+        Why it is undecidable, where it is.
     """
 
     claim: Claim
     verdict: str
     measured: tuple[Measured, ...]
+    reason: str = ""
 
     @property
     def as_expected(self) -> bool:
@@ -131,53 +134,64 @@ class Verdict:
             "verdict": self.verdict,
             **first,
             "alternatives": alternatives,
-            "undecidable": self.claim.undecidable or None,
+            "undecidable": self.reason or None,
             "expected": self.claim.expected,
             "note": self.claim.note,
         }
 
 
-def judge(claim: Claim, values: Sequence[Sequence[float]]) -> Verdict:
+def judge(claim: Claim, values: Sequence[Sequence[float]], lost: Sequence[str] = ()) -> Verdict:
     """The verdict on a claim.
 
     Parameters
     ----------
     claim : Claim
     values : sequence of sequence of float
-        Of its own inequality, then of the alternatives: one value each, or those of the members of an ensemble.
+        Of its own inequality, then of the alternatives: one value each, or those of the members of an ensemble. NaN
+        where there is none.
+    lost : sequence of str
+        In words, which observers that it is about have diverged.
     """
     measured = tuple(measure(one, numbers) for one, numbers in zip(claim.inequalities, values, strict=True))
-    return Verdict(claim, UNDECIDABLE if claim.undecidable else _together({m.verdict for m in measured}), measured)
+    if claim.undecidable:
+        return Verdict(claim, UNDECIDABLE, measured, claim.undecidable)
+    verdict = _together({m.verdict for m in measured})
+    if verdict != UNDECIDABLE:
+        return Verdict(claim, verdict, measured)
+    first = next(m for m in measured if m.verdict == UNDECIDABLE)
+    missing = sum(not math.isfinite(number) for number in values[measured.index(first)])
+    return Verdict(claim, verdict, measured, _why(first.members, missing, lost))
+
+
+def _why(members: int, missing: int, lost: Sequence[str]) -> str:
+    what = "It has no number" if members == 1 else f"{missing} of its {members} numbers are missing"
+    because = "; ".join(lost) or "an observer diverged, a divisor is 0 or a quantity is not defined"
+    return f"{what}: {because}. If the claim is that an observer diverges, say `divergence: true`."
 
 
 def _together(verdicts: set[str]) -> str:
     if {CONFIRMED, REFUTED} <= verdicts:
         return DEPENDS
-    return UNDECIDED if UNDECIDED in verdicts else verdicts.pop()
+    return next((word for word in (UNDECIDABLE, UNDECIDED) if word in verdicts), "") or verdicts.pop()
 
 
 def measure(inequality: Inequality, values: Sequence[float]) -> Measured:
     """Whether an inequality holds, by one value or by those of the members of an ensemble."""
     value = float(np.mean(values))
     if len(values) == 1:
-        holds = _holds(inequality, value)
-        verdict = UNDECIDED if math.isnan(value) else CONFIRMED if holds else REFUTED
-        return Measured(inequality, verdict, value, None, 1)
-    interval = _interval(np.asarray(values))
-    inside = [_holds(inequality, end) for end in interval]
-    if any(map(math.isnan, interval)):
-        verdict = UNDECIDED
+        verdict = CONFIRMED if inequality.holds(value) else REFUTED
+        return Measured(inequality, UNDECIDABLE if math.isnan(value) else verdict, value, None, 1)
+    if len(set(values)) > 1 and not math.isfinite(value):
+        return Measured(inequality, UNDECIDABLE, value, None, len(values))
+    interval = _interval(np.asarray(values)) if math.isfinite(value) else (value, value)
+    inside = [inequality.holds(end) for end in interval]
+    if math.isnan(value):
+        verdict = UNDECIDABLE
     elif all(inside):
         verdict = CONFIRMED
     else:
         verdict = UNDECIDED if _touches(inequality, interval) else REFUTED
     return Measured(inequality, verdict, value, interval, len(values))
-
-
-def _holds(one: Inequality, value: float) -> bool:
-    if one.between is not None:
-        return one.between[0] <= value <= one.between[1]
-    return value < one.below if one.below is not None else value > (one.above or 0.0)
 
 
 def _touches(one: Inequality, interval: tuple[float, float]) -> bool:

@@ -21,7 +21,10 @@ NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
 _INTERVALS = "±: 95 % interval of the mean, over members that are ok or inaccurate; sem: its standard error; "
 _QUANTILES = "q05 to q95: quantiles over all members, in which a lost estimate counts as infinite"
 _NOTE, _POOLED_NOTE = _INTERVALS + _QUANTILES, "mean: over members that are ok or inaccurate; " + _QUANTILES
-_NOISY = "settling: never, where noise lifts the error above that part of its peak again and again in most members"
+_NEVER = (
+    "settling: never, where noise lifts the error above that part of its peak again and again, or it is still above at "
+    "the end of the run, in at least half of the members"
+)
 _NAN = math.nan
 _NOTHING = Summary(n=0, mean=_NAN, sem=_NAN, ci95=(_NAN, _NAN), median=_NAN, q05=_NAN, q25=_NAN, q75=_NAN, q95=_NAN)
 _PAIRS = "paired differences of means with their 95 % intervals; *: p < 0.05 after Holm"
@@ -141,7 +144,7 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
     part = one.whole
     for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
         own = {f"{label} {state}": s for (label, m, state), s in part.summaries.items() if m == metric}
-        never = {f"{label} {state}" for label, m, state in part.noisy if m == metric}
+        never = {f"{label} {state}" for label, m, state in part.never if m == metric}
         columns = [["mean", *(NEVER if key in never else _cell(s.mean) for key, s in own.items())]]
         own = {key: _NOTHING if key in never else s for key, s in own.items()}
         if part.independent:
@@ -150,18 +153,25 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
             columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
         for block in packed(list(own), [[column] for column in columns], title=metric):
             lines += ["", *block]
-    lines += ["", *wrapped(_NOISY)] if part.noisy else []
+    lines += ["", *wrapped(_NEVER)] if part.never else []
+    lines += ["", *wrapped(_cut(part))] if part.cut else []
     lines += ["", *wrapped(_NOTE if part.independent else _POOLED_NOTE)]
     if part.differences and pairs:
         columns_of: dict[tuple[str, str], list[str]] = {}
         rows = list(dict.fromkeys(f"{d.metric} {d.state}" for d in part.differences))
         for d in part.differences:
-            decided = part.decided_by_noise(d.metric, d.state, d.a, d.b)
+            decided = part.has_none(d.metric, d.state, d.a, d.b)
             columns_of.setdefault((d.a, d.b), []).append("- " if decided else _difference(d))
         for block in packed(rows, [[[f"{a} - {b}", *cells]] for (a, b), cells in columns_of.items()]):
             lines += ["", *block]
         lines += ["", *wrapped(_PAIRS if part.independent else "differences of means")]
     return lines
+
+
+def _cut(part: Statistics) -> str:
+    """Of which times the mean is too small, and why."""
+    who = [f"{metric} of {label} {state}: {n} of {part.members}" for (label, metric, state), n in part.cut.items()]
+    return f"{', '.join(who)} members never settle; they count with the end of the run, so the mean is too small"
 
 
 def _half(summary: Summary) -> str:
@@ -194,7 +204,7 @@ def _by_point(one: Compared) -> list[str]:
 def _mean_at(part: Statistics, label: str, metric: str, state: str) -> str:
     summary, failed = part.summaries[label, metric, state], part.failed(label)
     mean = "-" if math.isnan(summary.mean) else uncertain(summary.mean, summary.half)
-    if part.decided_by_noise(metric, state, label):
+    if part.has_none(metric, state, label):
         mean = NEVER
     return f"{mean} ({failed})" if failed else mean
 
@@ -208,7 +218,7 @@ def best(part: Statistics, metric: str, state: str) -> str | None:
     """The observer with the best mean, if it is significantly better than all others and fails no more often."""
     own = {label: s.mean for (label, m, s_), s in part.summaries.items() if (m, s_) == (metric, state)}
     finite = {label: mean for label, mean in own.items() if math.isfinite(mean)}
-    if not finite or len(own) < 2 or part.decided_by_noise(metric, state):
+    if not finite or len(own) < 2 or part.has_none(metric, state):
         return None
     known = all_metrics(closed=True).get(metric)
     ideal = known.ideal if known else 0.0

@@ -86,6 +86,6 @@ def _members(one: Compared) -> str:
 
 def _cell(part: Statistics, label: str, metric: str, state: str) -> str:
     summary = part.summaries[label, metric, state]
-    if part.decided_by_noise(metric, state, label):
+    if part.has_none(metric, state, label):
         return NEVER
     return latex_uncertain(summary.mean, summary.half, bold=best(part, metric, state) == label)

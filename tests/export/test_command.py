@@ -91,3 +91,29 @@ def test_what_is_wrong(shell: Shell, arguments: list[str], message: str) -> None
     assert (code, out) == (2, "")
     assert message in err
     assert not Path("results").exists()
+
+
+MIXED = """
+time: {end: 1, output_step: 0.1}
+plant: {states: [x1, x2], dynamics: {x1: x2, x2: -x1}, output: x1, initial: {x1: 1, x2: 0}}
+measurement: {sampling: {period: 0.1}, delay: 0.2, noise: [{type: gaussian, std: 0.1}]}
+solver: {method: rk4, step: 0.05}
+observers:
+  S: {type: shgo, theta: 3}
+  replayed: {type: shgo, theta: 3, late: replay}
+  K: {type: ekf, theta: 2}
+"""
+
+
+def test_one_that_is_not_exported_names_the_way_to_export_the_others(shell: Shell, tmp_path: Path) -> None:
+    (tmp_path / "mixed.yaml").write_text(MIXED)
+    code, _, err = shell("export", "mixed.yaml")
+    assert code == 2
+    assert "mixed.yaml:8: observers.replayed.late: " in err
+    assert "say `late: innovation`, or leave measurement.delay out; to export the others: --observer S\n" in err
+    _, _, err = shell("export", "mixed.yaml", "--observer", "K", "--observer", "S")
+    assert "innovation`" not in err  # a Kalman filter has none
+    code, *_ = shell("export", "mixed.yaml", "--observer", "S")
+    assert code == 0
+    _, _, err = shell("export", "mixed.yaml", "--observer", "K")
+    assert "to export the others" not in err

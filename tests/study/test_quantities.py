@@ -118,7 +118,7 @@ def test_verdicts_of_one_number() -> None:
     assert judge(claim(above=1), [[1.5]]).verdict == "confirmed"
     assert judge(claim(between=[1, 2]), [[1.5]]).verdict == "confirmed"
     assert judge(claim(between=[1, 2]), [[2.5]]).verdict == "refuted"
-    assert judge(claim(below=1), [[float("nan")]]).verdict == "undecided"
+    assert judge(claim(below=1), [[float("nan")]]).verdict == "undecidable"
     assert judge(claim(above=1), [[float("inf")]]).verdict == "confirmed"
 
 

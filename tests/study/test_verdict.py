@@ -27,7 +27,7 @@ def claim(**relation: Any) -> Claim:
         ({"between": [1, 2]}, 1.0, "confirmed"),
         ({"between": [1, 2]}, 2.0, "confirmed"),
         ({"between": [1, 2]}, 2.1, "refuted"),
-        ({"below": 1}, math.nan, "undecided"),
+        ({"below": 1}, math.nan, "undecidable"),
         ({"below": 1}, math.inf, "refuted"),
     ],
 )
@@ -66,7 +66,11 @@ def test_of_an_ensemble_by_its_confidence_interval(relation: dict[str, Any], ver
 
 def test_an_ensemble_with_one_that_diverged_decides_nothing() -> None:
     with np.errstate(invalid="ignore"):
-        assert judge(claim(below=1), [[0.1, 0.2, math.nan]]).verdict == "undecided"
+        found = judge(claim(below=1), [[0.1, 0.2, math.nan]])
+    assert found.verdict == "undecidable"
+    assert "1 of its 3 numbers are missing" in found.reason
+    assert judge(claim(above=1), [[0.1, 0.2, math.inf]]).verdict == "undecidable"
+    assert judge(claim(above=1), [[math.inf] * 3]).verdict == "confirmed"
 
 
 def test_in_words() -> None:
@@ -94,7 +98,7 @@ OTHER = {"value": "rmse('a/b', x1, 0, 9)", "below": 1, "note": "on [0, 9]"}
         ([[1.5], [1.5], [1.7]], "refuted"),
         ([[0.5], [1.5], [0.7]], "depends"),
         ([[1.5], [0.5], [0.7]], "depends"),
-        ([[0.5], [math.nan], [0.7]], "undecided"),
+        ([[0.5], [math.nan], [0.7]], "undecidable"),
         ([[0.5], [math.nan], [1.7]], "depends"),
     ],
 )

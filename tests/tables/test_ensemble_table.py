@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hgorun.ensemble.collected import Collected
+from hgorun.ensemble.collected import Collected, last_point
 from hgorun.tables.ensemble import best, compared, text
 from hgorun.tables.ensemble_data import as_json, csv
 from hgorun.tables.ensemble_latex import latex
@@ -212,4 +212,26 @@ def test_a_settling_time_that_noise_decides_has_no_mean_and_no_star(fast: float,
     tabular = latex([found])
     assert ("never" in tabular, r"\mathbf" in tabular) == (never, not never)
     assert found.whole.summaries["F", "settling", "x1"].mean == pytest.approx(members.metrics["rmse"][:, 0, 0].mean())
-    assert not compared(replace(members, metrics=numbers, settling=0.5), (), ["settling"]).whole.noisy
+    assert not compared(replace(members, metrics=numbers, settling=0.5), (), ["settling"]).whole.never
+
+
+@pytest.mark.parametrize(("late", "word"), [(1.0, "never"), (0.25, "members never settle"), (0.0, "")])
+def test_the_end_of_the_run_is_not_a_settling_time(late: float, word: str) -> None:
+    members = drawn()
+    size = len(members)
+    values = np.full_like(members.metrics["rmse"], 3.0)
+    values[: round(late * size), 0] = 24.9
+    numbers = {"settling": values}
+    found = compared(replace(members, metrics=numbers, end=24.9 - 1e-7), (), ["settling"])
+    shown = text([found])
+    assert ("never" in shown) == bool(word)
+    assert word in shown
+    if 0 < late < 1:
+        assert f"settling of F x1: {round(late * size)} of {size}" in " ".join(shown.split())
+    assert not compared(replace(members, metrics=numbers), (), ["settling"]).whole.never  # ends that differ
+
+
+def test_the_last_output_point() -> None:
+    assert last_point(0.0, 25.0, 0.1) == pytest.approx(25.0, abs=1e-6)
+    assert last_point(1.0, 2.05, 0.1) == pytest.approx(2.0, abs=1e-6)
+    assert last_point(0.0, 0.3, 0.1) <= 0.3

@@ -21,6 +21,7 @@ import numpy as np
 
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.reasons import RECALLS, NoValue, why_lost, why_no_flow
+from hgorun.errors import printable
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.observer import ObserverResult
@@ -133,7 +134,8 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     linear = linearisation.systems(times, xi)
     A0, E, H, L, K0, K = linear.A0, linear.E, linear.H, linear.L, linear.K0, linear.K
     kept = _that_matter(linearisation, A0, H, L, K0)
-    where = f"along the run from t = {run.origin + times[0]:.4g} to {run.origin + times[-1]:.4g}"
+    unit = printable(run.experiment.blocks.time.unit)
+    where = f"along the run from t = {run.origin + times[0]:.4g} to {run.origin + times[-1]:.4g} {unit}".rstrip()
     system = ErrorSystem(times, A0[:, kept][:, :, kept], E[:, kept], H[:, :, kept], K0[:, :, kept], K, where)
     if not np.all(np.isfinite(system.G)) or not np.all(np.isfinite(system.H)):
         raise NoValue("the observer's equations have no finite slopes along the run")

@@ -58,7 +58,10 @@ def _require_stable(linear: Linear, delay: float) -> None:
     """Refuse a delay beyond the observer's margin: its response is a number there, too, but no steady state."""
     margin = outcome(lambda: delay_margin(linear.A0, linear.E, linear.H, linear.K0, linear.K)).found
     if margin is not None and delay >= margin:
-        raise NoValue(f"the delay {delay:.4g} is beyond the stability limit {margin:.4g} of the linearisation")
+        raise NoValue(
+            f"the delay {delay:.4g} is beyond the stability limit {margin:.4g} of the linearisation, both in the unit "
+            "of time of the run"
+        )
 
 
 def constant(linear: Linear, terms: list[NoiseTerms], delay: float = 0.0) -> np.ndarray:

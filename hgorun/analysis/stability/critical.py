@@ -19,6 +19,7 @@ from hgorun.analysis.linear.error_system import ErrorSystem, at_end
 from hgorun.analysis.linear.nominal import chain
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.growth import MAX_PERIODS, growth
+from hgorun.errors import printable
 from hgorun.measurement.availability import Stretch
 from hgorun.observers.base import PeriodLimit
 from hgorun.simulation.prepared import PreparedRun
@@ -65,6 +66,11 @@ class Timing:
     regular: str = ""
     uneven: str = ""
     late: str = ""
+    unit: str = ""
+
+    def told(self, time: float, digits: int = 3) -> str:
+        """A time with its unit."""
+        return f"{time:.{digits}g} {self.unit}".rstrip()
 
 
 def chain_system(run: PreparedRun, label: str) -> ErrorSystem:
@@ -90,13 +96,14 @@ def timing_of(run: PreparedRun) -> Timing:
     NoValue
         When there is no one period and delay.
     """
+    unit = printable(run.experiment.blocks.time.unit)
     last = [stretches[-1] for stretches in run.experiment.stretches]
     described = [_describe(run, i, stretch) for i, stretch in enumerate(last)]
     if any(d.period != described[0].period or d.delay != described[0].delay for d in described[1:]):
         raise NoValue("the outputs differ in their sampling or delay")
     if len(run.experiment.stretches[0]) > 1:
-        return replace(described[0], phase="the last phase")
-    return described[0]
+        return replace(described[0], phase="the last phase", unit=unit)
+    return replace(described[0], unit=unit)
 
 
 def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Timing:
@@ -114,7 +121,8 @@ def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Timing:
             regular = "without jitter and dropout"
     delay = float(np.max(stretch.delay_at(times), initial=0.0)) if times.size else 0.0
     if not stretch.delay_is_constant:
-        late = f"with the longest delay, {delay:.4g}, throughout"
+        told = f"{delay:.4g} {printable(run.experiment.blocks.time.unit)}".rstrip()
+        late = f"with the longest delay, {told}, throughout"
     return Timing(period, delay, regular=regular, uneven=uneven, late=late)
 
 
@@ -146,8 +154,11 @@ def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
         shortest = max(shortest, 0.2 / system.rate, span / MAX_PERIODS)
         longest = min(longest, span / 4)
     if shortest > longest:
-        raise NoValue(f"the delay of {delay:.4g} needs periods beyond the longest that is tried, {longest:.3g}")
-    return _search(system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
+        raise NoValue(
+            f"the delay of {timing.told(delay, 4)} needs periods beyond the longest that is tried, "
+            f"{timing.told(longest)}"
+        )
+    return _search(timing, system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
 
 
 def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
@@ -169,11 +180,11 @@ def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
         where += f"; {_FINE} samples a delay stand for the continuous output"
         # held samples d/n apart that are d - d/(2 n) old on arrival are d old in the mean
         coarse, fine = (lambda d, n=n: growth(system, d / n, d - d / (2 * n)) for n in (_COARSE, _FINE))
-        return _search(system, coarse, shortest, longest, where, "delay", fine)
+        return _search(timing, system, coarse, shortest, longest, where, "delay", fine)
     if growth(system, period, 0.0) >= 0:
-        raise NoValue(f"unstable at the period {period:.4g} even without delay")
+        raise NoValue(f"unstable at the period {timing.told(period, 4)} even without delay")
     longest = min(longest, _MAX_WAITING * period)
-    return _search(system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
+    return _search(timing, system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
 
 
 def _told(*remarks: str) -> str:
@@ -187,6 +198,7 @@ def _must_move(system: ErrorSystem) -> None:
 
 
 def _search(
+    timing: Timing,
     system: ErrorSystem,
     rate: Callable[[float], float],
     shortest: float,
@@ -200,19 +212,19 @@ def _search(
     precision = _PRECISION[0 if system.constant else 1]
     low = shortest
     if rate(low) >= 0:
-        raise NoValue(f"unstable at every {what} down to {low:.3g}")
+        raise NoValue(f"unstable at every {what} down to {timing.told(low)}")
     high = low * ratio
     while rate(high) < 0:
         low, high = high, high * ratio
         if low > longest:
-            raise NoValue(f"stable at every {what} up to {low:.3g}")
+            raise NoValue(f"stable at every {what} up to {timing.told(low)}")
     rate = fine or rate
     while low > shortest and rate(low) >= 0:
         low, high = low / ratio, low
     while rate(high) < 0:
         low, high = high, high * ratio
         if low > longest:
-            raise NoValue(f"stable at every {what} up to {low:.3g}")
+            raise NoValue(f"stable at every {what} up to {timing.told(low)}")
     while high - low > precision * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if rate(middle) < 0 else (low, middle)

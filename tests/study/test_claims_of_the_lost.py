@@ -1,0 +1,73 @@
+"""A claim is not decided by the number of an observer that diverged, unless it says that one diverges."""
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+from hgorun.commands.catalogue_options import Claims
+from hgorun.commands.claims import claims
+
+STUDY = """
+time: {end: 3, output_step: 0.1}
+plant: {type: integrator_chain, n: 2, phi: -x1, initial: {x1: 1, x2: 0}}
+observers: {A: {type: shgo, theta: 2}, B: {type: shgo, theta: 3}}
+measurement: {sampling: {period: 0.1}, delay: 0.4}
+solver: {step: 0.01}
+runs:
+  calm: {}
+  wild: {observers: {B: {theta: 400}}}
+claims:
+"""
+CLAIMS = {  # B of the run wild diverges: its numbers are infinite, and so is a quotient that has them above
+    "is better": ("rmse('calm/A', x1)/rmse('wild/B', x1)", "below: 0.5", "undecidable"),
+    "is not better": ("rmse('calm/A', x1)/rmse('wild/B', x1)", "above: 0.5", "undecidable"),
+    "is worse": ("rmse('wild/B', x1)/rmse('calm/A', x1)", "above: 2", "undecidable"),
+    "difference": ("rmse('wild/B', x1) - rmse('wild/B', x2)", "below: 2", "undecidable"),
+    "is large": ("rmse('wild/B', x1)", "above: 2", "undecidable"),
+    "is small": ("rmse('wild/B', x1)", "below: 2", "refuted"),
+    "lies between": ("rmse('wild/B', x1)", "between: [1, 2]", "refuted"),
+    "diverges": ("rmse('wild/B', x1)", "above: 1.0e+6, divergence: true", "confirmed"),
+    "before": ("sup('wild/B', x1, 0, 0.05)", "below: 10", "confirmed"),
+}
+
+
+def test_what_follows_from_an_observer_that_diverged(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    lines = [
+        f'  - {{id: {name}, claim: It {name}., value: "{value}", {relation}}}'
+        for name, (value, relation, _) in CLAIMS.items()
+    ]
+    Path("study.yaml").write_text(STUDY + "\n".join(lines) + "\n")
+    assert claims(Claims(names=["study.yaml"], json=True)) == 0
+    told = {one["id"]: one for one in json.loads(capsys.readouterr().out)}
+    assert {name: one["verdict"] for name, one in told.items()} == {name: one[2] for name, one in CLAIMS.items()}
+    assert told["diverges"]["value"] == told["is small"]["value"] == "inf"
+    why = told["is better"]["undecidable"]
+    assert why.startswith("It has no number: run wild, observer B diverged at t=")
+    assert "`divergence: true`" in why
+    assert told["is small"]["undecidable"] is None
+    # the direction of the threshold decides what the infinite error counts as, so a change of it is seen
+    text = Path("study.yaml").read_text()
+    Path("study.yaml").write_text(text.replace('x1)", below: 2}', 'x1)", above: 2}'))
+    assert claims(Claims(names=["study.yaml"], json=True)) == 0
+    assert {one["id"]: one["verdict"] for one in json.loads(capsys.readouterr().out)}["is small"] == "undecidable"
+
+
+def test_a_slope_is_not_drawn_through_values_at_which_the_observer_diverged() -> None:
+    from types import SimpleNamespace
+    from typing import Any, cast
+
+    import numpy as np
+
+    from hgorun.result.quantities import Quantity
+    from hgorun.study.measured import _slope
+
+    run: Any = SimpleNamespace(values=(1.0, 2.0, 4.0, 8.0))
+    asked = Quantity("exponent", (("r", "A"),), "x1", (1.0, 4.0))
+    found = np.array([3.0, 12.0, 48.0, math.inf])  # 3 v^2
+    assert _slope(run, found, asked) == pytest.approx(2, rel=1e-12)
+    assert math.isinf(_slope(run, found, cast(Quantity, Quantity("exponent", asked.of, "x1"))))
