@@ -11,14 +11,14 @@ import pytest
 from examples import Block, inline
 from recordings import held_input, observers, recording, signal, source
 
-from hgorun.data.recording import Recording, Signal
+from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import completed, known_later
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
 
 
-def start_of(plant: Block, recorded: Recording, count: int, **more: Any) -> Mapping[str, float]:
+def start_of(plant: Block, recorded: Recording, count: FirstSamples, **more: Any) -> Mapping[str, float]:
     """The initial estimate of an observer of which the configuration says nothing."""
     block = {"type": "shgo", "theta": 2, "poles": -1}
     config = {"plant": plant, "observers": {"o": block}, "solver": {"step": 0.01}, **more}
@@ -57,6 +57,36 @@ def test_more_samples_than_unknowns_are_met_in_the_least_squares() -> None:
     found = start_of(plant, recording(*outputs_at(TIMES, a=a)), TIMES.size)
     slope, value = np.polyfit(TIMES, a, 1)
     assert (found["a"], found["b"]) == pytest.approx((value, slope), rel=1e-8)
+
+
+def ramp(changed: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Times and noisy samples of a = 1 - 2 t, whose speed changes with the hundredth sample."""
+    t = 0.01 * np.arange(300)
+    noise = 0.01 * np.random.default_rng(5).standard_normal(t.size)
+    return t, 1 - 2 * t + changed * np.maximum(t - 1, 0) + noise
+
+
+def test_as_many_samples_are_used_as_agree() -> None:
+    """All of the first 200, beyond which none are tried, where the model is right."""
+    plant = plant_of({"a": "b", "b": "0"}, "a")
+    t, a = ramp()
+    found = start_of(plant, recording(signal("a", t, a, std=0.01)), "auto")
+    slope, value = np.polyfit(t[:200], a[:200], 1)
+    assert (found["a"], found["b"]) == pytest.approx((value, slope), rel=1e-8)
+
+
+def test_samples_that_the_model_does_not_describe_are_not_used_for_the_start() -> None:
+    """A line through 100 samples has a slope with a standard deviation of 0.01 sqrt(12/100^3)/0.01 = 0.0035."""
+    plant = plant_of({"a": "b", "b": "0"}, "a")
+    t, a = ramp(changed=0.5)
+    found = start_of(plant, recording(signal("a", t, a, std=0.01)), "auto")
+    assert abs(np.polyfit(t[:200], a[:200], 1)[0] + 2) > 0.1
+    assert abs(found["b"] + 2) < 4 * 0.0035
+
+
+def test_what_agrees_is_a_matter_of_the_noise() -> None:
+    with pytest.raises(ConfigError, match="first_samples: auto needs the noise of the samples: a has no std"):
+        start_of(OSCILLATOR, recording(signal("a", TIMES, TIMES)), "auto")
 
 
 def test_a_nonlinear_model_across_the_end_of_a_period() -> None:

@@ -93,6 +93,7 @@ def test_what_does_not_fit_is_refused(shell: Shell) -> None:
     assert ".html" in err
 
 
+@pytest.mark.unmeasured
 @pytest.mark.slow
 @pytest.mark.skipif(browser.CHROMIUM is None, reason="there is no Chromium")
 def test_in_a_real_browser(shell: Shell) -> None:
