@@ -11,7 +11,7 @@ from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
-from hgorun.places import places_in
+from hgorun.native.places import places_in
 from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.replay import Replay, Replayed
