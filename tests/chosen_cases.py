@@ -14,7 +14,6 @@ import pytest
 ROOMS = ("config", "data", "engine", "explore", "figures", "interop", "result", "symbolic")
 FILES = ("commands/test_cli.py", "commands/test_mqtt.py", "ensemble/test_cluster.py", "export/test_fmu.py")
 ALL_OF = tuple(f"tests/{name}" for name in (*(f"{room}/" for room in ROOMS), *FILES))
-OF_OTHERS = 3
 ALL_CASES = os.environ.get("HGORUN_CASES") == "all"
 
 
@@ -49,7 +48,7 @@ def one_case(items: Iterable[pytest.Item]) -> list[pytest.Item]:
 
 
 def few_of_a_file(items: Sequence[pytest.Item]) -> list[pytest.Item]:
-    """Of each file the first test, the last and what lies evenly between them; in the rooms of libraries all."""
+    """Of each file the first test and the last; in the rooms of libraries all."""
     files: dict[str, list[str]] = {}
     for item in items:
         tests = files.setdefault(item.nodeid.partition("::")[0], [])
@@ -60,9 +59,7 @@ def few_of_a_file(items: Sequence[pytest.Item]) -> list[pytest.Item]:
 
 
 def _few(file: str, tests: Sequence[str]) -> Iterable[str]:
-    if file.startswith(ALL_OF):
-        return tests
-    return {tests[round(k * (len(tests) - 1) / (OF_OTHERS - 1))] for k in range(OF_OTHERS)}
+    return tests if file.startswith(ALL_OF) else {tests[0], tests[-1]}
 
 
 def _test(item: pytest.Item) -> str:

@@ -31,7 +31,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--one-case", action="store_true", help="of each test that has several cases, the last one only")
-    parser.addoption("--few", action="store_true", help="of files that do not use libraries directly, three tests")
+    parser.addoption("--few", action="store_true", help="of files that do not use libraries directly, two tests")
 
 
 @pytest.hookimpl(trylast=True)  # of what -m leaves

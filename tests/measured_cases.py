@@ -1,7 +1,7 @@
-"""What coverage need not measure: of tests that are marked ``measured_once`` all cases but the first.
+"""What coverage need not measure: tests that are marked ``unmeasured``, of ``measured_once`` all cases but the first.
 
-A traced interpreter is two or three times slower, in the libraries that are called as well. Drawings are not traced:
-matplotlib runs nothing of this package there.
+A traced interpreter is two or three times slower, in the libraries that are called as well. Drawings and pages are not
+traced: matplotlib and bokeh run nothing of this package there.
 """
 
 from __future__ import annotations
@@ -16,14 +16,20 @@ from typing import ParamSpec, TypeVar
 import coverage
 import pytest
 
+_DRAWN = {
+    "matplotlib.figure": ("Figure.draw", "Figure.savefig", "Figure.subplots"),
+    "bokeh.embed": ("file_html",),
+    "bokeh.model.model": ("Model.__init__",),
+}
+
 P = ParamSpec("P")
 R = TypeVar("R")
 
 
 def further_cases(items: Sequence[pytest.Item]) -> set[str]:
-    """The names of all cases but the first of each test that is marked."""
+    """The names of all cases but the first of each test that is marked so, and of tests that are unmeasured."""
     seen = set[str]()
-    further = set[str]()
+    further = {item.nodeid for item in items if item.get_closest_marker("unmeasured") is not None}
     for item in items:
         if item.get_closest_marker("measured_once") is not None:
             test = item.nodeid.partition("[")[0]
@@ -51,13 +57,14 @@ def unmeasured() -> Iterator[None]:
 
 
 def leave_out_drawings() -> None:
-    """As soon as matplotlib has been imported; what it is called for is traced."""
-    figure = getattr(sys.modules.get("matplotlib.figure"), "Figure", None)
-    if figure is None or hasattr(figure.savefig, "__wrapped_untraced__"):
-        return
-    for name in ("draw", "savefig", "subplots"):
-        setattr(figure, name, untraced(getattr(figure, name)))
-    figure.savefig.__wrapped_untraced__ = True
+    """As soon as matplotlib or bokeh has been imported; what they are called for is traced."""
+    for module, names in _DRAWN.items():
+        for path in names:
+            *inside, name = path.split(".")
+            owner = functools.reduce(lambda part, one: getattr(part, one, None), inside, sys.modules.get(module))
+            function = getattr(owner, name, None)
+            if function is not None and not hasattr(function, "__wrapped__"):
+                setattr(owner, name, untraced(function))
 
 
 def untraced(function: Callable[P, R]) -> Callable[P, R]:

@@ -15,7 +15,7 @@ Take = Callable[[Floats, Floats], None]
 Both are overwritten afterwards.
 """
 
-_ROOM = 1 << 19  # bytes of rows: they stay in the processor's cache
+_ROOM = 1 << 21  # bytes of rows: enough of them for what is done with each part to cost little beside them
 _CALLED = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 

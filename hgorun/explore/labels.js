@@ -3,8 +3,10 @@
 // roots of their own, and are built after the document.
 const label_parts = (() => {
   const rim = new CSSStyleSheet();
-  rim.replaceSync(`:host { --icon-color: #4a4a4a; --active-border: #00517f; }
-    :host(:focus-visible), :focus-visible { outline: 3px solid #00517f !important; outline-offset: -3px; }`);
+  rim.replaceSync(`:host { --icon-color: var(--soft, #4a4a4a); --active-border: var(--accent, #00517f); }
+    :host(:focus-visible), :focus-visible { outline: 3px solid var(--accent, #00517f) !important; outline-offset: -3px; }
+    .slick-row, .slick-row.odd, .slick-header-column { background: var(--ground) !important; color: var(--ink) !important; }
+    .slick-row.odd { background: var(--stripe) !important; } .slick-cell { border-color: var(--row) !important; }`);
   const inside = (root) => [...root.querySelectorAll("*")].flatMap((one) => one.shadowRoot ? [one, ...inside(one.shadowRoot)] : [one]);
   function label_tool(one, whose) {
     if (one.getAttribute("role") === "button") return;

@@ -250,6 +250,7 @@
   function begin() {
     if (!window.Bokeh?.documents?.[0]?.roots().length) { setTimeout(begin, 20); return; }
     for (const wait of [0, 1000, 5000]) setTimeout(name_figures, wait);  // figures are built after the document
+    scheme(() => Bokeh.documents[0].roots())();
     const address = new URL(`channel?key=${encodeURIComponent(known.channel)}`, location.href);
     address.protocol = address.protocol.replace("http", "ws");
     const socket = new WebSocket(address);

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from html import escape
 from importlib.resources import files
 from pathlib import Path
@@ -20,59 +20,10 @@ from hgorun.version import __version__
 _PAID = ("hf", "settling")
 _MOST_STATES, _MOST_ROWS = 8, 20_000
 _COLUMN = 70  # pixels that a column of a table has at least: where the page is narrower, the table is scrolled
-_STYLE = """
-:root { color-scheme: light; background: #fff; }
-main { overflow-wrap: anywhere; box-sizing: border-box; }
-main { font: 15px/1.5 system-ui, sans-serif; color: #222; max-width: 1300px; margin: 0 auto; padding: 1em 1.5em; }
-h1 { font-size: 1.6em; margin-bottom: 0.2em; } h2 { font-size: 1.15em; margin: 1.6em 0 0.4em; }
-p.note { color: #555; font-size: 0.9em; }
-.part { overflow-x: auto; max-width: 100%; } :focus-visible { outline: 3px solid #00517f; outline-offset: 2px; }
-"""
-# Tabs and heads of columns are reached with Tab and answer to Enter and the space bar; both are drawn as one scrolls.
-# What scrolls in a table takes the focus, too: its rim is inside, since all else is cut off there.
-_KEYBOARD = """{
-const reach = () => {
-  const parts = [...document.querySelectorAll('.part')];
-  for (const one of parts.flatMap((part) => label_parts(part, part.getAttribute('aria-label')))) {
-    if (one.dataset.reached || !one.matches('.bk-data-table, .bk-tab, .slick-header-column')) continue;
-    one.dataset.reached = 'yes';
-    if (one.matches('.bk-data-table')) {  // Tab would go from cell to cell, and keep a keyboard inside
-      one.addEventListener('keydown', (event) => { if (event.key === 'Tab') event.stopPropagation(); }, true);
-      for (const sink of one.querySelectorAll('[hidefocus]')) sink.tabIndex = -1;  // which show no focus
-      continue;
-    }
-    one.tabIndex = 0;
-    one.setAttribute('role', one.classList.contains('bk-tab') ? 'tab' : 'button');
-    one.addEventListener('keydown', (event) => {
-      if (event.key !== 'Enter' && event.key !== ' ') return;
-      event.preventDefault();
-      one.click();
-      setTimeout(reach, 300);
-    });
-  }
-};
-setInterval(reach, 1000);
-}"""
 # Four significant digits, as tables in a terminal have them; a column is sorted by the numbers themselves.
 _NUMBER = """<%- value == null || isNaN(value) ? "-" : !isFinite(value) ? (value > 0 ? "inf" : "-inf")
   : value == 0 ? "0" : Math.abs(value) < 1e-4 || Math.abs(value) >= 1e5 ? value.toExponential(3)
   : Math.abs(value) >= 1e4 ? value.toFixed(0) : value.toPrecision(4) %>"""
-_TEMPLATE = """
-{% block preamble %}<meta name="viewport" content="width=device-width, initial-scale=1">
-<style>{{ style }}</style>{% endblock %}
-{% block contents %}
-<main>
-<h1>{{ title }}</h1>
-{% for line in lines %}<div>{{ line }}</div>{% endfor %}
-{% for heading, note in sections %}
-<h2>{{ heading }}</h2>{% if note %}<p class="note">{{ note }}</p>{% endif %}
-<div class="part" role="region" tabindex="0" aria-label="{{ heading }}">{{ embed(roots[loop.index0]) }}</div>
-{% endfor %}
-<p class="note">hgorun {{ version }}</p>
-</main>
-<script>{{ keyboard }}</script>
-{% endblock %}
-"""
 
 
 def write_page(found: Compared, path: Path) -> Path:
@@ -96,19 +47,28 @@ def write_page(found: Compared, path: Path) -> Path:
     except ImportError as error:
         raise HgorunError("a report needs the package bokeh: pip install 'hgorun[explore]'") from error
     sections = _sections(found)
+    tables = [content for *_, content in sections if not isinstance(content, dict)]
     lines = summary(found)
     values = {
-        "style": _STYLE,
-        "keyboard": (files("hgorun.explore") / "labels.js").read_text(encoding="utf-8") + _KEYBOARD,
+        "style": _read("report.css"),
+        "script": "".join(_read(f"{name}.js") for name in ("labels", "scheme", "report")),
         "lines": [escape(line) for line in lines[1:]],
-        "sections": [(escape(heading), escape(note)) for heading, note, _ in sections],
+        "sections": [
+            {
+                "heading": escape(heading),
+                "note": escape(note),
+                "root": None if isinstance(content, dict) else tables.index(content),
+                "tabs": _tabs(content) if isinstance(content, dict) else [],
+            }
+            for heading, note, content in sections
+        ],
         "version": __version__,
     }
     html = file_html(
-        [content for *_, content in sections],
+        tables,
         resources=INLINE,
         title=lines[0],
-        template=_TEMPLATE,
+        template=_read("report.html"),
         template_variables=values,
         suppress_callback_warning=True,
     )
@@ -116,8 +76,27 @@ def write_page(found: Compared, path: Path) -> Path:
     return path
 
 
+def _read(name: str) -> str:
+    return (files("hgorun.explore") / name).read_text(encoding="utf-8")
+
+
+def _tabs(contents: Mapping[str, list[Any]]) -> list[dict[str, str]]:
+    """Title and figures of every tab, as text from which the page makes these once they are in sight."""
+    from bokeh.core.json_encoder import serialize_json
+    from bokeh.embed import json_item
+    from bokeh.layouts import row
+
+    return [
+        {
+            "title": escape(title),
+            "figures": serialize_json(json_item(row(plots, sizing_mode="scale_width"))).replace("<", "\\u003c"),
+        }
+        for title, plots in contents.items()
+    ]
+
+
 def _sections(found: Compared) -> list[tuple[str, str, Any]]:
-    """Heading, note and content of every part of the page."""
+    """Heading, note and content of every part of the page: a table, or the figures of every tab by its title."""
     members = found.members
     sections = [
         (
@@ -137,29 +116,20 @@ def _sections(found: Compared) -> list[tuple[str, str, Any]]:
 
 
 def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str, Any]]:
-    from bokeh.layouts import row
-    from bokeh.models import TabPanel, Tabs
-
     from hgorun.explore import drawing
 
     cast = Cast(members)
     states = members.states[:_MOST_STATES]
     found: list[tuple[str, str, Any]] = []
 
-    def tabs(contents: dict[str, list[Any]]) -> Any:
-        panels = [
-            TabPanel(child=row(plots, sizing_mode="scale_width"), title=title) for title, plots in contents.items()
-        ]
-        return Tabs(tabs=panels, sizing_mode="stretch_width")
-
     for axis in members.chosen:
         note = f"Medians, 50 % and 90 % of the members{_pooled(members, [axis])}. A click on a name hides an observer."
         found.append(
-            (f"Against {axis}", note, tabs({m: [drawing.against(cast, axis, m, s) for s in states] for m in metrics}))
+            (f"Against {axis}", note, {m: [drawing.against(cast, axis, m, s) for s in states] for m in metrics})
         )
     if not members.chosen:
         note = "Median, 50 % and 90 % of the members."
-        found.append(("Spread", note, tabs({m: [drawing.boxes(cast, m, s) for s in states] for m in metrics})))
+        found.append(("Spread", note, {m: [drawing.boxes(cast, m, s) for s in states] for m in metrics}))
     if len(members.chosen) == 2:
         axes = (members.chosen[0], members.chosen[1])
         contents = {f"{m} {s}": drawing.heat_maps(cast, axes, m, s) for m in metrics for s in states}
@@ -167,19 +137,19 @@ def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str,
             (
                 "Maps",
                 f"Medians{_pooled(members, axes)}; grey: most members are lost, or there are none.",
-                tabs(contents),
+                contents,
             )
         )
     if members.gains and all(metric in metrics for metric in _PAID):
         contents = {s: [drawing.trade_off(cast, _PAID, s)] for s in states}
         each = ", ".join(short_axis(axis, members.grid) for axis in members.surroundings)
         note = "Medians over random draws; lines: fronts" + (f", one for each {each}." if each else ".")
-        found.append(("Settling time against noise amplification", note, tabs(contents)))
+        found.append(("Settling time against noise amplification", note, contents))
     if members.trajectories is not None and len(members.trajectories.member) > 1:
         contents = {s: [drawing.along_time(cast, s, error=e) for e in (False, True)] for s in states}
         kept = f"{len(members.trajectories.member)} members that were kept{_pooled(members, [])}"
         note = f"Medians, 50 % and 90 % of the {kept}."
-        found.append(("Along time", note, tabs(contents)))
+        found.append(("Along time", note, contents))
     return found
 
 

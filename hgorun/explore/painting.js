@@ -51,6 +51,8 @@ const painting = (() => {
     return found;
   }
 
+  const own = (spec) => spec?.value ?? spec;  // of what a model has for all its points
+
   function paint(ctx, view) {
     const { data_source, glyph } = view.model, { x_scale, y_scale } = view.coordinates;
     const x = places(x_scale, data_source.get_array("t")), y = places(y_scale, data_source.get_array("v"));
@@ -62,18 +64,21 @@ const painting = (() => {
         else if (joined) ctx.lineTo(x[i], y[i]);
         else { ctx.moveTo(x[i], y[i]); joined = true; }
       }
-      view.glyph.visuals.line.set_value(ctx);
+      ctx.strokeStyle = own(glyph.line_color);
+      ctx.lineWidth = own(glyph.line_width);
+      ctx.lineJoin = own(glyph.line_join);
+      ctx.setLineDash(Array.isArray(own(glyph.line_dash)) ? own(glyph.line_dash) : []);
       ctx.stroke();
       return;
     }
-    const r = glyph.size.value / 2 + 0.5, square = glyph.marker.value === "diamond";
+    const r = own(glyph.size) / 2 + 0.5, square = own(glyph.marker) === "diamond";
     for (let i = 0; i < x.length; ++i) {
       if (!Number.isFinite(x[i] + y[i])) continue;
       ctx.moveTo(x[i] + r, y[i]);
       if (!square) ctx.arc(x[i], y[i], r, 0, 2 * Math.PI);
       else { ctx.lineTo(x[i], y[i] + r); ctx.lineTo(x[i] - r, y[i]); ctx.lineTo(x[i], y[i] - r); }
     }
-    ctx.fillStyle = glyph.fill_color.value;
+    ctx.fillStyle = own(glyph.fill_color);
     ctx.fill();
   }
 

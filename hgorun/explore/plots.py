@@ -75,6 +75,9 @@ def empty_plot(name: str, time: str, value: str, span: tuple[float, float], *, l
         y_range=Range1d(1e-3, 1.0) if logarithmic else Range1d(0.0, 1.0),
         y_axis_type="log" if logarithmic else "linear",
         output_backend="canvas",
+        border_fill_color=None,  # that of the page is seen, light or dark
+        background_fill_color=None,
+        outline_line_color=None,  # without a background Bokeh would stroke with it whatever was drawn last
         lod_threshold=None,  # few points are sent: all are drawn, also while a figure is moved
     )
     plot.toolbar.logo = None

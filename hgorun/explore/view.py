@@ -21,6 +21,7 @@ from hgorun.explore.knobs import Knob
 from hgorun.explore.picture import Bound, Limits, Picture, styles_of
 from hgorun.explore.plots import Changes, Lines
 from hgorun.explore.promises import AT_ONCE, LATER
+from hgorun.figures.page import dark
 
 _PLACES = 200  # of a slider: a step is a two-hundredth of its range
 _TOGETHER = {"measurement": "Measurement", "run": "Run"}
@@ -158,6 +159,8 @@ def packed(told: Mapping[str, object], points: bytes) -> bytes:
 
 def _words(key: str, bench: Bench, keeper: Keeper, base: Shown, looks: Any, named: Sequence[_Named]) -> dict[str, Any]:
     """What the template shows; Jinja does not escape, so all of it is."""
+    from matplotlib.colors import to_hex
+
     knobs = list(bench.knobs.values())
     names = dict.fromkeys([*bench.labels, *(knob.group for knob in knobs)])
     groups = []
@@ -168,6 +171,7 @@ def _words(key: str, bench: Bench, keeper: Keeper, base: Shown, looks: Any, name
                 "name": _safe(name if look else _TOGETHER.get(name, name)),
                 "observer": look is not None,
                 "colour": look.colour if look else "",
+                "dark": to_hex(dark(look.colour)) if look else "",
                 "dashes": _dashes(look.dashes) if look else "",
                 "knobs": [_knob(i, knob) for i, knob in enumerate(knobs) if knob.group == name],
             }
@@ -184,7 +188,7 @@ def _words(key: str, bench: Bench, keeper: Keeper, base: Shown, looks: Any, name
     }
     return {
         "style": _read("page.css"),
-        "script": _read("labels.js") + _read("painting.js") + _read("page.js"),
+        "script": "".join(_read(f"{name}.js") for name in ("labels", "scheme", "painting", "page")),
         "known": json.dumps(known).replace("<", "\\u003c"),
         "heading": _safe(base.result.title or bench.name),
         "file": _safe(str(bench.path) + (f", run {bench.run_name}" if bench.run_name else "")),

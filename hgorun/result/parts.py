@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager, ExitStack
 from dataclasses import dataclass
@@ -16,6 +17,8 @@ from hgorun.result.growing import Background, Constant, Growing
 from hgorun.result.sink import hdf5_and_sink
 from hgorun.result.writer import Writer
 from hgorun.result.writing import form, write
+
+_FEW = 3  # numbers of a row
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -112,12 +115,12 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
             self._growing[path] = Growing(self._group(group), name, total, rows, self._background)
         growing = self._growing[path]
         assert isinstance(growing, Growing)
-        growing.append(rows if lasting else rows.copy())
+        growing.append(rows if lasting else _copied(rows))
 
     def constant(self, path: str, shape: tuple[int, ...], value: np.generic) -> None:
         """A data set of one number."""
         group, _, name = path.rpartition("/")
-        self._growing[path] = Constant(self._group(group), name, shape, value)
+        self._growing[path] = Constant(self._group(group), name, shape, value, self._background)
 
     def same(self, path: str, other: str) -> None:
         """A data set that is the other one, under a second name: it takes no room, and has its attributes."""
@@ -145,3 +148,13 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
             Without points.
         """
         write(result, Writer(self._file, self._growing, self._same))
+
+
+def _copied(rows: np.ndarray) -> np.ndarray:
+    """A copy, made column by column where rows have few numbers: numpy makes it row by row, in thrice the time."""
+    if rows.flags.c_contiguous or math.prod(rows.shape[1:]) > _FEW:
+        return rows.copy()
+    found = np.empty(rows.shape, dtype=rows.dtype)
+    for column in np.ndindex(rows.shape[1:]):
+        found[:, *column] = rows[:, *column]
+    return found

@@ -187,6 +187,7 @@ def test_the_resolved_configuration_is_the_same_again(file: Path, result: hgorun
     assert (again.name, again.title, again.config) == (result.name, result.title, result.config)
 
 
+@pytest.mark.unmeasured
 @pytest.mark.slow
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names processors of this family")
 def test_another_instruction_set_makes_the_same_bits(config: Path, file: Path, tmp_path: Path) -> None:

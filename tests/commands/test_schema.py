@@ -50,6 +50,7 @@ def named_schema(file: Path) -> Path:
     return (file.parent / address).resolve()
 
 
+@pytest.mark.unmeasured
 @pytest.mark.slow  # other versions of pydantic write the same schema in other words
 def test_the_schemas_and_the_lines_that_name_them_are_those_that_the_tool_writes() -> None:
     line = [sys.executable, str(ROOT / "tools" / "schemas.py"), "--check"]

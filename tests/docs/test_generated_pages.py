@@ -74,6 +74,7 @@ def test_every_block_of_a_configuration_is_in_the_reference() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.unmeasured
 def test_there_is_a_page_for_everything_and_it_is_written_once(tmp_path: Path) -> None:
     """Also what is no longer there is taken away."""
     (tmp_path / "generated").mkdir()

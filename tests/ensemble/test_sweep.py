@@ -340,6 +340,7 @@ def test_processes_that_always_die_are_given_up(tmp_path: Path, monkeypatch: pyt
         carry_out_all(store, processes(2), workers=2)
 
 
+@pytest.mark.unmeasured
 @pytest.mark.slow
 def test_what_a_killed_process_was_doing_is_done_again(tmp_path: Path) -> None:
     of = ensemble({"observers.*.theta": {"log": [2, 20, 8]}, "seed": {"count": 40}}, keep={"metrics": ["rmse"]})
@@ -373,11 +374,12 @@ base:
   solver: {step: 1e-3}
 axes:
   observers.SHGO.theta: {log: [2, 20, 10]}
-  seed: {count: 64}
+  seed: {count: 32}
 keep: {trajectories: {every: 50}}
 """
 
 
+@pytest.mark.unmeasured
 @pytest.mark.slow
 @pytest.mark.parametrize("executor", ["threads", "processes"])
 def test_kills_at_any_moment_leave_the_same_file(tmp_path: Path, executor: str) -> None:

@@ -18,12 +18,14 @@ pytest.importorskip("bokeh", reason="needs hgorun[explore]")
 import signal
 
 import browser
+from matplotlib.colors import to_hex
 
 from hgorun import load, simulate
 from hgorun.config.reading import read_source
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.holdout import thinned
 from hgorun.estimate.log import log_of
+from hgorun.figures.page import dark
 
 pytestmark = [
     pytest.mark.slow,
@@ -207,6 +209,11 @@ def test_what_is_typed(tmp_path: Path) -> None:
     shown(tmp_path, look)
 
 
+DARK = {"name": "prefers-color-scheme", "value": "dark"}
+# of the lines of a figure, and of the words at its axes
+COLOURS = """(() => { const plot = Bokeh.documents[0].get_model_by_name('estimate1');
+  return JSON.stringify([...plot.renderers.map(one => one.glyph.line_color.value ?? one.glyph.line_color),
+    plot.left[0].axis_label_text_color, plot.below[0].major_label_text_color]); })()"""
 # names that a screen reader says, and contrast of what is written, against (4.5 for text, 3 for what can be used)
 LOOKED_AT = """(() => {
   const light = (text) => { const [r, g, b] = text.match(/[\\d.]+/g).slice(0, 3).map(v => v / 255)
@@ -250,6 +257,12 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
     async def look(page: browser.Page) -> None:
         await page.until(NAMED)
         seen.update(json.loads(await page.value(LOOKED_AT)))
+        light = json.loads(await page.value(COLOURS))
+        await page.call("Emulation.setEmulatedMedia", features=[DARK])
+        await page.until(f"({COLOURS}) != {json.dumps(json.dumps(light, separators=(',', ':')))}")
+        seen["colours"] = [*zip(light, json.loads(await page.value(COLOURS)), strict=True)]
+        seen["faint when dark"] = json.loads(await page.value(LOOKED_AT))["faint"]
+        await page.call("Emulation.setEmulatedMedia", features=[])
         await page.value(f"{TOOLS}[1].focus()")
         await page.press(" ")
         seen["pressed"] = await page.value(f"{TOOLS}.map(one => one.getAttribute('aria-pressed'))")
@@ -281,6 +294,9 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
 
     shown(tmp_path, look)
     assert seen["faint"] == []
+    assert seen["faint when dark"] == []
+    assert len(seen["colours"]) > 4
+    assert all(to_hex(dark(light)) == own for light, own in seen["colours"])
     assert seen["nameless"] == []
     assert len(seen["tools"]) >= 16
     assert all(role == "button" and ": " in label for role, label, _ in seen["tools"])

@@ -4,6 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from chosen_cases import ALL_CASES
 from examples import findings, said
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -130,7 +131,7 @@ def assert_near(found: Findings, transient: Transient | None) -> None:
 @pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "r"), OBSERVERS)
-@settings(max_examples=5)
+@settings(max_examples=5 if ALL_CASES else 3)
 @given(seed=seeds, n=st.integers(2, 4), noisy=st.booleans())
 def test_no_error_is_above_its_bound(kind: str, r: int, seed: int, n: int, noisy: bool) -> None:
     rng = np.random.default_rng(seed)
@@ -146,7 +147,7 @@ def test_no_error_is_above_its_bound(kind: str, r: int, seed: int, n: int, noisy
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 1)])
-@settings(max_examples=4)
+@settings(max_examples=4 if ALL_CASES else 3)
 @given(seed=seeds, noisy=st.booleans(), sampled=st.booleans())
 def test_no_error_is_above_its_bound_with_late_outputs(
     kind: str, r: int, seed: int, noisy: bool, sampled: bool
@@ -169,7 +170,7 @@ def test_no_error_is_above_its_bound_with_late_outputs(
 @pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize(("kind", "r"), [("shgo", 0), ("fhgo2", 2), ("treangle", 0)])
-@settings(max_examples=5)
+@settings(max_examples=5 if ALL_CASES else 3)
 @given(seed=seeds, noisy=st.booleans())
 def test_a_coarse_output_grid_hides_no_slope(kind: str, r: int, seed: int, noisy: bool) -> None:
     """The peak lies between two points: the box is that of the bound, which holds the peak."""
