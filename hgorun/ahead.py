@@ -22,29 +22,29 @@ def ahead(things: Iterable[_T], count: int = 1) -> Iterator[Iterator[_T]]:
     count : int
         So many may wait to be used: they are memory.
     """
-    made: Queue[tuple[_T | None, BaseException | None]] = Queue(count)
+    made: Queue[list[_T] | BaseException] = Queue(count)  # things are held here by nobody but who uses them
     enough = threading.Event()
 
     def make() -> None:
-        error: BaseException | None = StopIteration()
+        error: BaseException = StopIteration()
         try:
             for thing in things:
-                made.put((thing, None))
+                made.put([thing])
+                del thing
                 if enough.is_set():
                     return
         except BaseException as raised:
             error = raised
-        made.put((None, error))
+        made.put(error)
 
     def used() -> Iterator[_T]:
         while True:
-            thing, error = made.get()
-            if isinstance(error, StopIteration):
+            found = made.get()
+            if isinstance(found, StopIteration):
                 return
-            if error is not None:
-                raise error
-            assert thing is not None
-            yield thing
+            if isinstance(found, BaseException):
+                raise found
+            yield found.pop()
 
     thread = threading.Thread(target=make, name="making things ahead", daemon=True)
     thread.start()

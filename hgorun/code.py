@@ -34,7 +34,6 @@ RUN = (
     "native",
     "noise",
     "observers",
-    "places.py",
     "plants",
     "result",
     "simulation",

@@ -1,4 +1,4 @@
-"""Places that are guessed are those of ``numpy.searchsorted``, whatever is sought."""
+"""Places that are walked to are those of ``numpy.searchsorted``, whatever is sought."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from hgorun.places import places_in
+from hgorun.native.places import places_in
 
 TIMES = 1e-3 * np.arange(1000)
 RANDOM = np.random.default_rng(0)

@@ -136,7 +136,7 @@ def _tuned(
         replace(
             case,
             experiment=case.experiment.varied(others) if others else case.experiment,
-            named=given[goal.label] if models and case.samples.given.first_samples > 1 else None,
+            named=given[goal.label] if models and case.samples.given.start_is_fitted else None,
         )
         for case in cases
     ]

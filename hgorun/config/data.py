@@ -233,10 +233,10 @@ class Data(Block):
         description="the observers get a sample of an output only when so much time has passed since the last one that "
         "they got; those between are held out",
     )
-    first_samples: Annotated[int, Field(ge=1, le=1000, strict=True)] = Field(
+    first_samples: Annotated[int, Field(ge=1, le=1000, strict=True)] | Literal["auto"] = Field(
         default=1,
         description="of each output: observers without `initial` start where the model passes nearest to these; "
-        "1: measured states start at the first sample, others at 0",
+        "1: measured states start at the first sample, others at 0; auto: as many as agree on the start",
     )
     max_memory: Positive = Field(default=2.0**31, description="bytes allowed for the values read (default 2 GiB)")
     csv: Csv = Field(default_factory=Csv, description="how text files are written")

@@ -16,7 +16,7 @@ from hgorun.data.named_units import another_unit, convertible_in_name, time_in_n
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
-from hgorun.data.sources import LogFile, Sources, Wanted
+from hgorun.data.sources import LogFile, Sources, Wanted, given_references
 from hgorun.data.units import alike, alike_times, converted
 from hgorun.errors import ConfigError, Problem
 
@@ -91,6 +91,7 @@ class Reader:
         outputs = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["outputs"]}
         inputs = {one.name: self._input(one, sorted_out[one]) for one in self._wanted["inputs"]}
         reference = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
+        self._notes += given_references(self._wanted["outputs"], self._wanted["reference"])
         return Recording(
             outputs=outputs,
             inputs=inputs,

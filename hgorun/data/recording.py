@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
+from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
 from hgorun.memo import Memo, same
 
 Hold = Literal["zero", "linear"]
+AUTO: Final = "auto"
+FirstSamples: TypeAlias = int | Literal["auto"]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -112,7 +114,7 @@ class Note:
     ----------
     kind : str
         ``missing``, ``implausible``, ``quality``, ``repeated``, ``backwards``, ``gaps``, ``filled``, ``stuck``,
-        ``slips``, ``units``, ``clock``, ``late``, ``format``.
+        ``slips``, ``units``, ``clock``, ``late``, ``format``, ``used``.
     signal : str
         The signal it is about; empty where it is about a file.
     file : str
@@ -173,8 +175,8 @@ class Recording:
     notes : tuple of Note
         What was found in the data, each with its first line.
     origin : Origin
-    first_samples : int
-        Of each output: how many of them observers start from that are given no start.
+    first_samples : int or "auto"
+        Of each output: how many of them observers start from that are given no start; "auto": as many as agree.
     """
 
     outputs: Mapping[str, Signal]
@@ -182,10 +184,15 @@ class Recording:
     reference: Mapping[str, Signal] = field(default_factory=dict)
     notes: tuple[Note, ...] = ()
     origin: Origin
-    first_samples: int = 1
+    first_samples: FirstSamples = 1
 
     def __repr__(self) -> str:
         return f"<Recording: {', '.join(map(repr, [*self.outputs.values(), *self.inputs.values()]))}>"
+
+    @property
+    def start_is_fitted(self) -> bool:
+        """Whether observers start where the model passes nearest to several samples."""
+        return self.first_samples == AUTO or self.first_samples > 1
 
     @property
     def span(self) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, clock_column
 from hgorun.data.files import open_table
 from hgorun.data.named_units import without_unit
+from hgorun.data.recording import Note
 from hgorun.data.table import Table, TableFile
 from hgorun.errors import KeyPath, Problem
 
@@ -167,6 +168,17 @@ class Sources:
                 budget -= table.lines.nbytes + sum(column.nbytes for column in table.columns.values())
                 found[file] = table
         return found
+
+
+def given_references(outputs: Sequence[Wanted], references: Sequence[Wanted]) -> Iterator[Note]:
+    """What is to be compared with estimates, and observers get it nevertheless."""
+    given = {(part.file, one.block.column): one.key for one in outputs for part in one.parts}
+    for one in references:
+        files = [part.file for part in one.parts if (part.file, one.block.column) in given]
+        if files:
+            key = given[files[0], one.block.column]
+            told = f"observers get this column as {key}: estimates are compared with what they use"
+            yield Note(kind="used", signal=one.key, file=str(files[0].path), message=told)
 
 
 def _visible(name: str) -> str:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
-from hgorun.engine.layout import ACTION_WORDS, ARRIVE, DONE, NOTHING, RECORD, SAVE, SET
+from hgorun.engine.layout import ACTION_WORDS, ARRIVE, DONE, NOTHING, REBASE, RECORD, RETAKE, SAVE, SET, TAKE
 from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Floats, Integers, Plan
 from hgorun.engine.program import Program
@@ -31,11 +32,32 @@ class Mark:
     context : ndarray
     arrays : mapping of str to ndarray
         What changes with every step.
+    slots : sequence of (slice, ndarray)
+        What is kept of samples, of those that change.
     """
 
     at: int
     context: Integers
     arrays: Mapping[str, np.ndarray]
+    slots: Sequence[tuple[slice, Floats]] = ()
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Touching:
+    """What happens to the samples of a channel.
+
+    Attributes
+    ----------
+    begin, end : ndarray of int, shape (N,)
+        Of each action, to which samples.
+    first, last : ndarray of int, shape (segments,)
+        The actions of each segment among these.
+    """
+
+    begin: Integers
+    end: Integers
+    first: Integers
+    last: Integers
 
 
 class Session:
@@ -53,7 +75,7 @@ class Session:
 
     def __init__(self, program: Program, plan: Plan, start: Start, *, late: bool = False) -> None:
         self._program, self._plan = program, plan
-        self._changing = (*_CHANGING, "slots") if late else _CHANGING
+        self._late = late
         self._memory = program.memory(plan, start)
         self._at = 0
 
@@ -75,8 +97,7 @@ class Session:
 
     def arriving(self, slots: Collection[int]) -> Floats:
         """What is kept of some samples since they were taken, shape (N, width), copied."""
-        found: Floats = self._view("slots").reshape(-1, self._program.system.width)[list(slots)]
-        return found
+        return self._slots[list(slots)]
 
     def _view(self, name: str) -> Floats:
         found: Floats = self._memory.arrays[name].reshape(-1)
@@ -90,11 +111,39 @@ class Session:
             if verdict != DONE:
                 raise SimulationError(f"the run cannot go on at t = {self._memory.real('now'):.6g}")
 
-    def mark(self) -> Mark:
-        """This moment of a run without continuous delays, to go back to."""
+    def mark(self, stop: int) -> Mark:
+        """This moment of a run without continuous delays, to go back to while it has not passed segment ``stop``."""
         memory = self._memory
-        changing = {name: memory.arrays[name].copy() for name in self._changing}
-        return Mark(self._at, memory.context.copy(), changing)
+        changing = {name: memory.arrays[name].copy() for name in _CHANGING}
+        places = self._touched(self._at, stop) if self._late else []
+        return Mark(self._at, memory.context.copy(), changing, [(one, self._slots[one].copy()) for one in places])
+
+    @property
+    def _slots(self) -> Floats:
+        """What is kept of every sample, shape (slots, width): a view."""
+        return self._view("slots").reshape(-1, self._program.system.width)
+
+    def _touched(self, first: int, stop: int) -> list[slice]:
+        """The samples to which something happens in some segments: of each channel, whose samples lie in their order.
+
+        A log may have very many, and few of them are on their way at once.
+        """
+        places = [(one, one.first[first], one.last[stop - 1]) for one in self._touching]
+        return [slice(int(one.begin[a:b].min()), int(one.end[a:b].max())) for one, a, b in places if a < b]
+
+    @cached_property
+    def _touching(self) -> list[_Touching]:
+        """Of every channel."""
+        rows = self._memory.arrays["actions"].reshape(-1, ACTION_WORDS)
+        op, rebased = rows[:, 0], rows[:, 0] == REBASE
+        begin, end = np.where(rebased, rows[:, 3], rows[:, 2]), np.where(rebased, rows[:, 4], rows[:, 2] + 1)
+        does = (op == TAKE) | (op == RETAKE) | (op == ARRIVE) | (op == RECORD) | (rebased & (begin < end))
+        found = []
+        for channel in np.unique(rows[does, 1]):
+            own = np.flatnonzero(does & (rows[:, 1] == channel))
+            bounds = (np.searchsorted(own, self._plan.counts[:, word]) for word in (4, 5))
+            found.append(_Touching(begin[own], end[own], *bounds))
+        return found
 
     def go_back(self, mark: Mark) -> None:
         """Go on from a moment that has been marked; what was told since then is told again."""
@@ -103,6 +152,8 @@ class Session:
         memory.context[:] = mark.context
         for name, values in mark.arrays.items():
             memory.arrays[name][...] = values
+        for place, kept in mark.slots:
+            self._slots[place] = kept
 
     def happened_without(
         self, samples: Collection[tuple[int, int]], z: Floats, w: Floats, arriving: Mapping[int, Floats]
@@ -120,7 +171,9 @@ class Session:
             By slot, what was kept of the samples before: see :meth:`arriving`.
         """
         memory, here = self._memory, self._at - 1
-        kept = {name: memory.arrays[name].copy() for name in ("z", "w", "innovations", "slots", "diverged")}
+        kept = {name: memory.arrays[name].copy() for name in ("z", "w", "diverged")}
+        arrays = self._slots, memory.arrays["innovations"]
+        of_samples = [(array, one, array[one].copy()) for one in self._touched(here, self._at) for array in arrays]
         words = {name: memory[name] for name in ("row", "ring_count")}
         rows = memory.arrays["actions"].reshape(-1, ACTION_WORDS)[
             self._plan.counts[here, 4] : self._plan.counts[here, 5]
@@ -128,9 +181,8 @@ class Session:
         actions = rows.copy()
         rows[:] = without(actions, samples, [self._program.system.held.fresh(channel) for channel, _ in samples])
         self.z[...], self.w[...] = z, w
-        slots = self._view("slots").reshape(-1, self._program.system.width)
         for slot, row in arriving.items():
-            slots[slot] = row
+            self._slots[slot] = row
         memory["segment"] = here
         try:
             if self._program.go_on(memory, self._at) != DONE:
@@ -140,6 +192,8 @@ class Session:
             rows[:] = actions
             for name, values in kept.items():
                 memory.arrays[name][...] = values
+            for array, one, values in of_samples:
+                array[one] = values
             for name, word in words.items():
                 memory[name] = word
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.places import places_in
+from hgorun.native.places import places_in
 from hgorun.symbolic.evaluate import Floats
 
 LEVEL = 0.95
@@ -108,6 +108,7 @@ def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool 
     """
     known = places_in(available, times, "left" if before else "right")
     if taken is available and taken.size:  # in the order in which they were taken: the newest is the last
-        return np.asarray(times - np.where(known > 0, taken[np.maximum(known, 1) - 1], -np.inf))
+        last = taken[np.maximum(known, 1) - 1]
+        return np.asarray(times - (last if known.all() else np.where(known > 0, last, -np.inf)))
     newest = np.concatenate([[-np.inf], np.maximum.accumulate(taken)])
     return np.asarray(times - newest[known])

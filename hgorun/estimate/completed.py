@@ -64,9 +64,7 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     changes = {}
     if not given["plant"].get("initial") and first:
         changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
-    if recording.first_samples > 1 and not all(
-        set(states) <= set(one.initial) for one in experiment.observers.values()
-    ):
+    if recording.start_is_fitted and not all(set(states) <= set(one.initial) for one in experiment.observers.values()):
         from hgorun.estimate.starting import fitted_start  # only here
 
         guess = Experiment(_with(whole, changes), name=name, text=text)

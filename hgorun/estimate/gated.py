@@ -121,7 +121,7 @@ class _GatedRun:
     def _pass(self, places: Sequence[int], stops: Sequence[int]) -> int:
         """Let the samples of some places enter as if there were no outliers: how many places there are before one."""
         session, gate = self._session, self._gate
-        mark, known = session.mark(), gate.state()
+        mark, known = session.mark(stops[-1] + 1), gate.state()
         session.advance(stops[-1] + 1)
         entering = [self._entering[place] for place in places]
         innovations = self._wrapped([one for several in entering for one in several])

@@ -103,8 +103,15 @@ class Log:
                 )
 
     def from_file(self, output: str, file: Path, origin: Origin) -> Signal:
-        """An output as it stands in another file, at times that count from the origin of the log."""
-        other = Measured(**{**self._columns(output, file), "file": str(file.absolute())})
+        """An output as it stands in another file, at times that count from the origin of the log.
+
+        What is held out is compared at the time it was taken: when it was known is not asked for. As of samples that
+        are known late, the rows may stand in any order.
+        """
+        columns = self._columns(output, file)
+        if columns.pop("available", None) is not None and self.block.faults.backwards is None:
+            columns["faults"] = {"backwards": "sort", **columns.get("faults", {})}
+        other = Measured(**{**columns, "file": str(file.absolute())})
         return read(
             self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
             self.folder,

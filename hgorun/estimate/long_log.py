@@ -7,8 +7,9 @@ of the integration is told from some of the stretches, each of which begins with
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Generator, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,9 +18,8 @@ import numpy as np
 from hgorun.ahead import ahead
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
-from hgorun.engine.memory import Raw, Start
+from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
-from hgorun.engine.plan import Plan
 from hgorun.estimate.assessed import Widths, widths_of
 from hgorun.estimate.carrying import HALVINGS, Carried, estimates
 from hgorun.estimate.completed import completed
@@ -33,7 +33,8 @@ from hgorun.estimate.evaluated import (
     with_lag,
 )
 from hgorun.estimate.long_found import Found, Sweep, together
-from hgorun.estimate.planned import Planned, planned
+from hgorun.estimate.passed import Passed, carried_on, passed
+from hgorun.estimate.planned import planned
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of
@@ -44,7 +45,7 @@ from hgorun.result.result import Result
 from hgorun.simulation.outcome import internal
 from hgorun.symbolic.evaluate import Floats
 
-_ROWS = 1 << 14  # of a band that are written at a time
+_ROWS = 1 << 15  # of a band that are written at a time
 
 
 def estimate_into(
@@ -109,22 +110,30 @@ class LongLog:
         """Carry it out, with steps that are halved until they are short enough, and write the result."""
         prepared = self._prepared
         solver, step, spent = prepared.run.solver, prepared.run.step, 0
-        evaluations = len(METHODS[prepared.method].c)
         for left in range(HALVINGS - 1, -1, -1):
-            own, other, found = self._begin(), self._begin(), self._nothing_yet()
+            own, found = self._begin(), self._nothing_yet()
             try:
                 with ResultInParts(path, len(prepared.run.observers)) as file:
                     self._write_constants(file)
-                    with ahead(planned(self._stretches, self._grid, self._asked, step)) as stretches:
-                        for stretch in stretches:
-                            self._carry_out(stretch, step, own, other, found, file)
-                            sofar = spent + (own.tries + other.tries) * evaluations
-                            if left and 2 * sofar <= solver.max_evaluations and not self._enough(found):
+                    with closing(self._go_through(own, step, found, file)) as evaluations:
+                        for sofar in evaluations:
+                            if left and 2 * (spent + sofar) <= solver.max_evaluations and not self._enough(found):
                                 raise _TooCoarse
-                    return self._finish(file, own, found, step, sofar)
+                    return self._finish(file, own, found, step, spent + sofar)
             except _TooCoarse:
-                spent, step = sofar, step / 2
+                spent, step = spent + sofar, step / 2
         raise AssertionError("the last one is taken as it is")
+
+    def _go_through(self, own: Sweep, step: float, found: Found, file: ResultInParts) -> Generator[int]:
+        """Carry out, tell and write stretch by stretch; after each the evaluations so far."""
+        other, evaluations = self._begin(), len(METHODS[self._prepared.method].c)
+        with (
+            ahead(planned(self._stretches, self._grid, self._asked, step)) as stretches,
+            ahead(passed(stretches, own, self._bound)) as passes,
+        ):
+            for one in passes:
+                self._tell(one, step, other, found, file)
+                yield (one.tries + other.tries) * evaluations
 
     def _write_constants(self, file: ResultInParts) -> None:
         """What is the same of all samples: each is used, and no observer knows the variance of its innovations.
@@ -156,17 +165,14 @@ class LongLog:
         run, samples = self._prepared.run, self._prepared.samples
         return Found.begin(len(run.observers), len(run.plant.model.states), samples, self._asked)
 
-    def _carry_out(
-        self, stretch: Planned, step: float, own: Sweep, other: Sweep, found: Found, file: ResultInParts
-    ) -> None:
-        """Carry a stretch out, with ``other`` steps as well where that is planned, and tell and write what it gives."""
+    def _tell(self, one: Passed, step: float, other: Sweep, found: Found, file: ResultInParts) -> None:
+        """Tell and write what a stretch gives, with ``other`` steps as well where that is planned."""
+        stretch, raw = one.planned, one.raw
         prepared, times, grid = stretch.stretch.prepared, stretch.times, stretch.grid
-        if stretch.beside is not None:
-            other.z, other.w = own.z, own.w
-        raw = self._pass(prepared, stretch.plan, own)
         everywhere = estimates(prepared, times, raw)
         if stretch.beside is not None:
-            beside = self._pass(prepared, stretch.beside, other)
+            other.z, other.w = one.z, one.w
+            beside = carried_on(prepared, stretch.beside, other, self._bound)
             found.compare(everywhere, estimates(prepared, times, beside))
         found.steps |= stretch.steps
         for key, (taken, values) in stretch.aside.items():
@@ -179,23 +185,14 @@ class LongLog:
         for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):
             self._write(file, found, path, rows, self._grid.size)
         used = np.zeros(0, dtype=bool)  # all samples are, and no one asks
-        carried = Carried(raw, used, used, step, own.z, 0)
-        for i, one in enumerate(prepared.samples):
+        carried = Carried(raw, used, used, step, one.end, 0)
+        for i, sampled in enumerate(prepared.samples):
             predicted = innovations_of(prepared, i, times, everywhere, carried)
             first = found.done.setdefault((i, ""), 0)
-            found.predicted[i][:, first : first + one.values.size] = predicted
-            found.done[i, ""] += one.values.size
-            for path, rows in self._of_output(i, one, first, predicted):
+            found.predicted[i][:, first : first + sampled.values.size] = predicted
+            found.done[i, ""] += sampled.values.size
+            for path, rows in self._of_output(i, sampled, first, predicted):
                 self._write(file, found, path, rows, self._prepared.samples[i].values.size)
-
-    def _pass(self, prepared: PreparedEstimate, plan: Plan, sweep: Sweep) -> Raw:
-        """The engine's arrays of a stretch, from where the last one has ended."""
-        start = Start(sweep.z[:, None], prepared.run.numbers.p[:, None], (self._bound, 0.0), sweep.w)
-        raw = prepared.program().run(plan, start)
-        sweep.z, sweep.w = raw.rows[-1, :, 0].copy(), raw.held.copy()
-        sweep.diverged = np.minimum(sweep.diverged, raw.diverged[:, 0])
-        sweep.tries += raw.tries
-        return replace(raw, rows=raw.rows[:-1])
 
     def _enough(self, found: Found) -> bool:
         """Whether steps are short enough so far."""

@@ -21,7 +21,7 @@ _FIRST, _EVERY = 2, 8  # stretches that are carried out with other steps as well
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Planned:
-    """A stretch with all that can be made before it is carried out.
+    """A stretch with all but its plan that can be made before it is carried out.
 
     Attributes
     ----------
@@ -30,9 +30,8 @@ class Planned:
         The output points in it, and all times at which estimates are wanted.
     aside : mapping of Key to (ndarray, ndarray)
         Times and values of what is compared.
-    plan : Plan
     beside : Plan or None
-        With other steps, where that is compared.
+        Of a pass with other steps, where that is compared.
     steps : set of int
         How many there are between two events.
     """
@@ -41,15 +40,14 @@ class Planned:
     grid: Floats
     times: Floats
     aside: Mapping[Key, tuple[Floats, Floats]]
-    plan: Plan
     beside: Plan | None
     steps: set[int]
 
 
 def planned(
     stretches: Stretches, grid: Floats, asked: Mapping[Key, tuple[Floats, Floats]], step: float
-) -> Iterator[Planned]:
-    """All stretches, one after the other.
+) -> Iterator[tuple[Planned, Plan]]:
+    """All stretches, one after the other, each with its plan: that is let go before the stretch is told of.
 
     Parameters
     ----------
@@ -71,15 +69,17 @@ def planned(
             aside[key], done[key] = (taken[some], values[some]), some.stop
         times = distinct(np.concatenate([own, *(taken for taken, _ in aside.values())])) if aside else own
         judged = number < _FIRST or number % _EVERY == 0
-        yield Planned(
+        plan = _plan(stretch, times, step, None, shared)
+        found = Planned(
             stretch=stretch,
             grid=own,
             times=times,
             aside=aside,
-            plan=_plan(stretch, times, step, None, shared),
             beside=_plan(stretch, times, step, UNEVEN, shared) if judged else None,
             steps=set(distinct(steps_between(stretch.prepared.run.schedule, step)).tolist()),
         )
+        yield found, plan
+        del found, plan
 
 
 def _plan(stretch: Stretch, times: Floats, step: float, uneven: float | None, shared: Stretchwise) -> Plan:

@@ -165,8 +165,9 @@ class PreparedEstimate:
             return None
         layout = self.run.structure.system.held
         w = np.zeros((times.size, layout.size))
-        for i, values in enumerate(self.inputs.at(times).T):
-            w[:, layout.input(i)[0]] = values
+        for i, (values, slopes) in enumerate(zip(self.inputs.at(times).T, self.inputs.slopes_at(times).T, strict=True)):
+            value, slope, since, _ = layout.input(i)
+            w[:, value], w[:, slope], w[:, since] = values, slopes, times
         return w
 
     def outputs(self, times: Floats, x: Floats) -> Floats:

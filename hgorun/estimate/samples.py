@@ -99,7 +99,7 @@ def channel(samples: Sampled, experiment: Experiment, output: int, *, heard: boo
 
 
 def recorded_inputs(
-    recording: Recording, inputs: tuple[str, ...], origin: float, end: float, start: float = 0.0
+    recording: Recording, inputs: tuple[str, ...], origin: float, end: float, start: float = 0.0, *, last: bool = True
 ) -> RecordedInputs | None:
     """The recorded ones among the inputs of a plant, in their order there; None where none is recorded.
 
@@ -109,12 +109,14 @@ def recorded_inputs(
         The start of the run on the clock of the data, and how long it lasts.
     start : float
         When the first line begins.
+    last : bool
+        Whether nothing follows: otherwise a line that begins at the end belongs to what does.
     """
     signals = [recording.inputs[name] for name in inputs if name in recording.inputs]
     if not signals:
         return None
     changes = distinct(np.concatenate([[start], *(signal.times - origin for signal in signals)]))
-    changes = changes[(changes >= start) & (changes < end)]
+    changes = changes[(changes >= start) & ((changes <= end) if last else (changes < end))]
     lines = [_lines(signal, changes + origin) for signal in signals]
     levels, slopes = (np.column_stack(part) for part in zip(*lines, strict=True))
     return RecordedInputs(changes, levels, slopes)

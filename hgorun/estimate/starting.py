@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
+from hgorun.data.recording import AUTO, FirstSamples
 from hgorun.errors import Problem
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
@@ -21,11 +21,13 @@ _PASSES = 50
 _ENOUGH = 1e-9  # of the residuals: what a pass has to make them smaller by for another one
 _TOLD = 1e-6  # singular values below that part of the largest: directions that the samples do not tell
 _HALVINGS = 20
+_FEWEST, _MOST, _GROWTH = 3, 200, 1.25  # samples of an output that are tried for "auto"
+_AGREEMENT = 2.0  # standard deviations
 _DIGITS = 10  # of the start: those behind are the C library's, since here CasADi's own functions are called, for speed
 _FUNCTIONS: Memo[tuple[ca.Function, ca.Function]] = Memo(16)
 
 
-def fitted_start(prepared: PreparedEstimate, count: int) -> dict[str, float]:
+def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, float]:
     """The state at the start from which the model passes nearest to the first samples.
 
     x(0) minimises the sum of ((y_k - h(x(t_k)))/std)^2 over the first samples of every output, x being the solution of
@@ -36,22 +38,51 @@ def fitted_start(prepared: PreparedEstimate, count: int) -> dict[str, float]:
     ----------
     prepared : PreparedEstimate
         With the initial state of the plant as a first guess.
-    count : int
-        How many samples of each output.
+    count : int or "auto"
+        How many samples of each output; "auto" as :func:`_agreeing` chooses them.
 
     Raises
     ------
     Problem
-        Where the model leaves the numbers from every state near the guess.
+        Where the model leaves the numbers from every state near the guess, or "auto" lacks a ``std``.
     """
     model = prepared.run.plant.model
-    task = _Task.of(prepared, count)
     guess = dict(prepared.experiment.plant_block.initial)
     x = np.array([float(guess.get(state, 0.0)) for state in model.states])
+    found = _agreeing(prepared, x) if count == AUTO else _fit(_Task.of(prepared, count), x)
+    if found is None:
+        first = _FEWEST if count == AUTO else count
+        message = f"from the first of {first} samples the model leaves all bounds before the last of them"
+        raise Problem(("data", "first_samples"), message)
+    return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(model.states, found.x.tolist(), strict=True)}
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Fit:
+    """A start, and the derivatives by it of what is estimated over the standard deviation."""
+
+    x: Floats
+    slope: Floats
+
+    @property
+    def spread(self) -> Floats:
+        """Standard deviations of the start that follow from those of the samples; infinite where these tell nothing."""
+        sizes = np.linalg.norm(self.slope, axis=0)
+        sizes = np.where(sizes > 0, sizes, 1.0)
+        _, singular, rows = np.linalg.svd(self.slope / sizes, full_matrices=True)
+        singular = np.concatenate([singular, np.zeros(len(rows) - singular.size)])
+        told = singular > _TOLD * singular[0]
+        inverse = np.divide(1.0, singular, out=np.zeros_like(singular), where=told)
+        untold = np.linalg.norm(rows[~told], axis=0) > np.sqrt(_TOLD)
+        return np.asarray(np.where(untold, np.inf, np.linalg.norm(inverse[:, None] * rows, axis=0) / sizes))
+
+
+def _fit(task: _Task, x: Floats) -> _Fit | None:
+    """The start near x from which the model passes nearest; None where it leaves the numbers."""
     error, slope = task.residuals(x)
     for _ in range(_PASSES):
         if not np.all(np.isfinite(error)):
-            break
+            return None
         step = _least_squares(slope, error)
         for halving in range(_HALVINGS):
             tried = x - step / 2**halving
@@ -64,10 +95,32 @@ def fitted_start(prepared: PreparedEstimate, count: int) -> dict[str, float]:
         x, error, slope = tried, found, its_slope
         if less < _ENOUGH:
             break
-    if not np.all(np.isfinite(error)):
-        message = f"from the first of {count} samples the model leaves all bounds before the last of them"
-        raise Problem(("data", "first_samples"), message)
-    return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(model.states, x.tolist(), strict=True)}
+    return _Fit(x, slope) if np.all(np.isfinite(error)) else None
+
+
+def _agreeing(prepared: PreparedEstimate, x: Floats) -> _Fit | None:
+    """The fit to as many first samples as agree on the start.
+
+    Of more samples the start has less noise and more of what the model does not describe. Their number grows until a
+    state of the start leaves the bounds that the noise permits about one of the starts found before (the rule of
+    Lepski): then the error of the model has become larger than that of the noise was.
+    """
+    known = stated(prepared.experiment)
+    for one in prepared.samples:
+        if one.values.size and one.output not in known:
+            raise Problem(("data", "first_samples"), f"auto needs the noise of the samples: {one.output} has no std")
+    most = min(_MOST, max(one.values.size for one in prepared.samples))
+    low, high = np.full(x.size, -np.inf), np.full(x.size, np.inf)
+    count, best = _FEWEST, None
+    while True:
+        found = _fit(_Task.of(prepared, count), x)
+        if found is None or np.any((found.x < low) | (found.x > high)):
+            return best
+        best, x, reach = found, found.x, _AGREEMENT * found.spread
+        low, high = np.maximum(low, x - reach), np.minimum(high, x + reach)
+        if count >= most:
+            return best
+        count = min(max(count + 1, int(_GROWTH * count)), most)
 
 
 def _least_squares(slope: Floats, error: Floats) -> Floats:
@@ -96,7 +149,7 @@ class _Task:
     times: Floats
     u: Floats
     seen: list[tuple[np.ndarray, Floats, float]]
-    step: ca.Function
+    steps: ca.Function
     output: ca.Function
 
     @classmethod
@@ -113,32 +166,40 @@ class _Task:
         moments = times[:-1, None, None] + np.diff(times)[:, None, None] * part / _STEPS
         u = prepared.u(moments.ravel()).reshape(*moments.shape, len(model.inputs))
         step, output = _FUNCTIONS.get(same(model), lambda: (_step(model), _output(model)))
-        return cls(model, prepared.run.plant.parameters, times, u, seen, step, output)
+        of_all = step.mapaccum("steps", _STEPS * (times.size - 1), 2) if times.size > 1 else step
+        return cls(model, prepared.run.plant.parameters, times, u, seen, of_all, output.map(times.size))
 
     def residuals(self, x: Floats) -> tuple[Floats, Floats]:
         """Estimated minus measured over the standard deviation, and its derivative by the state at the start."""
         errors, slopes = [], []
         with np.errstate(all="ignore"):  # from a bad guess the model may leave the numbers
-            along = list(self._along(x))
+            y, by_start = self._along(x)
             for i, (places, values, std) in enumerate(self.seen):
-                for place, value in zip(places.tolist(), values.tolist(), strict=True):
-                    y, by_start = along[place]
-                    errors.append(float(self.model.wrapped(i, np.array(y[i] - value))) / std)
-                    slopes.append(by_start[i] / std)
-        return np.array(errors), np.array(slopes)
+                errors.append(self.model.wrapped(i, y[places, i] - values) / std)
+                slopes.append(by_start[places, i] / std)
+        return np.concatenate(errors), np.concatenate(slopes)
 
-    def _along(self, x: Floats) -> Iterator[tuple[Floats, Floats]]:
-        """The output at every time, and its derivative by the state at the start."""
-        by_start = np.eye(x.size)
-        for k, t in enumerate(self.times.tolist()):
-            u = self.u[k, 0, 0] if k < len(self.u) else self.u[-1, -1, -1] if len(self.u) else np.zeros(0)
-            y, by_state = _numbers(self.output, t, x, u, self.parameters)
-            yield y[:, 0], by_state @ by_start
-            if k < len(self.u):
-                h = (self.times[k + 1] - t) / _STEPS
-                for i, (a, b, c) in enumerate(self.u[k]):
-                    then, by_before = _numbers(self.step, t + i * h, h, x, a, b, c, self.parameters)
-                    x, by_start = then[:, 0], by_before @ by_start
+    def _along(self, x: Floats) -> tuple[Floats, Floats]:
+        """The outputs at every time, shape (k, q), and their derivatives by the state at the start, (k, q, n)."""
+        n, k, q = x.size, self.times.size, len(self.seen)
+        states, by_start = x[:, None], np.eye(n)
+        if k > 1:
+            gaps = np.diff(self.times)[:, None] / _STEPS
+            t = (self.times[:-1, None] + gaps * np.arange(_STEPS)).reshape(1, -1)
+            lines = self.u.reshape(t.size, 3, self.u.shape[-1]).transpose(1, 2, 0)
+            h = np.broadcast_to(gaps, (k - 1, _STEPS)).reshape(1, -1)
+            along, by_first = _numbers(self.steps, x, by_start, t, h, *lines, self._everywhere(t.size))
+            states = np.column_stack([states, along[:, _STEPS - 1 :: _STEPS]])
+            by_first = by_first.reshape(n, -1, n)[:, _STEPS - 1 :: _STEPS].reshape(n, -1)
+            by_start = np.column_stack([by_start, by_first])
+        u = np.concatenate([self.u[:, 0, 0], self.u[-1:, -1, -1]]).T if k > 1 else np.zeros((self.u.shape[-1], 1))
+        y, by_state = _numbers(self.output, self.times[None], states, u, self._everywhere(k))
+        by_state = by_state.reshape(q, k, n).transpose(1, 0, 2)
+        return y.T, by_state @ by_start.reshape(n, k, n).transpose(1, 0, 2)
+
+    def _everywhere(self, count: int) -> Floats:
+        """The parameters, for so many times."""
+        return np.tile(self.parameters[:, None], count)
 
 
 def _numbers(function: ca.Function, *arguments: float | Floats) -> list[Floats]:
@@ -147,7 +208,7 @@ def _numbers(function: ca.Function, *arguments: float | Floats) -> list[Floats]:
 
 
 def _step(model: PlantModel) -> ca.Function:
-    """A step of the classical method of Runge and Kutta, and its derivative by the state before."""
+    """A step of the classical method of Runge and Kutta: the state, and its derivative by the start."""
     t, h, x, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("x", model.n), ca.SX.sym("p", len(model.parameters))
     a, b, c = (ca.SX.sym(name, len(model.inputs)) for name in "abc")
     k1 = model.f(t, x, a, p)
@@ -155,7 +216,9 @@ def _step(model: PlantModel) -> ca.Function:
     k3 = model.f(t + h / 2, x + h / 2 * k2, b, p)
     k4 = model.f(t + h, x + h * k3, c, p)
     then = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    return ca.Function("step", [t, h, x, a, b, c, p], [then, ca.densify(ca.jacobian(then, x))])
+    by_start = ca.SX.sym("by_start", model.n, model.n)
+    by_both = ca.densify(ca.mtimes(ca.jacobian(then, x), by_start))
+    return ca.Function("step", [x, by_start, t, h, a, b, c, p], [then, by_both])
 
 
 def _output(model: PlantModel) -> ca.Function:

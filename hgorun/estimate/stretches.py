@@ -113,7 +113,7 @@ class Stretches:
             samples.append(some)
             channels.append(channel(some, experiment, i, heard=a > 0))
         recording, since = _inputs_from(self._recording, origin, start, end)
-        inputs = recorded_inputs(recording, experiment.plant.model.inputs, origin, end, since)
+        inputs = recorded_inputs(recording, experiment.plant.model.inputs, origin, end, since, last=last)
         time = experiment.time.model_copy(update={"start": start, "end": end})
         kinks = self._kinks[(self._kinks >= start) & (self._kinks <= end)]
         changes = np.zeros(0) if inputs is None else inputs.times

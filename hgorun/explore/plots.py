@@ -77,6 +77,7 @@ def empty_plot(name: str, time: str, value: str, span: tuple[float, float], *, l
         output_backend="canvas",
         border_fill_color=None,  # that of the page is seen, light or dark
         background_fill_color=None,
+        outline_line_color=None,  # without a background Bokeh would stroke with it whatever was drawn last
         lod_threshold=None,  # few points are sent: all are drawn, also while a figure is moved
     )
     plot.toolbar.logo = None

@@ -7,8 +7,9 @@ copy it and hold up all other threads meanwhile. Their digests tell what was dam
 from __future__ import annotations
 
 import threading
+from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from queue import Queue
 from types import TracebackType
@@ -27,6 +28,8 @@ _WAITING = 4  # pieces that may wait for each thread: they are memory
 class Growing:
     """A data set that is given its rows some at a time.
 
+    As long as all its numbers are the same it takes no room: it is a :class:`Constant` if that is so to the end.
+
     Parameters
     ----------
     group : h5py.Group
@@ -40,28 +43,55 @@ class Growing:
     """
 
     def __init__(self, group: h5py.Group, name: str, rows: int, like: np.ndarray, background: Background) -> None:
-        self._data = _contiguous(group, name, (rows, *like.shape[1:]), like.dtype)
-        self._place: int = self._data.id.get_offset() or 0
-        background.sink.reserve(self._place, self._data.id.get_storage_size())
+        self._group, self._name = group, name
         self._background, self._lane, self._digest = background, background.lane(), sha256()
         self._like, self._rows, self._given, self._passed = like[:0], rows, 0, 0
+        self._value: np.generic | None = like.flat[0] if like.size else None  # of all rows so far
+        self._data: h5py.Dataset | None = None
+        self._place = 0
 
     def append(self, rows: np.ndarray) -> None:
         """Take the next rows, which are not to change any more."""
-        self._given += len(rows)
+        if self._data is None and not self._goes_on(rows):
+            self._take_room()
         if rows.size:
-            self._background.put(self, rows, self._lane)
+            self._background.put(partial(self._take, rows, written=self._data is not None), self._lane)
+        self._given += len(rows)
+
+    def _goes_on(self, rows: np.ndarray) -> bool:
+        """Whether rows have the one number of all before, bit by bit."""
+        if self._value is None:
+            return False
+        ends, value = rows.reshape(-1)[:: max(rows.size - 1, 1)], self._value.tobytes()  # which mostly tell already
+        return ends.tobytes() == value * ends.size and rows.tobytes() == value * rows.size
+
+    def _take_room(self) -> None:
+        """From now on the rows differ; those before are written."""
+        shape = (self._rows, *self._like.shape[1:])
+        self._data = _contiguous(self._group, self._name, shape, self._like.dtype)
+        self._place = self._data.id.get_offset() or 0
+        self._background.sink.reserve(self._place, self._data.id.get_storage_size())
+        for first in range(0, self._given, _PIECE):
+            some = (min(_PIECE, self._given - first), *shape[1:])
+            self._background.put(partial(self.write, np.broadcast_to(np.asarray(self._value), some)), self._lane)
+
+    def _take(self, rows: np.ndarray, *, written: bool) -> None:
+        """Digest and write the next rows, in the thread that does so."""
+        self._digest.update(digests.little(rows).data)
+        if written:
+            self.write(rows)
 
     def write(self, rows: np.ndarray) -> None:
         """Write the next rows, in the thread that does so."""
         content = digests.little(rows).data
-        self._digest.update(content)
         self._background.sink.write_at(self._place + self._passed, content)
         self._passed += content.nbytes
 
     def read(self, first: int, stop: int) -> np.ndarray:
         """Some of the rows that have been written, after :meth:`finished`."""
         shape, kind = self._like.shape[1:], self._like.dtype
+        if self._value is not None and not self._passed:
+            return np.full((stop - first, *shape), self._value)
         found = np.empty((stop - first, *shape), dtype=kind.newbyteorder("<"))
         if found.size:
             self._background.sink.read_at(self._place + first * found[:1].nbytes, found.data)
@@ -71,7 +101,13 @@ class Growing:
         """The data set, with all that has come and its digest."""
         self._background.wait()
         assert self._given == self._rows
-        self._data.attrs[digests.ATTRIBUTE] = self._digest.hexdigest()
+        if self._data is None and self._value is None:
+            self._take_room()
+        if self._data is None:
+            assert self._value is not None
+            self._data = _of_one_number(self._group, self._name, (self._rows, *self._like.shape[1:]), self._value)
+        if digests.ATTRIBUTE not in self._data.attrs:
+            self._data.attrs[digests.ATTRIBUTE] = self._digest.hexdigest()
         return self._data
 
 
@@ -84,23 +120,30 @@ class Constant:
     name : str
     shape : tuple of int
     value : numpy scalar
+    background : Background
+        What takes its digest.
     """
 
-    def __init__(self, group: h5py.Group, name: str, shape: tuple[int, ...], value: np.generic) -> None:
-        chunks = tuple(max(1, min(size, _PIECE)) for size in shape)
-        self._data = group.create_dataset(
-            name, shape=shape, dtype=value.dtype, chunks=chunks, fillvalue=value, track_times=False
-        )
-        self._value = value
+    def __init__(
+        self, group: h5py.Group, name: str, shape: tuple[int, ...], value: np.generic, background: Background
+    ) -> None:
+        self._data, self._value, self._background = _of_one_number(group, name, shape, value), value, background
+        background.put(partial(_digest_of, self._data.size, value.tobytes()), background.lane())
 
     def finished(self) -> h5py.Dataset:
         """The data set with its digest."""
-        self._data.attrs[digests.ATTRIBUTE] = _of_constant(self._data.size, self._value.tobytes())
+        self._background.wait()
+        self._data.attrs[digests.ATTRIBUTE] = _digest_of(self._data.size, self._value.tobytes())
         return self._data
 
 
+def _of_one_number(group: h5py.Group, name: str, shape: tuple[int, ...], value: np.generic) -> h5py.Dataset:
+    chunks = tuple(max(1, min(size, _PIECE)) for size in shape)
+    return group.create_dataset(name, shape=shape, dtype=value.dtype, chunks=chunks, fillvalue=value, track_times=False)
+
+
 @cache
-def _of_constant(count: int, value: bytes) -> str:
+def _digest_of(count: int, value: bytes) -> str:
     """The digest of a number so many times."""
     found, piece = sha256(), value * _PIECE
     for _ in range(count // _PIECE):
@@ -120,7 +163,7 @@ class Background(AbstractContextManager["Background"]):
 
     def __init__(self, sink: Sink) -> None:
         self.sink = sink
-        self._queues = [Queue[tuple[Growing, np.ndarray] | None](_WAITING) for _ in range(_THREADS)]
+        self._queues = [Queue[Callable[[], object] | None](_WAITING) for _ in range(_THREADS)]
         self._lanes = 0
         self._error: Exception | None = None
         self._threads = [
@@ -146,10 +189,10 @@ class Background(AbstractContextManager["Background"]):
         self._lanes += 1
         return self._lanes % _THREADS
 
-    def put(self, growing: Growing, rows: np.ndarray, lane: int) -> None:
-        """Let a thread write rows."""
+    def put(self, work: Callable[[], object], lane: int) -> None:
+        """Let a thread do some work."""
         self._require()
-        self._queues[lane].put((growing, rows))
+        self._queues[lane].put(work)
 
     def wait(self) -> None:
         """Until all has been written."""
@@ -161,12 +204,11 @@ class Background(AbstractContextManager["Background"]):
         if (error := self._error or self.sink.failed) is not None:
             raise error
 
-    def _work(self, queue: Queue[tuple[Growing, np.ndarray] | None]) -> None:
-        while (item := queue.get()) is not None:
+    def _work(self, queue: Queue[Callable[[], object] | None]) -> None:
+        while (work := queue.get()) is not None:
             try:
                 if self._error is None:
-                    growing, rows = item
-                    growing.write(rows)
+                    work()
             except Exception as error:
                 self._error = error
             finally:

@@ -120,7 +120,7 @@ class ResultInParts(AbstractContextManager["ResultInParts"]):
     def constant(self, path: str, shape: tuple[int, ...], value: np.generic) -> None:
         """A data set of one number."""
         group, _, name = path.rpartition("/")
-        self._growing[path] = Constant(self._group(group), name, shape, value)
+        self._growing[path] = Constant(self._group(group), name, shape, value, self._background)
 
     def same(self, path: str, other: str) -> None:
         """A data set that is the other one, under a second name: it takes no room, and has its attributes."""

@@ -11,7 +11,7 @@ from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
-from hgorun.places import places_in
+from hgorun.native.places import places_in
 from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.replay import Replay, Replayed
@@ -45,6 +45,10 @@ class RecordedInputs:
         """u at several times, shape (len(times), m)."""
         i = last_of(self.times, times)
         return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
+
+    def slopes_at(self, times: np.ndarray) -> np.ndarray:
+        """u' at several times, where it jumps the one behind them, shape (len(times), m)."""
+        return np.asarray(self.slopes[last_of(self.times, times)])
 
     def values(self, channels: Sequence[Channel], *, before: bool) -> list[np.ndarray]:
         """What is set in w: of every time the three numbers of every line; at every sample the inputs ``before``."""

@@ -150,3 +150,17 @@ def test_where_none_is_corrected_by_samples_the_remedy_is_the_innovation(
     code, _, err = shell("estimate", "pendulum.yaml", "-", *words)
     assert code == 2
     assert "(A: drop, B: innovation): give observers.A.late: innovation" in err
+
+
+@pytest.mark.parametrize("column", ["", ",known"])
+def test_what_is_held_out_need_not_say_when_it_was_known(column: str, shell: Shell) -> None:
+    """Only the times at which it was taken matter; rows may stand in the order of their arrival."""
+    for name, head in (("given.csv", ",known"), ("held.csv", column)):
+        some = range(1, 60, 2) if name == "held.csv" else range(0, 60, 2)
+        rows = [f"{T[k]},{Y[k]}" + (f",{T[k] + 0.5:.1f}" if head else "") for k in some]
+        rows[3], rows[4] = rows[4], rows[3]
+        (shell.folder / name).write_text("\n".join([f"t,angle{head}", *rows]) + "\n")
+    given = ("--set", "data.file=given.csv", "--set", "data.outputs.a.available=known", "--set", "time.end=6.4")
+    held = scores_of(shell, *given, "--holdout", "a=held.csv")["holdout_rmse"]["a"]
+    reference = "data.reference.a={column: angle, file: held.csv, faults: {backwards: sort}}"
+    assert held == scores_of(shell, *given, "--set", reference)["reference_rmse"]["a"]

@@ -124,6 +124,14 @@ def test_missing_values_are_left_out_and_told(tmp_path: Path) -> None:
         recorded(tmp_path, "\n".join(rows), changes | {"faults": {"missing": "refuse"}})
 
 
+def test_a_reference_that_observers_get_is_told(tmp_path: Path) -> None:
+    both, (other, own) = {"T": "other"}, ("t,glucose,other\n0,1,2\n1,3,5\n", {"S": {"column": "glucose"}})
+    assert not recorded(tmp_path, other, {"reference": both}).notes
+    (note,) = recorded(tmp_path, other, {"reference": both | own}).notes
+    told = "observers get this column as outputs.S: estimates are compared with what they use"
+    assert str(note) == f"{tmp_path / 'log.csv'}: reference.S: {told}"
+
+
 @pytest.mark.parametrize("cell", ["-9999", "-9999.0", '"-9999"', " -9999 "])
 @pytest.mark.parametrize("quoted", [False, True])  # rows with quotes are read one by one
 def test_a_number_that_stands_for_a_missing_value_is_left_out(cell: str, quoted: bool, tmp_path: Path) -> None:

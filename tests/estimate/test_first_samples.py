@@ -11,14 +11,14 @@ import pytest
 from examples import Block, inline
 from recordings import held_input, observers, recording, signal, source
 
-from hgorun.data.recording import Recording, Signal
+from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import completed, known_later
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
 
 
-def start_of(plant: Block, recorded: Recording, count: int, **more: Any) -> Mapping[str, float]:
+def start_of(plant: Block, recorded: Recording, count: FirstSamples, **more: Any) -> Mapping[str, float]:
     """The initial estimate of an observer of which the configuration says nothing."""
     block = {"type": "shgo", "theta": 2, "poles": -1}
     config = {"plant": plant, "observers": {"o": block}, "solver": {"step": 0.01}, **more}
@@ -59,6 +59,36 @@ def test_more_samples_than_unknowns_are_met_in_the_least_squares() -> None:
     assert (found["a"], found["b"]) == pytest.approx((value, slope), rel=1e-8)
 
 
+def ramp(changed: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """Times and noisy samples of a = 1 - 2 t, whose speed changes with the hundredth sample."""
+    t = 0.01 * np.arange(300)
+    noise = 0.01 * np.random.default_rng(5).standard_normal(t.size)
+    return t, 1 - 2 * t + changed * np.maximum(t - 1, 0) + noise
+
+
+def test_as_many_samples_are_used_as_agree() -> None:
+    """All of the first 200, beyond which none are tried, where the model is right."""
+    plant = plant_of({"a": "b", "b": "0"}, "a")
+    t, a = ramp()
+    found = start_of(plant, recording(signal("a", t, a, std=0.01)), "auto")
+    slope, value = np.polyfit(t[:200], a[:200], 1)
+    assert (found["a"], found["b"]) == pytest.approx((value, slope), rel=1e-8)
+
+
+def test_samples_that_the_model_does_not_describe_are_not_used_for_the_start() -> None:
+    """A line through 100 samples has a slope with a standard deviation of 0.01 sqrt(12/100^3)/0.01 = 0.0035."""
+    plant = plant_of({"a": "b", "b": "0"}, "a")
+    t, a = ramp(changed=0.5)
+    found = start_of(plant, recording(signal("a", t, a, std=0.01)), "auto")
+    assert abs(np.polyfit(t[:200], a[:200], 1)[0] + 2) > 0.1
+    assert abs(found["b"] + 2) < 4 * 0.0035
+
+
+def test_what_agrees_is_a_matter_of_the_noise() -> None:
+    with pytest.raises(ConfigError, match="first_samples: auto needs the noise of the samples: a has no std"):
+        start_of(OSCILLATOR, recording(signal("a", TIMES, TIMES)), "auto")
+
+
 def test_a_nonlinear_model_across_the_end_of_a_period() -> None:
     """x' = v, v' = v^2: x = x_0 - ln(1 - v_0 t)."""
     plant = plant_of({"x": "v", "v": "v**2"}, {"x": {"value": "x", "period": 2 * np.pi}})
@@ -68,14 +98,17 @@ def test_a_nonlinear_model_across_the_end_of_a_period() -> None:
     assert (found["x"], found["v"]) == pytest.approx((3.0, 0.9), rel=1e-5)
 
 
-def test_what_is_not_told_stays_where_the_plant_begins() -> None:
+@pytest.mark.parametrize("count", [3, "auto"])
+def test_what_is_not_told_stays_where_the_plant_begins(count: FirstSamples) -> None:
     plant = plant_of({"a": "b", "b": "-4*a", "c": "-c"}, "a")
     a = 0.3 * np.cos(2 * TIMES)
     blocks = {"o": {"type": "ekf", "Q": {"b": 1}}}
     config = {"plant": {**plant, "initial": {"a": 0, "b": 0, "c": 5}}, "observers": blocks, "solver": {"step": 0.01}}
-    recorded = replace(recording(*outputs_at(TIMES, a=a)), first_samples=3)
+    recorded = replace(recording(*outputs_at(TIMES, a=a)), first_samples=count)
     initial = completed(source(config), recorded, "start", "").observers["o"].initial
-    assert initial == pytest.approx({"a": 0.3, "b": 0.0, "c": 5.0}, abs=1e-9)
+    assert initial == pytest.approx(
+        {"a": 0.3, "b": 0.0, "c": 5.0}, abs=1e-8
+    )  # six samples: steps of 0.014, of fourth order
 
 
 def test_an_input_that_is_recorded_acts_from_the_start() -> None:
@@ -109,10 +142,11 @@ def test_of_a_start_that_is_given_in_part_the_rest_is_fitted() -> None:
     assert initial == pytest.approx({"a": 1.0, "b": 5.0})
 
 
-def test_a_model_that_leaves_all_bounds_is_refused() -> None:
+@pytest.mark.parametrize("count", [6, "auto"])
+def test_a_model_that_leaves_all_bounds_is_refused(count: FirstSamples) -> None:
     plant = plant_of({"a": "b", "b": "exp(50*a)"}, "a")
     with pytest.raises(ConfigError, match="leaves all bounds"):
-        start_of(plant, recording(*outputs_at(TIMES, a=5 + TIMES)), 6)
+        start_of(plant, recording(*outputs_at(TIMES, a=5 + TIMES)), count)
 
 
 @pytest.mark.parametrize(

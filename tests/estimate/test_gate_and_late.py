@@ -13,6 +13,7 @@ from pendulum_filter import corrected
 from recordings import NOISE, PENDULUM, START, assessed_of, recorded_of, recording, signal, source
 
 from hgorun.data.recording import Recording
+from hgorun.engine.session import Mark, Session
 from hgorun.estimate import gated
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.estimator import Estimator
@@ -146,3 +147,31 @@ def test_samples_that_are_passed_at_once_are_judged_as_one_by_one(most: int, mon
         both = [getattr(recorded_of(one).outputs["a"], name) for one in (at_once, one_by_one)]
         np.testing.assert_array_equal(*both)
     np.testing.assert_array_equal(at_once.observers["O"].xhat, one_by_one.observers["O"].xhat)
+
+
+def test_a_mark_keeps_few_of_the_samples_of_a_long_log(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Those on their way, and those that are looked at together: it would else take the square of their number."""
+    count = 1200
+    taken, rng = 0.005 * np.arange(1, count + 1), np.random.default_rng(6)
+    values = np.sin(taken) + 0.02 * rng.standard_normal(count)
+    values[::40] += 5.0
+    config = {
+        "time": {"start": 0.0, "end": END, "output_step": 0.5},
+        "plant": PENDULUM,
+        "observers": {"O": {"type": "shgo", "theta": 2, "poles": -1, "initial": START}},
+        "measurement": {"noise": NOISE},
+        "solver": {"step": 0.01},
+    }
+    kept, mark = list[int](), Session.mark
+
+    def spied(session: Session, stop: int) -> Mark:
+        found = mark(session, stop)
+        kept.append(sum(len(values) for _, values in found.slots))
+        return found
+
+    monkeypatch.setattr(Session, "mark", spied)
+    late = recording(signal("a", taken, values, taken + 0.02 * rng.random(count), gate=5.0))
+    result = estimate(source(config), late, sensitivity=False)
+    assert set(taken[40::40]).isdisjoint(used(result))
+    assert len(kept) > 50
+    assert max(kept) < 300  # at most 64 places between two outliers, with the samples on their way

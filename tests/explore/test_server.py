@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
 import os
 import re
 import signal
@@ -14,11 +16,14 @@ from http.client import HTTPConnection
 from pathlib import Path
 from urllib.parse import urlsplit
 
+import numpy as np
 import pytest
 from live import OSCILLATOR
 from shell import Shell
 
 pytest.importorskip("bokeh", reason="needs hgorun[explore]")
+
+from tornado.websocket import websocket_connect
 
 from hgorun import load
 from hgorun.errors import HgorunError
@@ -29,7 +34,7 @@ from hgorun.explore.simulated import SimulatedBench
 OTHERS = (
     "/", "/favicon.ico", "/static/js/bokeh.min.js", "/ws", "/figure.png", "/autoload.js", "/metadata",
     "/{short}/", "/{wrong}/", "/{wrong}/static/js/bokeh.min.js", "/{wrong}/ws", "/{wrong}/figure.png", "//{secret}/",
-    "/x/../{wrong}/", "/{secret}",
+    "/channel?key=x", "/{wrong}/channel?key=x", "/x/../{wrong}/", "/{secret}",
 )  # fmt: skip
 
 
@@ -99,8 +104,39 @@ def test_a_socket_is_not_for_other_pages(served: Served) -> None:
     upgrade = {"Upgrade": "websocket", "Connection": "Upgrade", "Sec-WebSocket-Version": "13",
                "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==", "Sec-WebSocket-Protocol": "bokeh, x"}  # fmt: skip
     for origin in ("http://example.org", f"http://{HOST}:1", "null"):
-        status, _, _ = served.get(f"/{served.page.secret}/ws", upgrade | {"Origin": origin})
-        assert status == 403
+        for socket_ in ("ws", "channel?key=x"):
+            status, _, _ = served.get(f"/{served.page.secret}/{socket_}", upgrade | {"Origin": origin})
+            assert status == 403
+
+
+def test_a_page_has_one_channel(served: Served) -> None:
+    """By the key that is in it, once: what is asked there is answered there, and no other key is one."""
+    html = served.get(f"/{served.page.secret}/")[2].decode()
+    found = re.search(r'"channel": "([\w-]+)"', html)
+    assert found is not None
+    address = f"ws://{HOST}:{served.page.port}/{served.page.secret}/channel?key="
+
+    async def asked(key: str) -> list[str | bytes | None]:
+        told: list[str | bytes | None] = []
+        channel = await websocket_connect(address + key)
+        await channel.write_message('{"do": "begin", "number": 1}')
+        while not told or (isinstance(told[-1], bytes) and b'"picture"' not in told[-1]):
+            told.append(await asyncio.wait_for(channel.read_message(), 60))
+        if told[-1] is not None:
+            second = await websocket_connect(address + key)
+            assert await second.read_message() is None  # it is taken
+            second.close()
+        channel.close()
+        while told[-1] is not None and await channel.read_message() is not None:
+            pass
+        return told
+
+    last = asyncio.run(asked(found[1]))[-1]
+    assert isinstance(last, bytes)
+    end = 8 + int.from_bytes(last[:8], "little")
+    assert json.loads(last[8:end])["values"]["observers.S.theta"] == 3
+    assert np.isfinite(np.frombuffer(last[end:])).any()
+    assert asyncio.run(asked("x")) == [None]
 
 
 def test_the_page(served: Served) -> None:

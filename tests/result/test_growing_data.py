@@ -40,11 +40,27 @@ def test_data_sets_that_grow_side_by_side_keep_their_order(tmp_path: Path) -> No
             assert digest == sha256((whole + 10000 * number).tobytes()).hexdigest()
 
 
+@pytest.mark.parametrize("value", [0.0, np.nan])
+@pytest.mark.parametrize("same", [1, 90_000, 200_000])
+def test_rows_that_do_not_change_take_no_room(value: float, same: int, tmp_path: Path) -> None:
+    whole = np.full((200_000, 2), value)
+    whole[same:, 1] = -value if value == 0 else 1.0  # another number, bit by bit
+    with hdf5_and_sink(tmp_path / "a.h5") as (file, sink), Background(sink) as background:
+        growing = Growing(file, "x", len(whole), whole[:70_000], background)
+        for first in range(0, len(whole), 70_000):
+            growing.append(whole[first : first + 70_000])
+        assert growing.finished().attrs["sha256"] == sha256(whole.tobytes()).hexdigest()
+        assert growing.read(10, 20).tobytes() == whole[10:20].tobytes()
+    assert ((tmp_path / "a.h5").stat().st_size < 10_000) == (same == len(whole))
+    with h5py.File(tmp_path / "a.h5") as file:
+        assert file["x"][:].tobytes() == whole.tobytes()
+
+
 @pytest.mark.parametrize("value", [np.float64(np.nan), np.int8(1)])
 def test_one_number_takes_no_room(value: np.generic, tmp_path: Path) -> None:
     shape = 200_000, 2
-    with hdf5_and_sink(tmp_path / "a.h5") as (file, _):
-        data = Constant(file, "x", shape, value).finished()
+    with hdf5_and_sink(tmp_path / "a.h5") as (file, sink), Background(sink) as background:
+        data = Constant(file, "x", shape, value, background).finished()
         assert data.attrs["sha256"] == sha256(np.full(shape, value).tobytes()).hexdigest()
     assert (tmp_path / "a.h5").stat().st_size < 10_000
     with h5py.File(tmp_path / "a.h5") as file:
