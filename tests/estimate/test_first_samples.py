@@ -98,14 +98,17 @@ def test_a_nonlinear_model_across_the_end_of_a_period() -> None:
     assert (found["x"], found["v"]) == pytest.approx((3.0, 0.9), rel=1e-5)
 
 
-def test_what_is_not_told_stays_where_the_plant_begins() -> None:
+@pytest.mark.parametrize("count", [3, "auto"])
+def test_what_is_not_told_stays_where_the_plant_begins(count: FirstSamples) -> None:
     plant = plant_of({"a": "b", "b": "-4*a", "c": "-c"}, "a")
     a = 0.3 * np.cos(2 * TIMES)
     blocks = {"o": {"type": "ekf", "Q": {"b": 1}}}
     config = {"plant": {**plant, "initial": {"a": 0, "b": 0, "c": 5}}, "observers": blocks, "solver": {"step": 0.01}}
-    recorded = replace(recording(*outputs_at(TIMES, a=a)), first_samples=3)
+    recorded = replace(recording(*outputs_at(TIMES, a=a)), first_samples=count)
     initial = completed(source(config), recorded, "start", "").observers["o"].initial
-    assert initial == pytest.approx({"a": 0.3, "b": 0.0, "c": 5.0}, abs=1e-9)
+    assert initial == pytest.approx(
+        {"a": 0.3, "b": 0.0, "c": 5.0}, abs=1e-8
+    )  # six samples: steps of 0.014, of fourth order
 
 
 def test_an_input_that_is_recorded_acts_from_the_start() -> None:
@@ -139,10 +142,11 @@ def test_of_a_start_that_is_given_in_part_the_rest_is_fitted() -> None:
     assert initial == pytest.approx({"a": 1.0, "b": 5.0})
 
 
-def test_a_model_that_leaves_all_bounds_is_refused() -> None:
+@pytest.mark.parametrize("count", [6, "auto"])
+def test_a_model_that_leaves_all_bounds_is_refused(count: FirstSamples) -> None:
     plant = plant_of({"a": "b", "b": "exp(50*a)"}, "a")
     with pytest.raises(ConfigError, match="leaves all bounds"):
-        start_of(plant, recording(*outputs_at(TIMES, a=5 + TIMES)), 6)
+        start_of(plant, recording(*outputs_at(TIMES, a=5 + TIMES)), count)
 
 
 @pytest.mark.parametrize(
