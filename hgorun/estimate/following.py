@@ -89,10 +89,9 @@ class Following:
         if self._decides or event.inputs or not event.samples or event.taken != event.t:
             self._carry_out(event)
             return
-        live, t = self.live, event.t
-        words, newest = live.sample_words, self.newest
+        live, newest, t = self.live, self.newest, event.t
         for _, slot, value in event.samples:
-            words[slot] = value
+            live.sample_words[slot] = value
         live.happen_at(t, self._actions_on_time(event), self._regime)
         for i, _, _ in event.samples:
             newest[i] = (t,) * self._count

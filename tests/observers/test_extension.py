@@ -131,6 +131,7 @@ def test_outputs_that_measure_the_same_are_refused() -> None:
         hgorun.simulate(experiment(plant, {"S": {"type": "shgo", "theta": 6, "extend": 1, "chains": {"a": 2, "b": 1}}}))
 
 
+@pytest.mark.one_in(3)  # the family's own contract is tested elsewhere, and its numbers with this above
 @pytest.mark.measured_once
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*FAMILIES, *OF_SAMPLES, *PUNCTUAL])
