@@ -279,10 +279,12 @@ def enclose(
         Those of the function, where they have been read before.
     """
     values: dict[int, Bounds] = {}
+    steps = read(function) if instructions is None else instructions
+    last = {value: i for i in steps for value in i.arguments}  # who needs a value for the last time
     zero = np.array(0.0)
     found: list[list[Bounds]] = [[(zero, zero)] * function.numel_out(i) for i in range(function.n_out())]
     with np.errstate(all="ignore"):
-        for i in read(function) if instructions is None else instructions:
+        for i in steps:
             if i.op == ca.OP_OUTPUT:
                 found[i.place[0]][i.place[1]] = values[i.arguments[0]]
             elif i.op == ca.OP_INPUT:
@@ -292,4 +294,7 @@ def enclose(
             else:
                 operation = _LIBRARY.get(i.op)
                 values[i.value] = operation(*[values[a] for a in i.arguments]) if operation else _WHOLE_LINE
+            for value in set(i.arguments):
+                if last[value] is i:  # its memory is used again while it is in the processor's
+                    del values[value]
     return found
