@@ -79,7 +79,8 @@ def _parts(first: Box, second: Box) -> list[Box]:
     places = np.arange(_PARTS + 1)[:, None, None] / _PARTS
     low, high = ((1 - places) * a + places * b for a, b in zip(first, second, strict=True))
     below, above = np.minimum(low[:-1], low[1:]), np.maximum(high[:-1], high[1:])
-    return [(below[..., i], above[..., i]) for i in range(low.shape[-1])]
+    lows, highs = (np.ascontiguousarray(np.moveaxis(side, -1, 0)) for side in (below, above))
+    return list(zip(lows, highs, strict=True))
 
 
 def _means(enclosure: Enclosure, parts: list[Box], common: list[Box]) -> Box:
