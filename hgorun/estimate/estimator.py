@@ -6,7 +6,6 @@ import hashlib
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
-from numbers import Integral
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +71,7 @@ class Estimator:
             std = said.std if std is None else std
             inputs = said.inputs if inputs is None else inputs
         gates = {name: _positive(f"gates[{name!r}]", gate) for name, gate in gates.items()}
-        if not isinstance(remembered, Integral) or remembered < 0:
+        if not isinstance(remembered, int) or remembered < 0:
             raise ConfigError(f"remembered: expected a whole number of events, 0 or more, found {remembered!r:.50}")
         experiment = with_noise(experiment, std)
         self._experiment = experiment
@@ -83,7 +82,7 @@ class Estimator:
             self._run = Following(system, gates)
         self._live = self._run.live
         self._gates = gates
-        self._past = Remembered(self._run, max(int(remembered), int(system.joint)))
+        self._past = Remembered(self._run, max(remembered, int(system.joint)))
         self._arriving = Arriving(self._run, self._past)
         self._together = Together(self._run, self._arriving, decided=bool(gates or system.steps or remembered > 0))
 
