@@ -67,6 +67,8 @@ def test_of_few_residuals_each_is_judged_by_all_others(count: int) -> None:
     assert one is not None
     assert one.widths.tolist() == [18.0]  # rank ceil(0.95 * 20) = 19, the largest
     assert Band(np.array([1.0]), np.array([2.0, 3.0])).at(np.array([0.5, 1.0, 1.5, np.inf])).tolist() == [2, 2, 3, 3]
+    three = Band(np.array([1.0, 2.0]), np.array([4.0, 5.0, 6.0]))
+    assert three.at(np.array([-np.inf, 1.5, 2.0, 2.5, np.nan])).tolist() == [4, 5, 5, 6, 6]
 
 
 def test_the_time_since_the_last_sample_counts_what_was_known() -> None:
