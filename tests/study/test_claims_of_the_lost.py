@@ -103,3 +103,21 @@ def test_a_slope_is_not_drawn_through_values_at_which_the_observer_diverged() ->
     found = np.array([3.0, 12.0, 48.0, math.inf])  # 3 v^2
     assert _slope(run, found, asked) == pytest.approx(2, rel=1e-12)
     assert math.isinf(_slope(run, found, Quantity("exponent", asked.of, "x1")))
+
+
+def test_the_reason_is_of_the_observer_and_not_of_one_whose_name_begins_alike() -> None:
+    from types import SimpleNamespace
+    from typing import Any
+
+    from hgorun.reproduce.job import Outcome
+    from hgorun.reproduce.verdicts import _lost
+    from hgorun.result.quantities import Quantity
+
+    of = (("one", "B"), ("many", "B"))
+    study: Any = SimpleNamespace(quantities=lambda claim: [Quantity("difference", of, "x1")])
+    told = {
+        "one": ["observer B b diverged at t=1 s", "observer B diverged at t=2 s"],
+        "many": ["observer B b: of 2 members 1 diverged", "observer B: of 3 members 2 diverged"],
+    }
+    expected = ["run one, observer B diverged at t=2 s", "run many, observer B: of 3 members 2 diverged"]
+    assert _lost(study, 0, Outcome(troubles=told)) == expected
