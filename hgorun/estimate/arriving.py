@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, TypeAlias
 
 from hgorun.estimate.event import Event
 from hgorun.estimate.following import Following
 from hgorun.estimate.given import as_number, numbers_by_name
 from hgorun.estimate.live_system import slot_of
 from hgorun.estimate.remembered import Remembered
+
+Places: TypeAlias = "tuple[tuple[int, int], ...]"  # output, slot
+Samples: TypeAlias = "tuple[tuple[int, int, float], ...]"  # output, slot, value
+Inputs: TypeAlias = "tuple[tuple[int, float], ...]"  # input, value
 
 _FARTHEST = 1e8  # steps to the next event, a minute or so: what is further off is on another clock, as that of Unix
 
@@ -36,15 +40,17 @@ class Arriving:
         self._places = {name: (i, slot_of(i)) for name, i in system.outputs.items()}
         self._joint = system.joint
 
-    def since_start(self, t: float) -> float:
-        """The time of an event on the clock of the run.
+    def since_start(self, t: float, reached: float | None = None) -> float:
+        """The time of an event on the clock of the run, of which ``reached`` is the last event otherwise.
 
         Raises
         ------
         ValueError
             Where it is before the last event, or so far ahead that it is of another clock.
         """
-        since, reached = t - self._origin, self._live.t
+        since = t - self._origin
+        if reached is None:
+            reached = self._live.t
         if 0.0 <= since - reached <= self.reach:
             return since
         if not since >= reached:  # NaN, too
@@ -60,16 +66,19 @@ class Arriving:
         places, samples = self._samples(y)
         inputs = () if u is None else self._inputs(u)
         if available is None or available == t:
-            now = self.since_start(t)
-            event = Event(now, places, samples, inputs, now)
-            if self._joint and now == self._live.t:
-                self._past.go_back(event, together=True)
-            else:
-                self._past.go_on(event)
+            self._take_on_time(self.since_start(t), places, samples, inputs)
         else:
-            self._take_late(t, samples, as_number("available", available), inputs)
+            self._take_late(t, places, samples, as_number("available", available), inputs)
 
-    def _samples(self, y: Any) -> tuple[tuple[tuple[int, int], ...], tuple[tuple[int, int, float], ...]]:
+    def _take_on_time(self, now: float, places: Places, samples: Samples, inputs: Inputs) -> None:
+        """Samples that are known when they are taken."""
+        event = Event(now, places, samples, inputs, now)
+        if self._joint and now == self._live.t:
+            self._past.go_back(event, together=True)
+        else:
+            self._past.go_on(event)
+
+    def _samples(self, y: Any) -> tuple[Places, Samples]:
         """Places of samples that are known when they are taken, and the samples; those that are missing left out."""
         places: list[tuple[int, int]] = []
         samples: list[tuple[int, int, float]] = []
@@ -93,7 +102,7 @@ class Arriving:
         self._system.output(name)
         return str(name)
 
-    def _inputs(self, u: Any) -> tuple[tuple[int, float], ...]:
+    def _inputs(self, u: Any) -> Inputs:
         """Inputs that change; one whose value is missing does not."""
         given = [(self._system.input(name), name, value) for name, value in numbers_by_name("u", u)]
         for _, name, value in given:
@@ -101,17 +110,17 @@ class Arriving:
                 raise ValueError(_infinite("u", name, value))
         return tuple((i, value) for i, _, value in given if value == value)
 
-    def _take_late(
-        self, t: float, given: tuple[tuple[int, int, float], ...], known: float, inputs: tuple[tuple[int, float], ...]
-    ) -> None:
+    def _take_late(self, t: float, places: Places, given: Samples, known: float, inputs: Inputs) -> None:
         """Samples that are known later than they are taken."""
         run, past = self._run, self._past
         now, taken = self.since_start(known), t - self._origin
         if taken > now:
             raise ValueError(f"taken at {t:g}, after it was known at {known:g}")
-        if taken < now and not run.by_innovation(t):
+        if taken == now:  # times that differ by less than the clock of the run can tell
+            self._take_on_time(now, places, given, inputs)
+            return
+        if not run.by_innovation(t):
             if "replay" in self._system.treatments.values():
-                places = tuple((i, slot) for i, slot, _ in given)
                 past.go_back(Event(taken, places, given, (), taken), together=True)
             past.go_on(Event(now, (), (), inputs, now))
             return

@@ -12,6 +12,7 @@ import numpy as np
 
 from hgorun.config.reading import read_source
 from hgorun.engine.plan import Floats, Integers
+from hgorun.errors import ConfigError
 from hgorun.estimate.arriving import Arriving
 from hgorun.estimate.checkpoint import Checkpoint, damaged
 from hgorun.estimate.completed import streamed
@@ -69,6 +70,9 @@ class Estimator:
             gates = said.gates if gates is None else gates
             std = said.std if std is None else std
             inputs = said.inputs if inputs is None else inputs
+        gates = {name: _positive(f"gates[{name!r}]", gate) for name, gate in gates.items()}
+        if not isinstance(remembered, int) or remembered < 0:
+            raise ConfigError(f"remembered: expected a whole number of events, 0 or more, found {remembered!r:.50}")
         experiment = with_noise(experiment, std)
         self._experiment = experiment
         with experiment.located():
@@ -77,7 +81,7 @@ class Estimator:
                 system.output(name)
             self._run = Following(system, gates)
         self._live = self._run.live
-        self._gates = {name: float(gate) for name, gate in gates.items()}
+        self._gates = gates
         self._past = Remembered(self._run, max(remembered, int(system.joint)))
         self._arriving = Arriving(self._run, self._past)
         self._together = Together(self._run, self._arriving, decided=bool(gates or system.steps or remembered > 0))
@@ -168,12 +172,12 @@ class Estimator:
         ValueError
             For an earlier time.
         """
-        ahead = self._live.state()
+        ahead, regime = self._live.state(), self._run.regime
         for t in times:
-            since, kept = self._arriving.since_start(as_number("t", t)), self._live.state()
+            since, kept = self._arriving.since_start(as_number("t", t), ahead[0]), self._live.state()
             try:
                 self._live.restore(ahead)
-                self._live.advance(since, self._run.regime)
+                self._live.advance(since, regime)
                 found = {label: np.array(values) for label, values in self.estimate().items()}
                 ahead = self._live.state()
             finally:  # whoever is interrupted here goes on from the last event, too
@@ -283,3 +287,13 @@ class Estimator:
         except Exception as error:
             raise damaged(error) from error
         self._past.replace(found.events, before)
+
+
+def _positive(name: str, value: object) -> float:
+    try:
+        number = as_number(name, value)
+    except TypeError as error:
+        raise ConfigError(str(error)) from None
+    if not 0 < number < np.inf:
+        raise ConfigError(f"{name}: expected a number greater than 0, found {number:g}")
+    return number

@@ -86,15 +86,16 @@ class Following:
 
     def carry_out(self, event: Event) -> None:
         """Go on to an event, and let it happen."""
-        if self._decides or event.inputs or not event.samples or event.taken != event.t:
+        samples, t = event.samples, event.t
+        if self._decides or event.inputs or event.taken != t or not len(event.take) == len(samples) > 0:
             self._carry_out(event)
             return
-        live, newest, t = self.live, self.newest, event.t
-        for _, slot, value in event.samples:
+        live = self.live
+        for _, slot, value in samples:
             live.sample_words[slot] = value
         live.happen_at(t, self._actions_on_time(event), self._regime)
-        for i, _, _ in event.samples:
-            newest[i] = (t,) * self._count
+        for i, _, _ in samples:
+            self.newest[i] = (t,) * self._count
             if not self.heard[i]:
                 self._hear(i)
 

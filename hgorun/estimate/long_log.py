@@ -257,9 +257,9 @@ class LongLog:
     def _assess(self, file: ResultInParts, evaluated: Evaluated, found: Found, j: int) -> Assessed:
         """The scores of an observer, and its band, which is written meanwhile."""
         prepared, label = self._prepared, self._prepared.run.observers[j].label
-        widths = widths_of(prepared, evaluated, j)
         with ThreadPoolExecutor(1) as pool:
             scores = pool.submit(scores_of, prepared, evaluated, j)
+            widths = widths_of(prepared, evaluated, j)
             self._write_band(file, found, label, widths)
             lower, upper = (found.all_shown(f"observers/{label}/{name}") for name in ("lower", "upper"))
             return Assessed(lower, upper, widths.reasons, scores.result())

@@ -63,7 +63,7 @@ class Remembered:
         Raises
         ------
         ValueError
-            For an event that is older than all that is remembered.
+            For an event that is older than all that is remembered, or where one is refused; all is as before then.
         """
         now = self._run.live.t
         place = bisect_right(self.events, event.t, key=_time)
@@ -78,13 +78,22 @@ class Remembered:
         if other is not None:
             again = list(islice(self.events, other, None))
             again[0], place = again[0].joined(event), other
-        if place < len(self.events):
-            self._run.go_back(self.before[place])
-            for _ in range(place, len(self.events)):
+        run, kept = self._run, self._run.state()
+        left = [(self.events.pop(), self.before.pop()) for _ in range(place, len(self.events))]
+        if left:
+            run.go_back(left[-1][1])
+        try:
+            for one in again:
+                self.go_on(one)
+        except BaseException:  # what is refused, or interrupted, has not been
+            while len(self.events) > place:
                 self.events.pop()
                 self.before.pop()
-        for one in again:
-            self.go_on(one)
+            for one, state in reversed(left):
+                self.events.append(one)
+                self.before.append(state)
+            run.restore(kept)
+            raise
 
     def _beside(self, event: Event, place: int) -> int | None:
         """Among the events before ``place`` one at the same time with samples of other outputs alone."""

@@ -11,7 +11,8 @@ from hgorun.config.models import Time
 from hgorun.data.recording import InputSignal, Recording
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.samples import Sampled, channel, recorded_inputs
-from hgorun.measurement.channels import Channel
+from hgorun.measurement.channels import Channel, HeardBefore
+from hgorun.measurement.samples import Samples
 from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tolerances, variants_of
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.kalman import KalmanFilter
@@ -72,6 +73,8 @@ class Stretches:
         self._ends = self._find_ends()
         cut = _first_part(experiment, recording, self._ends[0])
         self.first = prepare_estimate(experiment, cut)
+        self._channels: dict[int, Channel] = {}  # those of the last stretch, of outputs that had been heard before
+        self._before: Schedule | None = None
 
     def __iter__(self) -> Iterator[Stretch]:
         start = 0.0
@@ -111,7 +114,7 @@ class Stretches:
             a, b, taken = known[id(one.taken)]
             some = replace(one, taken=taken, available=taken, values=one.values[a:b], used=one.used[a:b])
             samples.append(some)
-            channels.append(channel(some, experiment, i, heard=a > 0))
+            channels.append(self._channel(some, i, heard=a > 0))
         recording, since = _inputs_from(self._recording, origin, start, end)
         inputs = recorded_inputs(recording, experiment.plant.model.inputs, origin, end, since, last=last)
         time = experiment.time.model_copy(update={"start": start, "end": end})
@@ -136,7 +139,6 @@ class Stretches:
     def _at_samples(self, channels: Sequence[Channel], time: Time, kinks: Floats, changes: Floats) -> Schedule | None:
         """The schedule where all happens when all outputs are measured, as in a log of one clock; None elsewhere."""
         taken = channels[0].samples.taken
-        end = np.array([time.end])
         if kinks.size or taken.size < 2 or taken[0] != time.start or taken[-1] >= time.end:
             return None
         sampled = all(len(one.stretches) == 1 and not one.stretches[0].continuous for one in channels)
@@ -144,15 +146,38 @@ class Stretches:
             return None
         if changes.size and not np.array_equal(changes, taken):
             return None
-        events = np.concatenate([taken, end])
+        events = np.append(taken, time.end)
         _, tolerance = tolerances(channels, self.first.run.step)
         if not np.all(np.diff(events) > tolerance):
             return None
-        variants, _ = variants_of(kinds_of(channels, events[:2]))
-        none = np.zeros(events.size)
-        return Schedule(
-            events=events, inward=none, variants=variants, variant=np.zeros(events.size - 1, dtype=np.int64)
-        )
+        system = self.first.run.structure.system
+        heard = all(isinstance(one, HeardBefore) for one in channels)
+        by_number = heard and not (system.stepped or system.corrections or system.acting)  # and not by times between
+        alike = (taken.size, changes.size) if by_number else None
+        if self._before is not None and alike is not None and alike == self._before.alike:
+            schedule = replace(self._before, events=events)
+        else:
+            variants, _ = variants_of(kinds_of(channels, events[:2]))
+            none, same = np.zeros(events.size), np.zeros(events.size - 1, dtype=np.int64)
+            schedule = Schedule(events=events, inward=none, variants=variants, variant=same, alike=alike)
+        self._before = schedule
+        return schedule
+
+    def _channel(self, samples: Sampled, output: int, *, heard: bool) -> Channel:
+        """An output in a stretch; that of the one before at other times, where there are as many samples."""
+        before = self._channels.get(output)
+        if (
+            heard
+            and before is not None
+            and isinstance(known := before.samples, Samples)
+            and known.size == samples.taken.size
+        ):
+            made = replace(before, samples=replace(known, arrival=samples.available, taken=samples.taken))
+        else:
+            made = channel(samples, self._experiment, output, heard=heard)
+        if heard:
+            self._channels[output] = made
+        return made
 
 
 def is_plain(experiment: Experiment, recording: Recording) -> bool:

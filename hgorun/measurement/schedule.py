@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -39,6 +39,8 @@ class Schedule:
         In which events are carried out, where some of them are repeated.
     acting : ndarray of int, optional
         The events at which a controller acts, where it does so at instants.
+    alike : hashable, optional
+        What all that happens at its events follows from: where two parts of a run are equal in it, it is the same.
     """
 
     events: np.ndarray
@@ -47,6 +49,7 @@ class Schedule:
     variant: np.ndarray
     order: Order | None = None
     acting: np.ndarray | None = None
+    alike: Hashable | None = None
 
     @property
     def size(self) -> int:

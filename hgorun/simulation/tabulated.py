@@ -84,9 +84,13 @@ class Tabulated:
     ) -> None:
         self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
         self.always_slope = system.remembers or always_slope
-        self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting, kept)
-        if before is not None:
-            self.actions.take_from(before.actions)
+        self.actions: Actions
+        if before is not None and schedule.alike is not None and schedule.alike == before.schedule.alike:
+            self.actions = before.actions
+        else:
+            self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting, kept)
+            if before is not None:
+                self.actions.take_from(before.actions)
         self._piece = piece
         # what is carried out, one after the other
         self.order = np.arange(schedule.events.size) if schedule.order is None else schedule.order.event

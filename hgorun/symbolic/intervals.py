@@ -14,6 +14,7 @@ from functools import reduce
 import casadi as ca
 import numpy as np
 
+from hgorun.native import boxes
 from hgorun.native.elementary import apply
 from hgorun.symbolic.instructions import Instruction, read
 
@@ -21,40 +22,34 @@ Bounds = tuple[np.ndarray, np.ndarray]
 Operation = Callable[..., Bounds]
 _TOUCH = 1e-9  # how near to an extremum of sin an interval counts as holding it
 _LARGEST_ANGLE = 1e13  # whose place in its period is still known
-_MANY = 200  # from so many on, counting through bits is faster than nextafter
-_SIZE_BITS = np.int64(2**63 - 1)
-_SMALLEST_BITS, _LARGEST_BITS = (np.float64(size).view(np.int64) for size in (1e-300, 1e300))
+_MANY = 100  # boxes, from which on compiled loops are faster than NumPy's
 
 
 def _outward(low: np.ndarray, high: np.ndarray, units: int = 1) -> Bounds:
     """Moved apart by units in the last place; what is not a number is the whole line."""
-    if low.size >= _MANY and high.size >= _MANY and _ordinary(low) and _ordinary(high):
-        return _moved(low, -units), _moved(high, units)
+    if low.size >= _MANY:
+        return boxes.apply(f"outward_{units}", (low, high))
     lost = np.isnan(low) | np.isnan(high)
     for _ in range(units):
         low, high = np.nextafter(low, -np.inf), np.nextafter(high, np.inf)
     return (np.where(lost, -np.inf, low), np.where(lost, np.inf, high)) if lost.any() else (low, high)
 
 
-def _ordinary(values: np.ndarray) -> bool:
-    """Whether all are finite and far enough from zero to be counted through by their bits, as nextafter goes."""
-    sizes = values.view(np.int64) & _SIZE_BITS
-    return bool(sizes.min() > _SMALLEST_BITS and sizes.max() < _LARGEST_BITS)
-
-
-def _moved(values: np.ndarray, units: int) -> np.ndarray:
-    """Ordinary numbers moved up by units in the last place: their bits as whole numbers grow with their sizes."""
-    bits = values.view(np.int64)
-    step = bits >> 63
-    step |= 1
-    if units != 1:
-        step *= units
-    step += bits
-    return step.view(np.float64)
+def _many(*arguments: Bounds) -> bool:
+    """Whether compiled loops are faster than NumPy's."""
+    return max(bounds[0].size for bounds in arguments) >= _MANY
 
 
 def _add(a: Bounds, b: Bounds) -> Bounds:
+    if _many(a, b):
+        return boxes.apply("add", a, b)
     return _outward(a[0] + b[0], a[1] + b[1])
+
+
+def _subtract(a: Bounds, b: Bounds) -> Bounds:
+    if _many(a, b):
+        return boxes.apply("subtract", a, b)
+    return _add(a, _negative(b))
 
 
 def _negative(a: Bounds) -> Bounds:
@@ -62,6 +57,8 @@ def _negative(a: Bounds) -> Bounds:
 
 
 def _products(a: Bounds, b: Bounds) -> Bounds:
+    if _many(a, b):
+        return boxes.apply("multiply", a, b)
     if a[0].min(initial=np.inf) > 0 and b[0].min(initial=np.inf) > 0:  # the smallest and the largest are known
         return _outward(a[0] * b[0], a[1] * b[1])
     products = [p * q for p in _ends(a) for q in _ends(b)]
@@ -83,6 +80,8 @@ def _product(p: np.ndarray, q: np.ndarray) -> np.ndarray:
 
 
 def _inverse(a: Bounds) -> Bounds:
+    if _many(a):
+        return boxes.apply("inverse", a)
     apart = (a[0] > 0) | (a[1] < 0)
     with np.errstate(divide="ignore"):
         low, high = _outward(1 / a[1], 1 / a[0])
@@ -216,7 +215,7 @@ def _plain(function: Callable[[np.ndarray], np.ndarray]) -> Operation:
 _LIBRARY: dict[int, Operation] = {
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: _add,
-    ca.OP_SUB: lambda a, b: _add(a, _negative(b)),
+    ca.OP_SUB: _subtract,
     ca.OP_MUL: _products,
     ca.OP_DIV: lambda a, b: _products(a, _inverse(b)),
     ca.OP_NEG: _negative,

@@ -83,3 +83,62 @@ def test_a_checkpoint_that_does_not_tell_its_gates_is_an_older_one(pushed: Exper
     other.restore(b"\n".join([magic, json.dumps(told).encode(), rest]))
     assert other.t == 0.1
     assert np.array_equal(other.estimate()["o"], estimator.estimate()["o"])
+
+
+@pytest.mark.parametrize("treatment", ["innovation", "replay"])
+def test_times_that_differ_by_less_than_the_clock_of_the_run_tells_are_one(treatment: str) -> None:
+    """0.7 and the next double after it are the same time since a start at -10."""
+    plant = inline({"a": "b", "b": "-sin(a)"}, {"y": "a"})
+    block = {**SHGO, "late": treatment}
+    time = {"start": -10, "end": 2, "output_step": 0.1}
+    run = experiment(plant, {"o": block}, step=0.01, time=time, measurement={"sampling": {"period": 0.1}})
+    late, on_time = Estimator(run, inputs=()), Estimator(run, inputs=())
+    for t, known, y in ((0.3, np.nextafter(0.3, 1), 1.0), (0.6, 0.6, 1.5), (0.7, np.nextafter(0.7, 1), 2.0)):
+        late.update(t, {"y": y}, available=float(known))
+        on_time.update(t, {"y": y})
+    assert np.array_equal(late.predict(0.8)["o"], on_time.predict(0.8)["o"])
+
+
+def test_a_late_sample_that_is_refused_has_not_been() -> None:
+    """Its observer starts with the derivative of the output, which depends on an input that was not known then."""
+    plant = inline({"a": "b/f", "b": "-sin(a)"}, {"y": "a"}, inputs={"f": "1"})
+    block = {"type": "eso", "omega_o": 3}
+    run = experiment(plant, {"o": block}, end=2, step=0.02, measurement={"sampling": {"period": 0.1}})
+    estimator = Estimator(run, inputs=["f"])
+    estimator.update(0.2, {}, u={"f": 1.0})
+    for t in (0.2, 0.3):
+        estimator.update(t, {"y": 0.1})
+    before, here = estimator.checkpoint(), estimator.estimate()["o"]
+    with pytest.raises(ValueError, match="f is not known yet"):
+        estimator.update(0.1, {"y": 0.1}, available=0.35)
+    assert np.array_equal(estimator.estimate()["o"], here)
+    assert np.isfinite(here).all()
+    assert estimator.t == 0.3
+    again = Estimator(run, inputs=["f"])
+    again.restore(before)
+    for one in (estimator, again):
+        one.update(0.4, {"y": 0.2})
+        one.update(0.35, {"y": 0.15}, available=0.45)
+    assert np.array_equal(estimator.estimate()["o"], again.estimate()["o"])
+
+
+def test_predictions_do_not_see_what_happens_between_two_of_them(pushed: Experiment) -> None:
+    estimator, alone = (Estimator(pushed, inputs=[]) for _ in range(2))
+    seen, expected = estimator.predictions([0.1, 0.4]), alone.predictions([0.1, 0.4])
+    first, _ = next(seen), next(expected)
+    assert first[0] == 0.1
+    estimator.update(0.6, {"y": 3.0})
+    assert np.array_equal(next(seen)[1]["o"], next(expected)[1]["o"])
+    assert estimator.t == 0.6
+
+
+@pytest.mark.parametrize("gate", ["3", float("nan"), 0, -1, None])
+def test_a_gate_is_a_positive_number(pushed: Experiment, gate: float) -> None:
+    with pytest.raises(ConfigError, match=r"^gates\['y'\]: expected a number"):
+        Estimator(pushed, gates={"y": gate}, std={"y": 0.1})
+
+
+@pytest.mark.parametrize("remembered", [-1, 2.5, "x"])
+def test_events_are_remembered_in_whole_numbers(pushed: Experiment, remembered: int) -> None:
+    with pytest.raises(ConfigError, match="remembered: expected a whole number of events, 0 or more, found"):
+        Estimator(pushed, remembered=remembered)

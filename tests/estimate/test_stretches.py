@@ -23,6 +23,7 @@ from hgorun.result import digests
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.result.writing import digests_of
+from hgorun.simulation import tabulated
 
 COUNT = 300
 PLANT = inline(
@@ -146,10 +147,21 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
         counted.append(given)
         return schedule.build_schedule(*given)
 
+    sizes: list[int] = []
+
+    class CountedActions(tabulated.Actions):
+        def __init__(self, events: np.ndarray, *others: Any) -> None:
+            sizes.append(events.size)
+            super().__init__(events, *others)
+
     short.setattr(stretches, "build_schedule", counting)
+    short.setattr(tabulated, "_PART_EVENTS", 8)
+    short.setattr(tabulated, "Actions", CountedActions)
     whole, found = _both(log, tmp_path / "a.h5", "shgo", **FIXED)
     assert found is not None
     assert len(counted) == 1  # of the last stretch, which ends with a sample
+    # the first stretch has its own, with even steps and others; all behind it that have as many samples have the same
+    assert sizes.count(37 + 1) == 3
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 
