@@ -29,6 +29,8 @@ class Outcome:
         For every observer how many members have which status, without those that none has.
     status : str
         The worst of them.
+    lost : mapping of str to str
+        For every observer that is lost in some members, the earliest time at which it is: ``t=1.25 s``.
     first : (int, str) or None
         The first member that has failed, and its error.
     """
@@ -38,6 +40,7 @@ class Outcome:
     failed: int
     observers: Mapping[str, Mapping[str, int]]
     status: str
+    lost: Mapping[str, str]
     first: tuple[int, str] | None
 
     @property
@@ -64,7 +67,8 @@ class Outcome:
         for label, counts in self.observers.items():
             words = [f"{n} {word}" for word, n in counts.items() if word not in ("ok", "failed")]
             if words:
-                yield f"observer {printable(label)}: of {self.members} members {', '.join(words)}"
+                since = f", the earliest at {self.lost[label]}" if label in self.lost else ""
+                yield f"observer {printable(label)}: of {self.members} members {', '.join(words)}{since}"
         if self.first is not None:
             number, error = self.first
             told = where(number, error)[:_SHOWN]
@@ -84,9 +88,17 @@ def outcome_of(path: Path) -> Outcome:
             if text:
                 count += 1
                 first = first or (int(number), printable(text))
+        since = file["status_at"][()].reshape(status.shape)
+        since[(status != STATUSES.index("diverged")) & (status != STATUSES.index("undefined"))] = np.nan
+        unit = printable(str(file["status_at"].attrs.get("units", "")))
+        lost = {
+            str(label): f"t={np.nanmin(since[:, j]):.6g} {unit}".rstrip()
+            for j, label in enumerate(labels)
+            if np.isfinite(since[:, j]).any()
+        }
         counts = {str(label): _counted(status[:, j]) for j, label in enumerate(labels)}
         name, worst = str(file.attrs["name"]), str(file.attrs["status"])
-    return Outcome(name, len(status), count, counts, worst, first)
+    return Outcome(name, len(status), count, counts, worst, lost, first)
 
 
 def _counted(status: NDArray[np.int8]) -> dict[str, int]:

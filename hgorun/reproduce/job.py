@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 
 from hgorun.ensemble.collected import Collected
+from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import read
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError
@@ -154,10 +155,12 @@ class Work:
             found.values[claim.id] = self.state.values("claims", claim.id)
         for run in self._runs(self.job.figures, self._numbers):
             entry = self.state.data["runs"].get(run.name)
-            if run.single and entry is not None:
-                error, troubles = entry.get("integration_error"), entry.get("troubles")
+            if entry is None:
+                continue
+            found.troubles[run.name] = _words(entry.get("troubles"))
+            if run.single:
+                error = entry.get("integration_error")
                 found.errors[run.name] = None if error is None else number(error)
-                found.troubles[run.name] = _words(troubles)
         return found
 
     def _runs(self, figures: Iterable[str], claims: Iterable[int]) -> list[Run]:
@@ -245,7 +248,9 @@ class Work:
         place = Place.of(self.state.folder / f"{run.name}.sweep.h5")
         carried_out(ensemble, place, lambda count: report(count.done / count.members), workers=threads)
         found = read(place.file, max_memory=_OWN)
-        return found, of_members(run, ensemble, found, everything)
+        numbers = of_members(run, ensemble, found, everything)
+        self.state.note("runs", run.name, of_run(run), troubles=[*outcome_of(place.file).troubles()])
+        return found, numbers
 
     @property
     def _figure_folder(self) -> Path:

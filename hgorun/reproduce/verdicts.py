@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from hgorun.reproduce.job import Outcome, Work
+from hgorun.result.status import STATUSES
 from hgorun.study.study import Study
 from hgorun.study.verdict import Verdict, judge
 
@@ -23,5 +24,5 @@ def _lost(study: Study, claim: int, outcome: Outcome) -> list[str]:
         f"run {run}, {words}"
         for run, label in asked
         for words in outcome.troubles.get(run, ())
-        if words.startswith(f"observer {label} ")
+        if words.startswith((f"observer {label}: ", *(f"observer {label} {status}" for status in STATUSES)))
     ]

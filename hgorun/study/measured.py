@@ -20,6 +20,8 @@ from hgorun.result.result import Result
 from hgorun.study.sentences import Sentence
 from hgorun.study.study import Run, Study
 
+_NO_SIZES = frozenset({"mean", "exponent"})  # of an error: without a bound, their sign is not known
+
 Numbers: TypeAlias = Mapping[str, Floats]
 """Of the members of an ensemble, by the texts of quantities: arrays of shape (values, seeds)."""
 
@@ -89,7 +91,8 @@ def values_of(
     """The value of each inequality of a claim: one number, or one for each member of the ensemble it refers to.
 
     Of an ensemble of values and seeds there is one for each seed, the mean over the values: these are independent.
-    What cannot be known because an observer diverged is NaN.
+    What cannot be known because an observer diverged is NaN: all but that a size of its error, alone, is not below a
+    number.
 
     Parameters
     ----------
@@ -131,14 +134,16 @@ def _values(
             measured[str(q)] = np.array([[_slope(run, column, q) for column in amplitudes.T]])
         else:
             measured[str(q)] = ensembles[run.name][str(q)]
-    of_runs = {str(q) for q in sentence.quantities if q.function != "analysis"}
+    of_runs = {str(q): q.function for q in sentence.quantities if q.function != "analysis"}
+    size_alone = len(of_runs) == 1 and _NO_SIZES.isdisjoint(of_runs.values())
 
     def _value(found: Mapping[str, float]) -> float:
         value = sentence.value(found)
         if of_divergence or not any(math.isinf(found[text]) for text in of_runs):
             return value
-        # an error without bound is not below one; what else follows from an observer that diverged nobody knows
-        return value if math.isinf(value) and not inequality.holds(value) else math.nan
+        # an error without bound is not below one; what else follows from an observer that diverged nobody knows:
+        # of A/B and A - B alike, whichever of the two diverged
+        return value if size_alone and value == math.inf and not inequality.holds(value) else math.nan
 
     rows, seeds = np.broadcast_shapes(*(part.shape for part in measured.values()))
     each = {text: np.broadcast_to(part, (rows, seeds)) for text, part in measured.items()}

@@ -30,11 +30,12 @@ class Measured:
     ----------
     inequality : Inequality
     verdict : str
-        confirmed, refuted, undecided where the interval holds the threshold, or undecidable where there is no number.
+        confirmed, refuted, undecided where the interval holds the threshold, or undecidable where there is no number,
+        or one that is infinite by some members only and does not refute it.
     value : float
         The mean over members of an ensemble.
     interval : (low, high) or None
-        95 % confidence interval of the mean (Student's t); None where nothing is random.
+        95 % confidence interval of the mean (Student's t); None where nothing is random or the mean is not finite.
     members : int
         How many values the mean is of.
     """
@@ -60,7 +61,9 @@ class Measured:
         value = f"{self.value:.4g}"
         if self.interval is not None:
             low, high = self.interval
-            value += f" [{low:.4g}, {high:.4g}] of {self.members}"
+            value += f" [{low:.4g}, {high:.4g}]"
+        if self.members > 1:
+            value += f" of {self.members}"
         if isinstance(threshold, list):
             return f"{value} ({threshold[0]:g} to {threshold[1]:g} is claimed)"
         return f"{value} ({relation} {threshold:g} is claimed)"
@@ -160,12 +163,14 @@ def judge(claim: Claim, values: Sequence[Sequence[float]], lost: Sequence[str] =
         return Verdict(claim, verdict, measured)
     first = next(m for m in measured if m.verdict == UNDECIDABLE)
     missing = sum(not math.isfinite(number) for number in values[measured.index(first)])
-    return Verdict(claim, verdict, measured, _why(first.members, missing, lost))
+    return Verdict(claim, verdict, measured, _why(claim, first.members, missing, lost))
 
 
-def _why(members: int, missing: int, lost: Sequence[str]) -> str:
-    what = "It has no number" if members == 1 else f"{missing} of its {members} numbers are missing"
+def _why(claim: Claim, members: int, missing: int, lost: Sequence[str]) -> str:
     because = "; ".join(lost) or "an observer diverged, a divisor is 0 or a quantity is not defined"
+    if claim.divergence:
+        return f"{missing} of its {members} numbers are not finite, neither all nor none: {because}."
+    what = "It has no number" if members == 1 else f"{missing} of its {members} numbers are missing"
     return f"{what}: {because}. If the claim is that an observer diverges, say `divergence: true`."
 
 
@@ -181,17 +186,25 @@ def measure(inequality: Inequality, values: Sequence[float]) -> Measured:
     if len(values) == 1:
         verdict = CONFIRMED if inequality.holds(value) else REFUTED
         return Measured(inequality, UNDECIDABLE if math.isnan(value) else verdict, value, None, 1)
-    if len(set(values)) > 1 and not math.isfinite(value):
-        return Measured(inequality, UNDECIDABLE, value, None, len(values))
-    interval = _interval(np.asarray(values)) if math.isfinite(value) else (value, value)
-    inside = [inequality.holds(end) for end in interval]
-    if math.isnan(value):
-        verdict = UNDECIDABLE
-    elif all(inside):
+    if not math.isfinite(value):
+        return Measured(inequality, _without_bound(inequality, value, set(values)), value, None, len(values))
+    interval = _interval(np.asarray(values))
+    if all(inequality.holds(end) for end in interval):
         verdict = CONFIRMED
     else:
         verdict = UNDECIDED if _touches(inequality, interval) else REFUTED
     return Measured(inequality, verdict, value, interval, len(values))
+
+
+def _without_bound(inequality: Inequality, mean: float, values: set[float]) -> str:
+    """By a mean that is infinite, or not a number.
+
+    One infinite error makes the mean infinite, and that is not below a number; that it is above one takes all.
+    """
+    alike = len(values) == 1
+    if math.isnan(mean) or (not alike and (mean < 0 or inequality.holds(mean))):
+        return UNDECIDABLE
+    return CONFIRMED if inequality.holds(mean) else REFUTED
 
 
 def _touches(one: Inequality, interval: tuple[float, float]) -> bool:

@@ -64,13 +64,24 @@ def test_of_an_ensemble_by_its_confidence_interval(relation: dict[str, Any], ver
     assert (found.verdict, found.measured[0].members) == (verdict, 20)
 
 
-def test_an_ensemble_with_one_that_diverged_decides_nothing() -> None:
+def test_an_ensemble_with_a_missing_number_decides_nothing() -> None:
     with np.errstate(invalid="ignore"):
         found = judge(claim(below=1), [[0.1, 0.2, math.nan]])
     assert found.verdict == "undecidable"
     assert "1 of its 3 numbers are missing" in found.reason
     assert judge(claim(above=1), [[0.1, 0.2, math.inf]]).verdict == "undecidable"
+    assert judge(claim(above=1), [[0.1, 0.2, -math.inf]]).verdict == "undecidable"
+    with np.errstate(invalid="ignore"):
+        assert judge(claim(below=1), [[0.1, math.inf, -math.inf]]).verdict == "undecidable"
     assert judge(claim(above=1), [[math.inf] * 3]).verdict == "confirmed"
+
+
+def test_the_mean_of_an_ensemble_with_an_infinite_error_is_not_below_a_number() -> None:
+    for relation in ({"below": 1}, {"between": [0, 1]}):
+        for values in ([0.1, 0.2, math.inf], [math.inf] * 3):
+            found = judge(claim(**relation), [values])
+            assert (found.verdict, found.reason, found.measured[0].interval) == ("refuted", "", None)
+    assert judge(claim(below=1), [[0.1, math.inf]]).texts[0] == "inf of 2 (< 1 is claimed)"
 
 
 def test_in_words() -> None:

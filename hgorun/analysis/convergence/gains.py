@@ -37,6 +37,7 @@ from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.triangular import TriangularForm
 
 _ELSEWHERE = 2.0  # another theta, whose powers are read off
+_LYAPUNOV: Memo[Lyapunov] = Memo(256)  # by matrix and poles: what is found of one is kept with it
 _LINEAR: Memo[Outcome[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]] = Memo(256)  # by observer and chains
 MU = 1.0  # of P A~ + A~^T P = -2 mu I
 
@@ -68,7 +69,8 @@ class ErrorDynamics:
     @cached_property
     def lyapunov(self) -> Lyapunov:
         """What decays."""
-        return Lyapunov(self.A, self.known)
+        known = None if self.known is None else (self.known.dtype.char, self.known.tobytes())
+        return _LYAPUNOV.get((self.A.shape, self.A.tobytes(), known), lambda: Lyapunov(self.A, self.known))
 
     def scale(self, theta: float) -> np.ndarray:
         """theta^(-s), shape (N,)."""
