@@ -136,7 +136,7 @@ def test_members_that_fail_are_said_on_stderr(shell: Shell) -> None:
 @pytest.mark.parametrize(
     ("axes", "words"),
     [
-        ("{observers.SHGO.theta: [1, two]}", "s.yaml:2: axes.observers.SHGO.theta: `two`: `two` is not known"),
+        ("{observers.SHGO.theta: [1, two]}", "s.yaml:2: axes.observers.SHGO.theta: `two` is not a number"),
         ('{observers.SHGO.theta: [1, 2, "3,5", 4]}', "a decimal number is written with a point"),
         ("{solver.method: [rk4, euler, ode45, rk4]}", "found 'ode45'. Did you mean `dopri5`?"),
     ],

@@ -106,5 +106,5 @@ def test_the_command(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyte
 def test_an_observer_that_goes_back_in_time_is_not_exported(folder: Path) -> None:
     config = folder / "config.yaml"
     config.write_text(config.read_text().replace("type: shgo_riccati", "late: replay, type: shgo_riccati"))
-    with pytest.raises(ConfigError, match=r"take data\.outputs\.b\.available out, .* others with --observer F$"):
+    with pytest.raises(ConfigError, match=r"take data\.outputs\.b\.available out; to export the others: --observer F$"):
         exported_estimate(prepared_of(folder))

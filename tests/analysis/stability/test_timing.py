@@ -22,7 +22,7 @@ PHASES = {"phases": [{"until": 0.5, "delay": 0.3}, {"until": 1, "sampling": {"pe
     [
         ({}, None, 0, ""),
         ({"delay": 0.2}, None, 0.2, ""),
-        ({"delay": "0.2 + 0.1*sin(20*t)"}, None, 0.3, "with the longest delay, 0.3, throughout"),
+        ({"delay": "0.2 + 0.1*sin(20*t)"}, None, 0.3, "with the longest delay, 0.3 s, throughout"),
         ({"sampling": {"period": 0.1}}, 0.1, 0, ""),
         ({"sampling": {"period": 0.1, "jitter": 0.01}}, 0.1, 0, "without jitter and dropout"),
         ({"sampling": {"period": 0.1, "dropout": 0.2}}, 0.1, 0, "without jitter and dropout"),
