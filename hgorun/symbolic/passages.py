@@ -12,6 +12,8 @@ from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.features import Feature
 from hgorun.symbolic.levels import distinct
 
+_ROUNDING = 1e-12  # of a run
+
 
 @dataclass(frozen=True, eq=False)
 class Passages:
@@ -60,7 +62,12 @@ class Passages:
 
 
 def between(times: Floats, seen: Floats, longest: float = np.inf) -> Floats:
-    """Those of some times, in ascending order, that follow one another without an evaluation between them."""
+    """Those of some times, in ascending order, that follow one another without an evaluation between them.
+
+    Where a trajectory begins at what is narrow, as a motor at rest does with its friction, it does not pass it: that
+    it is found a moment later is rounding.
+    """
+    times = times[times > seen[0] + _ROUNDING * (seen[-1] - seen[0])]
     empty = np.searchsorted(seen, times[:-1], side="left") == np.searchsorted(seen, times[1:], side="right")
     narrow = empty & (np.diff(times) < longest)
     return distinct(np.concatenate([times[:-1][narrow], times[1:][narrow]]))

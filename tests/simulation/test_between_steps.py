@@ -127,6 +127,15 @@ def test_narrow_features_of_other_forms(force: str) -> None:
     assert found.metrics()["S"]["sup"]["x2"] == pytest.approx(exact.metrics()["S"]["sup"]["x2"], rel=1e-3)
 
 
+def test_a_motor_that_starts_at_rest_does_not_pass_its_friction() -> None:
+    """At rest the friction is at its narrow place, which the first moment leaves; a shorter given step agrees."""
+    dynamics = {"a": "v", "v": "500*c - v - 200*tanh(v/0.1)", "c": "100*(6*sin(2*t) - c - 0.05*v)"}
+    observers = {"o": {"type": "fhgo2", "theta": 30, "r": 2, "initial": {"a": 0.5}}}
+    noisy = {"sampling": {"period": 0.005}, "noise": [{"type": "gaussian", "std": 0.01}]}
+    found = simulate(experiment(inline(dynamics, "a", 0.0), observers, end=5, output_step=0.005, measurement=noisy))
+    assert found.status == "ok"
+
+
 def test_what_cannot_be_followed_is_said() -> None:
     """A hundred thousand levels a second, one of which acts."""
     result = simulate(oscillator("2000*(floor(x1*1e5) == 100000)"))
