@@ -80,7 +80,7 @@ def test_zero_and_infinity(
     name: str, a: tuple[float, float], b: tuple[float, float], expected: tuple[float, float]
 ) -> None:
     first, second = (tuple(np.full(8, end) for end in ends) for ends in (a, b))
-    low, high = boxes.apply(name, first, second)
+    low, high = boxes.apply(name, first, second)  # type: ignore[arg-type]  # pairs of rows
     assert set(zip(low.tolist(), high.tolist(), strict=True)) == {expected}
 
 
