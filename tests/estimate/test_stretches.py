@@ -24,6 +24,7 @@ from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.result.writing import digests_of
 from hgorun.simulation import tabulated
+from hgorun.simulation.actions import Actions
 
 COUNT = 300
 PLANT = inline(
@@ -149,7 +150,7 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
 
     sizes: list[int] = []
 
-    class CountedActions(tabulated.Actions):
+    class CountedActions(Actions):
         def __init__(self, events: np.ndarray, *others: Any) -> None:
             sizes.append(events.size)
             super().__init__(events, *others)

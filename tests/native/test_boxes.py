@@ -79,8 +79,8 @@ def test_bounds_move_by_units_as_nextafter_goes(units: int) -> None:
 def test_zero_and_infinity(
     name: str, a: tuple[float, float], b: tuple[float, float], expected: tuple[float, float]
 ) -> None:
-    first, second = (tuple(np.full(8, end) for end in ends) for ends in (a, b))
-    low, high = boxes.apply(name, first, second)  # type: ignore[arg-type]  # pairs of rows
+    first, second = ((np.full(8, low), np.full(8, high)) for low, high in (a, b))
+    low, high = boxes.apply(name, first, second)
     assert set(zip(low.tolist(), high.tolist(), strict=True)) == {expected}
 
 
