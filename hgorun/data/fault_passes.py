@@ -5,13 +5,10 @@ The formulas are those of :mod:`hgorun.data.faults`, operation by operation.
 
 from __future__ import annotations
 
-import ctypes
-from functools import cache
-
 import numpy as np
 
-from hgorun.native.compiler import NativeModule, address_of
 from hgorun.native.ir import Function
+from hgorun.native.passes import Passes
 
 EXACT = 1e-12
 """Of the size of values: what rounding may leave of a line in doubles."""
@@ -62,26 +59,7 @@ def _run(
 ) -> int:
     """What a function returns of given arrays of doubles, and of those that it writes to."""
     arrays = [*(np.ascontiguousarray(array, dtype=float) for array in given), *found]
-    taken = (ctypes.c_int64 * (len(arrays) + len(numbers)))(*map(address_of, arrays), *numbers)
-    return int(_code().run[name](ctypes.addressof(taken), real))
-
-
-class _Code:
-    """The compiled functions."""
-
-    def __init__(self) -> None:
-        emitted = {"straight": _straight, "steps": _large_steps, "gaps": _gaps}
-        declarations: set[str] = set()
-        texts = []
-        for name, emit in emitted.items():
-            f = Function(name, "ptr %taken, double %real", 1, declarations, returns="i64")
-            emit(f)
-            texts.append(f.text("dso_local"))
-        native = NativeModule("\n".join([*sorted(declarations), *texts]), tuple(emitted))
-        self.run = {name: native.function(name, ctypes.c_int64, ctypes.c_void_p, ctypes.c_double) for name in emitted}
-
-
-_code = cache(_Code)
+    return _passes(name, arrays, numbers, real)
 
 
 def _straight(f: Function) -> None:
@@ -180,3 +158,6 @@ def _keep(f: Function, true: str, value: str, room: str, count: str) -> None:
 
 def _size(f: Function, value: str) -> str:
     return f.intrinsic("fabs", value)
+
+
+_passes = Passes({"straight": _straight, "steps": _large_steps, "gaps": _gaps})

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
-from functools import cache
+from functools import partial
 from typing import Literal
 
 import numpy as np
 
-from hgorun.native.compiler import NativeModule, address_of
 from hgorun.native.ir import Function
+from hgorun.native.passes import Passes
 
 _FEW = 64
 _WALKED = 16  # places on the way to each sought one, on average: beyond that a search takes less time
@@ -35,30 +34,14 @@ def places_in(ascending: np.ndarray, sought: np.ndarray, side: Literal["left", "
     if sought.size >= _FEW and doubles:
         found = np.empty(sought.size, dtype=np.int64)
         first = int(np.searchsorted(ascending, sought[0], side=side))
-        arrays = map(address_of, (ascending, sought, found))
         numbers = (ascending.size, sought.size, first, _WALKED * sought.size)
-        taken = (ctypes.c_int64 * 7)(*arrays, *numbers)
-        if _code().run[side](ctypes.addressof(taken)) == sought.size:
+        if _passes(side, (ascending, sought, found), numbers) == sought.size:
             return found
     return np.asarray(np.searchsorted(ascending, sought, side=side))
 
 
-class _Code:
-    """The compiled functions."""
-
-    def __init__(self) -> None:
-        declarations: set[str] = set()
-        texts = [_walk(side, before, declarations) for side, before in (("left", "olt"), ("right", "ole"))]
-        native = NativeModule("\n".join([*sorted(declarations), *texts]), ("left", "right"))
-        self.run = {side: native.function(side, ctypes.c_int64, ctypes.c_void_p) for side in ("left", "right")}
-
-
-_code = cache(_Code)
-
-
-def _walk(side: str, before: str, declarations: set[str]) -> str:
+def _walk(before: str, f: Function) -> None:
     """How many of the sought are found; fewer than all where they are too far apart, or one is no number."""
-    f = Function(side, "ptr %taken", 1, declarations, returns="i64")
     ascending, sought, found = (f.word("%taken", i, "ptr") for i in range(3))
     size, count, first, far = (f.word("%taken", i) for i in range(3, 7))
     place, left = f.slot("i64"), f.slot("i64")
@@ -83,7 +66,6 @@ def _walk(side: str, before: str, declarations: set[str]) -> str:
     f.do(f"ret i64 {count}")
     f.place(given_up)
     f.do("ret i64 -1")
-    return f.text("dso_local")
 
 
 def _step(f: Function, to: str, place: str, left: str, given_up: str) -> None:
@@ -91,3 +73,6 @@ def _step(f: Function, to: str, place: str, left: str, given_up: str) -> None:
     f.leave_if(f.test("eq", f.load(left, "i64"), "0"), given_up)
     f.store(f.scalar("sub", f.load(left, "i64"), "1"), left, "i64")
     f.store(to, place, "i64")
+
+
+_passes = Passes({"left": partial(_walk, "olt"), "right": partial(_walk, "ole")})
