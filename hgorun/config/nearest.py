@@ -47,15 +47,24 @@ _FOLLOWS = {
 
 def nearest(name: str, candidates: Iterable[str]) -> str:
     """Return " Did you mean `x`?" with the candidate most like ``name``, or called so elsewhere, or "" if none is."""
+    found, how = _meant(name, candidates)
+    return f" Did you mean `{found}`{how and f', {how}'}?" if found else ""
+
+
+def nearest_name(name: str, candidates: Iterable[str]) -> str:
+    """The candidate that :func:`nearest` names, or ""."""
+    return _meant(name, candidates)[0]
+
+
+def _meant(name: str, candidates: Iterable[str]) -> tuple[str, str]:
+    """The candidate that is meant, and how it follows where it is not the same; both empty where there is none."""
     known = {candidate.lower(): candidate for candidate in islice(candidates, 1_000) if len(candidate) < 100}
     other, how = _FOLLOWS.get(name.lower(), ("", ""))
     if other in known:
-        return f" Did you mean `{known[other]}`, {how}?"
-    elsewhere = next((other for other in _CALLED_ELSEWHERE.get(name.lower(), ()) if other in known), None)
-    if elsewhere is not None:
-        return f" Did you mean `{known[elsewhere]}`?"
-    close = _closest(name, known)
-    return "" if close is None else f" Did you mean `{known[close]}`?"
+        return known[other], how
+    elsewhere = (other for other in _CALLED_ELSEWHERE.get(name.lower(), ()) if other in known)
+    found = next(elsewhere, None) or _closest(name, known)
+    return ("", "") if found is None else (known[found], "")
 
 
 def nearest_file(name: str, names: Iterable[str]) -> str:

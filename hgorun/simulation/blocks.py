@@ -11,6 +11,7 @@ import numpy as np
 
 from hgorun.config.expressions import nearest
 from hgorun.config.models import ExperimentBlocks
+from hgorun.config.nearest import nearest_name
 from hgorun.config.overrides import replaced
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
@@ -219,8 +220,7 @@ def _types_near(label: str) -> str:
     """Types of observers that a label sounds like; two well-known ones where it sounds like none."""
     word = re.sub(r"[^a-z0-9]", "", label.lower())
     near = [name for name in OBSERVERS.names() if len(word) > 1 and name.replace("_", "").startswith(word)]
-    one = re.search(r"`(\w+)`", nearest(label, OBSERVERS.names()))
-    found = list(dict.fromkeys([*near, *([one[1]] if one else [])])) or ["shgo", "ekf"]
+    found = list(dict.fromkeys(filter(None, [*near, nearest_name(label, OBSERVERS.names())]))) or ["shgo", "ekf"]
     return ", ".join(found[:-1]) + f" or {found[-1]}" if len(found) > 1 else found[0]
 
 
