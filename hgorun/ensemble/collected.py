@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
+from hgorun.simulation.grid import points_up_to
 
 SEED = "seed"
 _OK = (STATUSES.index("ok"), STATUSES.index("inaccurate"))  # there are numbers
@@ -277,4 +278,4 @@ def _of_members(kept: Trajectories | None, members: NDArray[np.bool_]) -> Trajec
 
 def last_point(start: float, end: float, step: float) -> float:
     """The last point of an output grid, less what rounding may have taken off it."""
-    return start + (math.floor((end - start) / step * (1 + 1e-12) + 1e-9) - 1e-6) * step
+    return start + (points_up_to(end - start, step) - 1 - 1e-6) * step

@@ -56,8 +56,7 @@ def _grid(time: Time, metrics: Metrics, states: int, observers: int) -> Grid:
                 ("metrics", "record"),
                 f"record {record:g} and output_step {time.output_step:g}: one must be a multiple of the other",
             )
-    rounding = 1e-9 + 2 * np.spacing(end) / fine
-    count = np.floor(end / fine * (1 + 1e-12) + rounding) + 1
+    count = points_up_to(end, fine)
     width = states + observers * (states * 2 + 8)  # states and estimates, before the exact size is known
     size = count * width * 8
     if size > time.max_memory:
@@ -72,6 +71,12 @@ def _grid(time: Time, metrics: Metrics, states: int, observers: int) -> Grid:
     points = _POINTS.get((int(count), fine), lambda: _points(int(count), fine))
     _check_windows(points[:: ratios[1]], fine, time, metrics)
     return points, ratios[0], ratios[1]
+
+
+def points_up_to(end: float, step: float) -> float:
+    """How many points a grid from 0 on has: one at its end counts whatever rounding takes off it."""
+    rounding = 1e-9 + 2 * np.spacing(end) / step
+    return float(np.floor(end / step * (1 + 1e-12) + rounding)) + 1
 
 
 def _check_windows(measured: np.ndarray, fine: float, time: Time, metrics: Metrics) -> None:
