@@ -27,7 +27,7 @@ _CALLED_ELSEWHERE = {
 _KEYS = {
     **{key: f"observers.LABEL.{key}" for key in ("theta", "poles", "r", "gains", "type", "saturation")},
     **{key: f"measurement.sampling.{key}" for key in ("period", "jitter", "dropout", "offset")},
-    **dict.fromkeys(("delay", "noise"), ""),
+    **{key: f"measurement.{key}" for key in ("delay", "noise")},
     **{key: f"time.{key}" for key in ("end", "start", "output-step")},
     **{key: f"solver.{key}" for key in ("step", "method", "rtol", "atol", "accuracy")},
     **{key: f"plant.{key}" for key in ("initial", "parameters", "inputs")},
@@ -41,7 +41,7 @@ def _refuse_keys(words: Sequence[str]) -> None:
         name, equals, value = word.removeprefix("--").partition("=")
         if word.startswith("--") and name in _KEYS and words[0] in _WITH_SET:
             following = words[i + 1] if i + 1 < len(words) and not words[i + 1].startswith("-") else "VALUE"
-            path = (_KEYS[name] or f"measurement.{name}").replace("-", "_")
+            path = _KEYS[name].replace("-", "_")
             raise ConfigError(
                 f"there is no option --{name}: keys of the configuration are changed by "
                 f"--set {printable(path)}={printable(value if equals else following)}"

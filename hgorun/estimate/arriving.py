@@ -3,17 +3,13 @@
 from __future__ import annotations
 
 import math
-from typing import Any, TypeAlias
+from typing import Any
 
-from hgorun.estimate.event import Event
+from hgorun.estimate.event import Event, Inputs, Places, Samples
 from hgorun.estimate.following import Following
 from hgorun.estimate.given import as_number, numbers_by_name
 from hgorun.estimate.live_system import slot_of
 from hgorun.estimate.remembered import Remembered
-
-Places: TypeAlias = "tuple[tuple[int, int], ...]"  # output, slot
-Samples: TypeAlias = "tuple[tuple[int, int, float], ...]"  # output, slot, value
-Inputs: TypeAlias = "tuple[tuple[int, float], ...]"  # input, value
 
 _FARTHEST = 1e8  # steps to the next event, a minute or so: what is further off is on another clock, as that of Unix
 

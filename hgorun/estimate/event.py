@@ -5,7 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
+
+Places: TypeAlias = tuple[tuple[int, int], ...]  # output, slot
+Samples: TypeAlias = tuple[tuple[int, int, float], ...]  # output, slot, value
+Inputs: TypeAlias = tuple[tuple[int, float], ...]  # input, value
 
 
 @dataclass(eq=False, repr=False, slots=True)
@@ -26,9 +30,9 @@ class Event:
     """
 
     t: float
-    take: tuple[tuple[int, int], ...] = ()
-    samples: tuple[tuple[int, int, float], ...] = ()
-    inputs: tuple[tuple[int, float], ...] = ()
+    take: Places = ()
+    samples: Samples = ()
+    inputs: Inputs = ()
     taken: float = math.nan
 
     def joined(self, other: Event) -> Event:

@@ -91,14 +91,7 @@ def _other_file(path: Path) -> str:
         return ""
     if path.suffix.lower() in (".csv", ".txt", ".tsv", ".parquet"):
         return "it is a table of data; a configuration names it under data.file, for hgorun estimate"
-    kinds = {
-        b"CDF": "a netCDF-3 file",
-        b"PK": "a ZIP archive",
-        b"%PDF": "a PDF",
-        b"\x89PNG": "a picture",
-        b"MATLAB": "MATLAB's",
-    }
-    kind = next((word for start, word in kinds.items() if head.startswith(start)), "")
+    kind = next((word for start, word in _KINDS.items() if head.startswith(start)), "")
     if not kind:
         kind = "a file of another kind" if b"\0" in head else "text"
     return f"it is {kind}, not HDF5; results are HDF5 files (.h5) that hgorun simulate, estimate and sweep write"

@@ -96,18 +96,17 @@ def timing_of(run: PreparedRun) -> Timing:
     NoValue
         When there is no one period and delay.
     """
-    unit = printable(run.experiment.blocks.time.unit)
     last = [stretches[-1] for stretches in run.experiment.stretches]
     described = [_describe(run, i, stretch) for i, stretch in enumerate(last)]
     if any(d.period != described[0].period or d.delay != described[0].delay for d in described[1:]):
         raise NoValue("the outputs differ in their sampling or delay")
     if len(run.experiment.stretches[0]) > 1:
-        return replace(described[0], phase="the last phase", unit=unit)
-    return replace(described[0], unit=unit)
+        return replace(described[0], phase="the last phase")
+    return described[0]
 
 
 def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Timing:
-    regular = uneven = late = ""
+    regular = uneven = ""
     if stretch.continuous:
         period, times = None, np.linspace(stretch.start, stretch.end, 2001)
     else:
@@ -120,10 +119,11 @@ def _describe(run: PreparedRun, i: int, stretch: Stretch) -> Timing:
         elif stretch.regular is None:
             regular = "without jitter and dropout"
     delay = float(np.max(stretch.delay_at(times), initial=0.0)) if times.size else 0.0
-    if not stretch.delay_is_constant:
-        told = f"{delay:.4g} {printable(run.experiment.blocks.time.unit)}".rstrip()
-        late = f"with the longest delay, {told}, throughout"
-    return Timing(period, delay, regular=regular, uneven=uneven, late=late)
+    unit = printable(run.experiment.blocks.time.unit)
+    found = Timing(period, delay, regular=regular, uneven=uneven, unit=unit)
+    if stretch.delay_is_constant:
+        return found
+    return replace(found, late=f"with the longest delay, {found.told(delay, 4)}, throughout")
 
 
 def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
