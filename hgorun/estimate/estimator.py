@@ -20,7 +20,7 @@ from hgorun.estimate.following import Following
 from hgorun.estimate.given import as_number
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.estimate.remembered import Remembered
-from hgorun.estimate.stated_of_data import StatedOfData, with_noise
+from hgorun.estimate.stated_of_data import StatedOfData, require_known_start, with_noise
 from hgorun.estimate.together import Together
 from hgorun.simulation.experiment import Experiment
 
@@ -76,6 +76,7 @@ class Estimator:
         experiment = with_noise(experiment, std)
         self._experiment = experiment
         with experiment.located():
+            require_known_start(experiment)
             self._system = system = LiveSystem.of(experiment, tuple(inputs))
             for name in gates:
                 system.output(name)

@@ -10,6 +10,7 @@ from hgorun.config.data import Data
 from hgorun.config.overrides import replaced
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
+from hgorun.errors import Problem
 from hgorun.simulation.experiment import Experiment
 
 
@@ -70,3 +71,26 @@ def with_noise(experiment: Experiment, std: Mapping[str, float]) -> Experiment:
         return experiment
     source, _ = replaced(experiment.source, "measurement.outputs", noisy(outputs, added))
     return Experiment(source, name=experiment.name, text=experiment.text)
+
+
+def require_known_start(experiment: Experiment) -> None:
+    """Refuse a start that is to be fitted to the first samples: when a stream begins, there are none.
+
+    Raises
+    ------
+    Problem
+        Where an observer has states whose start is not given, so that a file would begin elsewhere.
+    """
+    data = experiment.source.data.get("data")
+    first = data.get("first_samples", 1) if isinstance(data, dict) else 1
+    if first == 1:
+        return
+    for label, observer in experiment.observers.items():
+        missing = [state for state in experiment.plant.model.states if state not in observer.initial]
+        if missing:
+            message = (
+                f"{first} samples are not there when a stream begins, and {label} has no start for "
+                f"{', '.join(missing)}: give observers.{label}.initial, such as the estimate of a file with the first "
+                "minutes, or first_samples: 1, with which these states start at 0"
+            )
+            raise Problem(("data", "first_samples"), message)

@@ -98,3 +98,27 @@ def test_a_wrong_block_is_told_with_its_line(config: Path) -> None:
     config.write_text(CONFIG.replace("gate: 4", "gate: -4"))
     with pytest.raises(ConfigError, match=r"pair\.yaml:10: data\.outputs\.ya\.gate"):
         Estimator.load(config)
+
+
+@pytest.mark.parametrize("first", ["auto", 3])
+def test_a_start_from_samples_that_are_not_there_yet_is_refused(
+    config: Path, first: object, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A file would begin elsewhere. It is the same start if the observers have all of theirs."""
+    whole = [f"observers.{label}.initial={{a: 0.2, b: 0}}" for label in "SE"]
+    wanted = lines_of(Estimator.load(config, whole))
+    change = f"data.first_samples={first}"
+    told = (
+        r"data\.first_samples: .* are not there when a stream begins, and S has no start for b: give observers\.S\.in"
+    )
+    with pytest.raises(ConfigError, match=told):
+        Estimator.load(config, [change])
+    with pytest.raises(ConfigError, match=told):
+        Estimator(
+            hgorun.load(config, [*WHOLE, "measurement={sampling: {period: 0.1}}", change]), gates={}, std={}, inputs=()
+        )
+    monkeypatch.setattr(sys, "stdin", io.StringIO("t,signal,y\n0.1,ya,0.2\n"))
+    code, out, error = Shell(config.parent, monkeypatch, capsys)("estimate", str(config), "-", "--set", change)
+    assert (code, out) == (2, "")
+    assert "first_samples: 1" in error
+    assert lines_of(Estimator.load(config, [change, *whole])) == wanted
