@@ -8,6 +8,7 @@ the output is followed after some samples and does not shut the observer out for
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, insort
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -32,6 +33,10 @@ Innovations: TypeAlias = tuple[list[float], int]
 
 Known: TypeAlias = Sequence[Sequence[Innovations]]
 """The innovations of every output and observer."""
+
+
+Variances: TypeAlias = Sequence[Sequence[float] | None]
+"""By observer the variance of the innovation of every output; None of one without a covariance."""
 
 
 class RunningDeviation:
@@ -168,28 +173,31 @@ class Gate:
         wrapped = self._model.wrapped(output, innovations).tolist()
         for j in range(len(wrapped)) if members is None else members:
             one, deviation, covariance = wrapped[j], self.deviations[output][j], self._covariances[j]
-            size = deviation.value
-            if covariance is not None:
-                known = float(covariance.variance(np.array([t]), z[None], w)[0, output])
-                size = known**0.5 if known >= 0 else size
-            if limit is not None and abs(one) > limit * size:
+            known = None
+            if covariance is not None and limit is not None:
+                known = covariance.variance(np.array([t]), z[None], w)[0].tolist()
+            if limit is not None and abs(one) > limit * _size(deviation, known, output):
                 found.append(j)
             deviation.add(one)
         return found
 
-    def passed(self, entering: Sequence[Entering], innovations: Mapping[int, list[float]]) -> bool:
-        """Whether no sample of some is an outlier to an observer without covariance; those up to one are added.
+    def passed(
+        self, entering: Sequence[Entering], innovations: Mapping[int, list[float]], variances: Variances
+    ) -> bool:
+        """Whether no sample of some is an outlier; those up to one are added.
 
         Parameters
         ----------
         entering : sequence of Entering
         innovations : mapping of int to list of float
             By their slots, of every observer, without whole periods.
+        variances : sequence
+            Before they have arrived.
         """
         for one in entering:
             limit, deviations, values = self._limits[one.output], self.deviations[one.output], innovations[one.slot]
             for j in one.members:
-                if limit is not None and abs(values[j]) > limit * deviations[j].value:
+                if limit is not None and abs(values[j]) > limit * _size(deviations[j], variances[j], one.output):
                     return False
                 deviations[j].add(values[j])
         return True
@@ -203,3 +211,9 @@ class Gate:
         for row, kept in zip(self.deviations, known, strict=True):
             for one, innovations in zip(row, kept, strict=True):
                 one.restore(innovations)
+
+
+def _size(deviation: RunningDeviation, variances: Sequence[float] | None, output: int) -> float:
+    """The standard deviation of an innovation: the observer's own, where it knows one."""
+    known = math.nan if variances is None else variances[output]
+    return known**0.5 if known >= 0 else deviation.value

@@ -19,7 +19,7 @@ from hgorun.engine.layout import HybridSystem
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
 from hgorun.engine.session import Session, with_stops
-from hgorun.estimate.gate import Entering, Gate, Known
+from hgorun.estimate.gate import Entering, Gate, Known, Variances
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
 from hgorun.measurement.late import HeardOtherwise, Order
@@ -55,7 +55,8 @@ class _GatedRun:
         self._newest = [[-np.inf] * used.shape[1] for _ in prepared.samples]  # that each observer has used
         self._taken = np.concatenate([one.taken for one in prepared.samples]).tolist()
         self._equal = same_time(prepared.run.origin, prepared.run.time.end)
-        self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], prepared.covariances())
+        self._covariances = prepared.covariances()
+        self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], self._covariances)
         self._entering: dict[int, list[Entering]] = {}
         for place, one in _entering(prepared):
             self._entering.setdefault(place, []).append(one)
@@ -76,7 +77,7 @@ class _GatedRun:
         plan, self._stops = with_stops(plan, first_steps[self._places])
         late = any(one.available is not one.taken for one in prepared.samples)
         self._session = Session(prepared.program(), plan, prepared.start(), late=late)
-        self._alone = self._order is not None or any(prepared.covariances())  # then each sample has to be waited for
+        self._alone = self._order is not None  # then each sample has to be waited for
 
     def _saving(self) -> Iterator[int]:
         """Where observers will be taken back to."""
@@ -122,21 +123,38 @@ class _GatedRun:
         """Let the samples of some places enter as if there were no outliers: how many places there are before one."""
         session, gate = self._session, self._gate
         mark, known = session.mark(stops[-1] + 1), gate.state()
+        variances = self._variances(places, stops)
         session.advance(stops[-1] + 1)
         entering = [self._entering[place] for place in places]
         innovations = self._wrapped([one for several in entering for one in several])
-        count = next((k for k, several in enumerate(entering) if not gate.passed(several, innovations)), len(places))
+        together = zip(entering, variances, strict=True)
+        count = next(
+            (k for k, (some, own) in enumerate(together) if not gate.passed(some, innovations, own)), len(places)
+        )
         for one in (one for several in entering[:count] for one in several):
             self._use(one, one.members)
         if count < len(places):
             gate.restore(known)
-            for several in entering[:count]:
-                gate.passed(several, innovations)
+            for several, own in zip(entering[:count], variances, strict=False):
+                gate.passed(several, innovations, own)
             session.innovations[[one.slot for several in entering[count:] for one in several]] = np.nan
             session.go_back(mark)
             if count:
                 session.advance(stops[count - 1] + 1)
         return count
+
+    def _variances(self, places: Sequence[int], stops: Sequence[int]) -> Sequence[Variances]:
+        """Of the innovations at some places, which are gone on to: by observer, of every output."""
+        if not any(self._covariances):
+            return [[None] * len(self._covariances)] * len(places)
+        session = self._session
+        z, w = np.empty((len(stops), session.z.size)), np.empty((len(stops), session.w.size))
+        for k, stop in enumerate(stops):
+            session.advance(stop)
+            z[k], w[k] = session.z, session.w
+        times = self._events[list(places)]
+        found = [None if one is None else one.variance(times, z, w).tolist() for one in self._covariances]
+        return [[None if of is None else of[k] for of in found] for k in range(len(places))]
 
     def _wrapped(self, entering: Sequence[Entering]) -> dict[int, list[float]]:
         """The innovations of some samples by their slots, of each observer."""
