@@ -54,6 +54,7 @@ def both(known: Known, one: Experiment) -> Result:
     for name in ("x", "u", "y", "time"):
         assert np.array_equal(getattr(found, name), getattr(plain, name))
     assert np.array_equal(found.measurements.y, plain.measurements.y, equal_nan=True)
+    assert found.integration is not None and plain.integration is not None
     assert found.integration.evaluations == plain.integration.evaluations
     return found
 
