@@ -54,7 +54,8 @@ def both(known: Known, one: Experiment) -> Result:
     for name in ("x", "u", "y", "time"):
         assert np.array_equal(getattr(found, name), getattr(plain, name))
     assert np.array_equal(found.measurements.y, plain.measurements.y, equal_nan=True)
-    assert found.integration is not None and plain.integration is not None
+    assert found.integration is not None
+    assert plain.integration is not None
     assert found.integration.evaluations == plain.integration.evaluations
     return found
 
