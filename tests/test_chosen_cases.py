@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import cast
 
 import pytest
-from chosen_cases import ALL_OF, few_of_a_file, one_case, one_in
+from chosen_cases import ALL_OF, few_of_a_file, in_turn, one_case, one_in
 
 ROOT = Path(__file__).parents[1]
 
@@ -68,3 +68,24 @@ def test_of_few_cases_one_is_tried() -> None:
 
 def test_what_is_named_exists() -> None:
     assert [name for name in ALL_OF if not (ROOT / name).exists()] == []
+
+
+class Marked:
+    def __init__(self, name: str, *marks: str) -> None:
+        self.nodeid, self.marks = name, marks
+
+    def get_closest_marker(self, name: str) -> str | None:
+        return name if name in self.marks else None
+
+
+def test_in_three_turns_every_case_of_a_slow_test_is_tried_once() -> None:
+    slow = [f"a.py::{test}[{case}]" for test in "pqrs" for case in range(4)] + [f"b.py::t{k}" for k in range(9)]
+    always = ["a.py::fast", "a.py::needed"]
+    given = [cast(pytest.Item, Marked(name, "slow")) for name in slow]
+    given += [cast(pytest.Item, Marked(always[0])), cast(pytest.Item, Marked(always[1], "slow", "measured"))]
+    turns = [names(in_turn(given, turn)) for turn in (7, 8, 9)]
+    assert sorted(name for turn in turns for name in turn) == sorted([*slow, *always * 3])
+    for turn in turns:
+        assert {name[6] for name in turn if name.startswith("a.py::") and "[" in name} == set("pqrs")
+        assert 0 < sum(name.startswith("b.py") for name in turn) < 9
+    assert names(in_turn(given, 10)) == turns[0]
