@@ -15,7 +15,7 @@ ROOMS = ("config", "data", "engine", "explore", "figures", "interop", "result", 
 FILES = ("commands/test_cli.py", "commands/test_mqtt.py", "ensemble/test_cluster.py", "export/test_fmu.py")
 ALL_OF = tuple(f"tests/{name}" for name in (*(f"{room}/" for room in ROOMS), *FILES))
 ALL_CASES = os.environ.get("HGORUN_CASES") == "all"
-TURNS = 3
+TURNS = 4
 
 
 def one_in(items: Iterable[pytest.Item]) -> list[pytest.Item]:
@@ -44,7 +44,7 @@ def _is_tried(item: pytest.Item) -> bool:
 
 
 def in_turn(items: Iterable[pytest.Item], turn: int) -> list[pytest.Item]:
-    """Of the cases of slow tests every third: others in the next turn, and all of them in three turns.
+    """Of the cases of slow tests every one of ``TURNS``: others in the next turn, and all of them in as many turns.
 
     Tests begin at different cases. What is marked ``measured`` is tried in every turn: floors of coverage need it.
     """
@@ -58,6 +58,11 @@ def in_turn(items: Iterable[pytest.Item], turn: int) -> list[pytest.Item]:
         if (crc32(test.encode()) + case + turn) % TURNS == 0:
             kept.append(item)
     return kept
+
+
+def waits(file: str, turn: int) -> bool:
+    """Whether another turn is that of a file which does not use libraries directly."""
+    return not file.startswith(ALL_OF) and (crc32(file.encode()) + turn) % TURNS != 0
 
 
 def one_case(items: Iterable[pytest.Item]) -> list[pytest.Item]:

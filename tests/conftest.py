@@ -5,13 +5,14 @@ import os
 import signal
 import sys
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 
 os.environ.pop("COLUMNS", None)  # workers of pytest-xdist are told another width than what is tested
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
-from chosen_cases import ALL_CASES, few_of_a_file, in_turn, one_case, one_in
+from chosen_cases import ALL_CASES, few_of_a_file, in_turn, one_case, one_in, waits
 from hypothesis import HealthCheck, settings
 from measured_cases import Measured, leave_out_drawings
 from measured_forks import measure_forks
@@ -31,8 +32,16 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--one-case", action="store_true", help="of each test that has several cases, the last one only")
-    parser.addoption("--turn", type=int, help="of slow tests every third case, others with another number")
+    parser.addoption("--turn", type=int, help="of slow tests a part of the cases, others with another number")
     parser.addoption("--few", action="store_true", help="of files that do not use libraries directly, two tests")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Of the files of which few tests are tried only those of this turn are imported."""
+    turn = config.getoption("--turn")
+    if turn is None or ALL_CASES or not config.getoption("--few") or not collection_path.name.startswith("test_"):
+        return None
+    return waits(collection_path.relative_to(config.rootpath).as_posix(), turn) or None
 
 
 @pytest.hookimpl(trylast=True)  # of what -m leaves
