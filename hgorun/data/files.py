@@ -7,10 +7,7 @@ from pathlib import Path
 
 from hgorun.config.data import Csv
 from hgorun.config.nearest import near_file
-from hgorun.data.arrays import ArrayFile
 from hgorun.data.csv_table import CsvFile
-from hgorun.data.hdf5 import Hdf5
-from hgorun.data.parquet import Parquet
 from hgorun.data.table import TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
 
@@ -49,6 +46,11 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
     for mark, what in _NOT_READ.items():
         if begin.startswith(mark):
             raise ConfigError(f"this is {what}", file=str(path), line=1)
-    if begin == _HDF5:
-        return ArrayFile(path, Hdf5(), told)
-    return ArrayFile(path, Parquet(), told) if begin.startswith(_PARQUET) else CsvFile(path, told)
+    if begin != _HDF5 and not begin.startswith(_PARQUET):
+        return CsvFile(path, told)
+    # what texts do not need
+    from hgorun.data.arrays import ArrayFile
+    from hgorun.data.hdf5 import Hdf5
+    from hgorun.data.parquet import Parquet
+
+    return ArrayFile(path, Hdf5() if begin == _HDF5 else Parquet(), told)
