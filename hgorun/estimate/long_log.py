@@ -116,7 +116,7 @@ class LongLog:
                 with ResultInParts(path, len(prepared.run.observers)) as file:
                     self._write_constants(file)
                     with closing(self._go_through(own, step, found, file)) as evaluations:
-                        told = None
+                        told: tuple[int, int] | None = None
                         for sofar in evaluations:
                             if not left or 2 * (spent + sofar) > solver.max_evaluations:
                                 continue
