@@ -20,6 +20,7 @@ from hgorun.explore.state import State
 from hgorun.memo import Memo
 from hgorun.simulation.blocks import as_yaml
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.known import Known
 from hgorun.simulation.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
@@ -49,6 +50,7 @@ class SimulatedBench(Bench):
     """A configuration whose plant is simulated."""
 
     _promises: Memo[Promise] = field(default_factory=lambda: Memo(_PROMISES), repr=False)
+    _known: Known = field(default_factory=Known, repr=False)
 
     theory = True
 
@@ -61,7 +63,7 @@ class SimulatedBench(Bench):
         run = prepare(experiment)
         return Ready(
             run.structure.compiled,
-            lambda: Simulated(state, experiment.source, experiment, simulate_prepared(run), run),
+            lambda: Simulated(state, experiment.source, experiment, simulate_prepared(run, known=self._known), run),
         )
 
     def text(self, shown: Shown, target: Path) -> str:
