@@ -10,7 +10,13 @@
     written.remove();
     await Bokeh.embed.embed_item(JSON.parse(written.textContent), panel.id);
     dressed();
-    for (const wait of [0, 1000]) setTimeout(() => name(panel.closest(".part")), wait);  // its parts come after it
+    named(panel.closest(".part"));
+  }
+  // Its parts come after it: until none has come for a second, and Bokeh has drawn what it has.
+  function named(part, before = -1) {
+    const found = name(part).length;
+    const drawn = window.Bokeh.documents.every((document) => document.is_idle);
+    if (found !== before || !drawn) setTimeout(() => named(part, found), 1000);
   }
   const near = new IntersectionObserver((entries) => {
     for (const { target, isIntersecting } of entries) if (isIntersecting) make(target);
