@@ -40,9 +40,9 @@ class Simulated(Shown):
         return Context(self.run, since_start(self.run, self.result)).subjects
 
     @cached_property
-    def keys(self) -> dict[str, str]:
+    def keys(self) -> dict[str, bytes]:
         """By observer, what its theory depends on."""
-        return {label: _key(subject) for label, subject in self.subjects.items()}
+        return {label: _key(subject) + self.contents[label] for label, subject in self.subjects.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,12 +107,9 @@ def _promised(subject: Subject) -> Promise:
     return made.found if made.found is not None else Promise(reason=made.reason or "")
 
 
-def _key(subject: Subject) -> str:
-    """What an observer's theory depends on: its own block, everything but the other observers, and its run."""
+def _key(subject: Subject) -> bytes:
+    """What an observer's theory depends on beside truth and estimate: its block and all but the other observers."""
     data = subject.run.experiment.source.data
     own = {key: part for key, part in data.items() if key not in ("observers", "figures", "claims", "title")}
     text = json.dumps([own, subject.label, data["observers"][subject.label], subject.run.step], sort_keys=True)
-    digest = hashlib.sha256(text.encode())
-    for values in (subject.result.x, subject.found.xhat):
-        digest.update(values.tobytes())
-    return digest.hexdigest()
+    return hashlib.sha256(text.encode()).digest()
