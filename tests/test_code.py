@@ -70,6 +70,7 @@ def test_all_else_has_a_meaning(other: str) -> None:
 
 # What is used by all and computes nothing: messages, files, names. How a configuration is read shows in what was read.
 WITHOUT_NUMBERS = {
+    "hgorun.config.kinds",
     "hgorun.config.nearest",
     "hgorun.config.overrides",
     "hgorun.config.paths",

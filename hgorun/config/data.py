@@ -13,6 +13,9 @@ from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positiv
 MISSING = ("", "nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "nil", "none")
 """Texts that stand for a missing value in every file, in small letters."""
 
+FORMATS = ("iso", "unix", "excel", "excel1904")
+"""How time stamps may be written, beside plain numbers and patterns."""
+
 _TEXT_OR_BLOCK = "the name of a column, or a mapping with column and more"
 
 
@@ -120,14 +123,14 @@ class Clock(Block):
     )
     format: str | None = Field(
         default=None,
-        description="iso, unix, excel, or a pattern such as %d.%m.%Y %H:%M:%S (default: numbers, or iso where the "
-        "column holds such text)",
+        description="iso, unix, excel, excel1904, or a pattern such as %d.%m.%Y %H:%M:%S (default: numbers, or iso "
+        "where the column holds such text)",
     )
 
     @model_validator(mode="after")
     def _known(self) -> Clock:
-        if self.format is not None and "%" not in self.format and self.format not in ("iso", "unix", "excel"):
-            raise ValueError(f"format is iso, unix, excel or a pattern with %Y, found {describe(self.format)}")
+        if self.format is not None and "%" not in self.format and self.format not in FORMATS:
+            raise ValueError(f"format is {', '.join(FORMATS)} or a pattern with %Y, found {describe(self.format)}")
         if self.unit is not None and self.format is not None and self.format != "unix":
             raise ValueError(f"format {self.format} has no unit: leave out unit, dates are converted by themselves")
         return self

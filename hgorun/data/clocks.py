@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,13 +11,13 @@ import numpy as np
 from hgorun.config.data import Clock
 from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp, looks_like_iso
 from hgorun.data.dates import counted
+from hgorun.data.day_counts import DAY, WORKBOOKS, Span, odd_days, odd_seconds, out_of_range
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile
 from hgorun.data.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
 
-_DAY = 86_400 * 10**9  # nanoseconds
-_EXCEL = -25_569 * _DAY  # its day 0, 1899-12-30
+_COUNTED = ("unix", *WORKBOOKS)  # formats of numbers that are dates
 
 
 @dataclass(frozen=True)
@@ -38,14 +39,14 @@ class ClockColumn:
     @property
     def absolute(self) -> bool:
         """Whether its stamps are dates."""
-        return isinstance(self.cells, Stamps) or self.clock.format in ("unix", "excel")
+        return isinstance(self.cells, Stamps) or self.clock.format in _COUNTED
 
 
 def clock_column(clock: Clock, file: TableFile, path: KeyPath) -> ClockColumn:
     """How a column of time stamps is read: a column of dates is known by its first one."""
     form = clock.format
     cells: Cells
-    if form in ("unix", "excel"):
+    if form in _COUNTED:
         cells = Numbers(clock.column)
     elif form is not None:
         cells = Stamps(clock.column, None if form == "iso" else form)
@@ -72,8 +73,8 @@ def stamps(column: ClockColumn, table: Table, unit: str) -> np.ndarray:
     if isinstance(column.cells, Stamps):
         return values
     said = column.clock.unit
-    if column.clock.format == "excel":
-        return _nanoseconds(values, _DAY, _EXCEL, table, column)
+    if column.clock.format in WORKBOOKS:
+        return _nanoseconds(values, DAY, WORKBOOKS[column.clock.format], table, column)
     if column.clock.format == "unix":
         return _nanoseconds(values, int(seconds(said or "s", (*column.path, "unit")) * 10**9), 0, table, column)
     if said is None or said == unit:
@@ -84,10 +85,24 @@ def stamps(column: ClockColumn, table: Table, unit: str) -> np.ndarray:
 def _nanoseconds(values: np.ndarray, unit: int, start: int, table: Table, column: ClockColumn) -> np.ndarray:
     """Dates from numbers of units since some start."""
     found, wrong = counted(values, unit, start)
+    if wrong is None and column.clock.format in WORKBOOKS and np.any(before := values < 0):
+        wrong = int(before.argmax())
     if wrong is not None:
-        message = f"expected a date between 1678 and 2262, found {values[wrong]:g}"
+        message = out_of_range(float(values[wrong]), column.clock.format)
         raise ConfigError(message, file=str(table.path), line=int(table.lines[wrong]), key=column.cells.column)
     return found
+
+
+def odd_dates(column: ClockColumn, span: Span) -> str | None:
+    """What is to be told of dates in numbers that cannot be meant."""
+    form = column.clock.format
+    if form in WORKBOOKS:
+        told = odd_days(form, span, time.time_ns())
+    elif form == "unix":
+        told = odd_seconds(int(seconds(column.clock.unit or "s", ()) * 10**9), span)
+    else:
+        return None
+    return told and f"column {column.cells.column!r}: {told}"
 
 
 def origin_stamp(said: str | float, clock: ClockColumn) -> int:
@@ -103,7 +118,7 @@ def origin_stamp(said: str | float, clock: ClockColumn) -> int:
             return iso_stamp(said.strip())[0]
         except ValueError as error:
             raise Problem(path, str(error)) from None
-    if clock.clock.format not in ("unix", "excel"):
+    if clock.clock.format not in _COUNTED:
         raise Problem(path, f"expected a date such as 2024-05-31T13:45, found {said:g}")
     table = Table(Path(), np.zeros(1, dtype=np.int32), {clock.cells: np.array([said])})
     try:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 import re
+from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.data.units import converted, is_time
+from hgorun.data.units import converted, is_time, is_unit
 from hgorun.errors import Problem
 
 _IN_NAME = re.compile(r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60})\)|\sin\s+(\S{1,60}))\s*")
@@ -54,18 +56,54 @@ def time_in_name(name: str) -> str:
     return said if is_time(said) else ""
 
 
-def another_unit(column: str, source: str, found: str, wanted: str, said: str | None) -> str:
-    """That a file has another unit than the one that is taken, and what to write.
+@dataclass(frozen=True, kw_only=True)
+class AnotherUnit:
+    """A unit that a file says, beside the one that its numbers are taken in.
 
-    Parameters
+    Attributes
     ----------
+    column, file : str
     source : str
         Where the unit stands that was found.
+    found : str
     wanted : str
-        What is taken without a unit of the configuration.
+        That of the model or the run.
     said : str, optional
         The unit of the configuration.
+    who : str
+        Who has the unit ``wanted``: "the model has".
     """
-    if said is None:
-        return f"column {column!r}: {source} says {found}, {wanted}: taken as they are; unit: {found} converts"
-    return f"column {column!r}: {source} says {found}, the configuration unit: {said}, which is taken; is it {found}?"
+
+    column: str
+    file: str
+    source: str
+    found: str
+    wanted: str
+    said: str | None
+    who: str
+
+    def told(self) -> str:
+        """What is told where the numbers are taken as the configuration says, or where nobody knows the unit.
+
+        Raises
+        ------
+        ValueError
+            Where the configuration does not say which of two units is right: one would be silently wrong.
+        """
+        found, wanted = self.found, self.wanted
+        says = f"column {self.column!r}: {self.source} says {found}"
+        if self.said is not None:
+            return f"{says}, the configuration unit: {self.said}, which is taken; is it {found}?"
+        if not is_unit(found):
+            return f"{says}, which is not a known unit, {self.who} {wanted}: taken as they are"
+        if not _same_kind(found, wanted):
+            converts = "which is of another kind"
+        else:
+            converts = f"{{column: {json.dumps(self.column, ensure_ascii=False)}, unit: {_plain(found)}}} converts"
+        says, as_they_are = f"{says} in {self.file}, {self.who} {wanted}", f"unit: {_plain(wanted)}"
+        raise ValueError(f"{says}: {converts}, {as_they_are} takes the numbers as they are")
+
+
+def _plain(unit: str) -> str:
+    """A unit as YAML reads it."""
+    return unit if unit[:1].isalnum() or unit[:1] == "°" else json.dumps(unit, ensure_ascii=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -10,15 +10,15 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
-from hgorun.data.cells import NAT, Stamps
-from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
-from hgorun.data.named_units import another_unit, convertible_in_name, time_in_name
+from hgorun.data.missing import told_once
+from hgorun.data.named_units import AnotherUnit, convertible_in_name
+from hgorun.data.one_clock import OneClock
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Sources, Wanted, given_references
-from hgorun.data.units import alike, alike_times, converted
-from hgorun.errors import ConfigError, Problem
+from hgorun.data.units import alike, converted
+from hgorun.errors import Problem
 
 _LONG = 1 << 18  # samples from which threads pay
 
@@ -76,17 +76,15 @@ class Reader:
             for group, columns in groups.items()
         }
         self._tables = sources.tables()
-        self._stamps: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
-        self._times: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
         self._notes: list[Note] = []
 
     def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
         """All signals; arguments as of :func:`read`."""
-        self._unit, self._units, self._beside = unit, units, beside
+        self._units = units
         signals = [signal for some in self._wanted.values() for signal in some]
-        epoch, zoned = self._epoch(signals)
-        self._to_times(signals, epoch)
-        self._origin = origin(self._unit, epoch, zoned)
+        clock = OneClock(self._block, signals, self._tables, unit, beside)
+        self._times, self._origin = clock.times, clock.origin
+        self._notes += clock.notes
         sorted_out = self._all_sorted(signals)
         outputs = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["outputs"]}
         inputs = {one.name: self._input(one, sorted_out[one]) for one in self._wanted["inputs"]}
@@ -96,97 +94,10 @@ class Reader:
             outputs=outputs,
             inputs=inputs,
             reference=reference,
-            notes=tuple(dict.fromkeys(self._notes)),
+            notes=tuple(told_once(self._notes)),
             origin=self._origin,
             first_samples=self._block.first_samples,
         )
-
-    def _clocks(self, signals: Sequence[Wanted]) -> Iterator[tuple[LogFile, ClockColumn]]:
-        for signal in signals:
-            for part in signal.parts:
-                yield part.file, part.time
-                if part.available is not None:
-                    yield part.file, part.available
-
-    def _epoch(self, signals: Sequence[Wanted]) -> tuple[int | None, bool]:
-        """The date that is time 0, and whether it is in UTC; None where stamps are numbers.
-
-        Raises
-        ------
-        Problem
-            When stamps do not belong to one clock.
-        """
-        clocks = list(self._clocks(signals))
-        absolute = [(file, clock) for file, clock in clocks if clock.absolute]
-        for file, clock in dict.fromkeys(clocks):
-            self._notes += self._unit_of_clock(file, clock)
-            self._stamps[file, clock] = stamps(clock, self._tables[file], self._unit)
-        if self._beside is not None and bool(absolute) != (self._beside.epoch is not None):
-            return self._other_clock(self._beside, clocks[0][1])
-        if not absolute:
-            return self._no_epoch()
-        number = next(((file, clock) for file, clock in clocks if not clock.absolute), None)
-        if number is not None and self._block.origin is None:
-            message = "numbers here and dates elsewhere: data.origin has to say from which date the numbers count"
-            raise Problem(number[1].path, message)
-        of_zones = {zone: place for place in reversed(absolute) for zone in _zones(place[1])}
-        zones = set(of_zones)
-        if len(zones) > 1:
-            with_one, without = (self._first_stamp(*of_zones[zone]) for zone in (True, False))
-            message = f"some dates have a time zone and others have none: {with_one} has one, {without} has none"
-            raise Problem(of_zones[False][1].path, message)
-        if self._beside is not None and self._beside.epoch is not None:
-            if zones != {bool(self._beside.zone)}:
-                here, there = ("have a", "have none") if True in zones else ("have no", "have one")
-                raise Problem(absolute[0][1].path, f"the dates {here} time zone, and those of the log {there}")
-            return int(self._beside.epoch.astype(np.int64)), zones == {True}
-        if self._block.origin is not None:
-            return origin_stamp(self._block.origin, absolute[0][1]), zones == {True}
-        found = [self._stamps[file, clock] for file, clock in absolute]
-        firsts = [int(some[some != NAT].min()) for some in found if np.any(some != NAT)]
-        if not firsts:
-            raise ConfigError("no time stamps", file=str(absolute[0][0].path))
-        return min(firsts), zones == {True}
-
-    def _first_stamp(self, file: LogFile, clock: ClockColumn) -> str:
-        """Where the first date of a column stands."""
-        there = self._stamps[file, clock] != NAT
-        return f"{clock.cells.column} in {file.path}, line {self._tables[file].lines[int(there.argmax())]},"
-
-    def _unit_of_clock(self, file: LogFile, clock: ClockColumn) -> Iterator[Note]:
-        """What a file says of the unit of its stamps, where it is another one than the run's."""
-        column = clock.cells.column
-        said, source = file.table.unit(column).partition(" since ")[0], "the file"
-        if not said:
-            said, source = time_in_name(column), "its name"
-        taken = clock.clock.unit or self._unit
-        if not said or clock.absolute or alike_times(said, taken):
-            return
-        told = another_unit(column, source, said, f"the run counts in {taken}", clock.clock.unit)
-        yield Note(kind="clock", signal=".".join(map(str, clock.path)), file=str(file.path), message=told)
-
-    def _other_clock(self, beside: Origin, clock: ClockColumn) -> tuple[int | None, bool]:
-        """Numbers beside a log with dates count from the origin that is stated; else nothing relates the clocks."""
-        if beside.epoch is None:
-            raise Problem(clock.path, "dates here and numbers in the log: nothing says how they belong together")
-        if self._block.origin is None:
-            message = "numbers here and dates in the log: data.origin has to say from which date the numbers count"
-            raise Problem(clock.path, message)
-        return int(beside.epoch.astype(np.int64)), bool(beside.zone)
-
-    def _no_epoch(self) -> tuple[None, bool]:
-        if self._block.origin is not None:
-            raise Problem(("data", "origin"), "the stamps are numbers, which have their own origin")
-        return None, False
-
-    def _to_times(self, signals: Sequence[Wanted], epoch: int | None) -> None:
-        """Dates become times since the origin; numbers count from there already."""
-        for file, clock in dict.fromkeys(self._clocks(signals)):
-            found = self._stamps[file, clock]
-            if clock.absolute:
-                assert epoch is not None
-                found = times_since(found, epoch, self._unit)
-            self._times[file, clock] = found
 
     def _samples(self, signal: Wanted) -> Samples:
         tables = [self._tables[part.file] for part in signal.parts]
@@ -215,14 +126,8 @@ class Reader:
         """Values in the unit of the model."""
         said, wanted = signal.block.unit, self._units.get(signal.name, "")
         file = signal.parts[0].file
-        column = signal.block.column
-        in_file, source = file.table.unit(column), "the file"
-        taken = said or wanted
-        if not in_file and taken:
-            in_file, source = convertible_in_name(column, taken), "its name"
-        if in_file and taken and not alike(in_file, taken):
-            told = another_unit(column, source, in_file, f"the model has {taken}", said)
-            self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=told))
+        for part in dict.fromkeys(part.file for part in signal.parts):
+            self._require_unit(signal, part)
         if said is None:
             return values
         if not wanted:
@@ -230,6 +135,36 @@ class Reader:
             self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
             return values
         return converted(values, said, wanted, (*signal.path, "unit"))
+
+    def _require_unit(self, signal: Wanted, file: LogFile) -> None:
+        """Tell that a file has another unit than the one that is taken.
+
+        Raises
+        ------
+        Problem
+            When the configuration does not say which of the two is right.
+        """
+        column, said = signal.block.column, signal.block.unit
+        taken = said or self._units.get(signal.name, "")
+        found, source = file.table.unit(column), "the file"
+        if not found and taken:
+            found, source = convertible_in_name(column, taken), "its name"
+        if not (found and taken) or alike(found, taken):
+            return
+        another = AnotherUnit(
+            column=column,
+            file=str(file.path),
+            source=source,
+            found=found,
+            wanted=taken,
+            said=said,
+            who="the model has",
+        )
+        try:
+            told = another.told()
+        except ValueError as error:
+            raise Problem(signal.path, str(error)) from None
+        self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=told))
 
     def _all_sorted(self, signals: Sequence[Wanted]) -> Mapping[Wanted, Samples]:
         """The samples of all signals, those of long logs looked through side by side."""
@@ -292,9 +227,3 @@ class Reader:
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:
     """One after the other; of a single one the array itself, which signals then share."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-
-def _zones(clock: ClockColumn) -> set[bool]:
-    """Whether its dates have a time zone: numbers since 1970 count in UTC."""
-    of_dates = clock.cells.zoned if isinstance(clock.cells, Stamps) else set()
-    return of_dates | ({True} if clock.clock.format == "unix" else set())

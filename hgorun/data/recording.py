@@ -113,8 +113,8 @@ class Note:
     Attributes
     ----------
     kind : str
-        ``missing``, ``implausible``, ``quality``, ``repeated``, ``backwards``, ``gaps``, ``filled``, ``stuck``,
-        ``slips``, ``units``, ``clock``, ``late``, ``format``, ``used``.
+        ``missing``, ``unknown``, ``implausible``, ``quality``, ``repeated``, ``backwards``, ``gaps``, ``filled``,
+        ``stuck``, ``slips``, ``units``, ``clock``, ``late``, ``format``, ``used``.
     signal : str
         The signal it is about; empty where it is about a file.
     file : str

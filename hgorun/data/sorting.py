@@ -87,7 +87,7 @@ class Sorting:
             raise self._refused(samples, int(unstamped.argmax()), "a value without time stamp", "it cannot be placed")
         if samples.late:
             unknown = np.isnan(samples.available)
-            samples = self._kept(samples, unknown, "missing", "the time when it was known is missing", refuse)
+            samples = self._kept(samples, unknown, "unknown", "the time when it was known is missing", refuse)
         return samples
 
     def _good(self, samples: Samples) -> Samples:

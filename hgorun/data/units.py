@@ -112,6 +112,15 @@ def is_time(unit: str) -> bool:
     return _SHORT.get(unit, unit) in _SECONDS
 
 
+def is_unit(text: str) -> bool:
+    """Whether a text is a unit that numbers can have."""
+    try:
+        _parsed(_registry(), text, ())
+    except Problem:
+        return is_time(text)
+    return True
+
+
 def alike_times(unit: str, other: str) -> bool:
     """Whether two texts mean the same unit of time, as h and hours do; not where one is unknown."""
     return unit == other or (is_time(unit) and _SHORT.get(unit, unit) == _SHORT.get(other, other))

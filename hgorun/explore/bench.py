@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+
+import numpy as np
 
 from hgorun.config.yaml_source import Source
 from hgorun.explore.knobs import Knob, by_name
@@ -34,6 +37,18 @@ class Shown:
     said: Source
     experiment: Experiment
     result: Result
+
+    @cached_property
+    def truths(self) -> dict[str | None, bytes]:
+        """Digests of the simulated plant, under None, and of what each observer estimates."""
+        result, known = self.result, _digest(self.result.time, self.result.x)
+        own = {label: _digest(result.time, result.truth_of(label)) for label in result.closed_loop}
+        return {None: known, **dict.fromkeys(result.observers, known), **own}
+
+    @cached_property
+    def contents(self) -> dict[str, bytes]:
+        """By observer, digests of its estimate and of what it estimates."""
+        return {label: self.truths[label] + _digest(one.xhat) for label, one in self.result.observers.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,3 +152,10 @@ class Bench(ABC):
     def limits(self, shown: Shown, label: str, names: Sequence[str]) -> Promise:
         """Findings that take longer, by their names."""
         return Promise()
+
+
+def _digest(*arrays: np.ndarray) -> bytes:
+    found = hashlib.sha256()
+    for values in arrays:
+        found.update(values.tobytes())
+    return found.digest()

@@ -223,7 +223,8 @@ class Channel(WebSocketHandler):
     def give(self, message: bytes) -> None:
         """Send a message, unless the page is gone."""
         with suppress(WebSocketClosedError):
-            self.write_message(message, binary=True)
+            sent = self.write_message(message, binary=True)
+            sent.add_done_callback(lambda done: done.cancelled() or done.exception())  # it may go while it is told
 
 
 class _Figure(RequestHandler):

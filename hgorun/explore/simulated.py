@@ -20,6 +20,7 @@ from hgorun.explore.state import State
 from hgorun.memo import Memo
 from hgorun.simulation.blocks import as_yaml
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.known import Known
 from hgorun.simulation.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
@@ -39,9 +40,9 @@ class Simulated(Shown):
         return Context(self.run, since_start(self.run, self.result)).subjects
 
     @cached_property
-    def keys(self) -> dict[str, str]:
+    def keys(self) -> dict[str, bytes]:
         """By observer, what its theory depends on."""
-        return {label: _key(subject) for label, subject in self.subjects.items()}
+        return {label: _key(subject) + self.contents[label] for label, subject in self.subjects.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +50,7 @@ class SimulatedBench(Bench):
     """A configuration whose plant is simulated."""
 
     _promises: Memo[Promise] = field(default_factory=lambda: Memo(_PROMISES), repr=False)
+    _known: Known = field(default_factory=Known, repr=False)
 
     theory = True
 
@@ -61,7 +63,7 @@ class SimulatedBench(Bench):
         run = prepare(experiment)
         return Ready(
             run.structure.compiled,
-            lambda: Simulated(state, experiment.source, experiment, simulate_prepared(run), run),
+            lambda: Simulated(state, experiment.source, experiment, simulate_prepared(run, known=self._known), run),
         )
 
     def text(self, shown: Shown, target: Path) -> str:
@@ -105,12 +107,9 @@ def _promised(subject: Subject) -> Promise:
     return made.found if made.found is not None else Promise(reason=made.reason or "")
 
 
-def _key(subject: Subject) -> str:
-    """What an observer's theory depends on: its own block, everything but the other observers, and its run."""
+def _key(subject: Subject) -> bytes:
+    """What an observer's theory depends on beside truth and estimate: its block and all but the other observers."""
     data = subject.run.experiment.source.data
     own = {key: part for key, part in data.items() if key not in ("observers", "figures", "claims", "title")}
     text = json.dumps([own, subject.label, data["observers"][subject.label], subject.run.step], sort_keys=True)
-    digest = hashlib.sha256(text.encode())
-    for values in (subject.result.x, subject.found.xhat):
-        digest.update(values.tobytes())
-    return digest.hexdigest()
+    return hashlib.sha256(text.encode()).digest()

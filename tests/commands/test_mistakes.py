@@ -232,7 +232,7 @@ def test_a_file_of_another_kind_is_told_what_it_is(shell: Shell) -> None:
     (shell.folder / "c.yaml").write_text(CONFIG)
     assert shell("simulate", "c.yaml")[0] == 0
     code, _, err = shell("report", "results/c.h5")
-    assert (code, "this is the result of a single run, not an ensemble: hgorun compare reads it" in err) == (2, True)
+    assert (code, "this is the result of a single run, not the result of a sweep: hgorun compare" in err) == (2, True)
     code, _, err = shell("benchmark", "c.yaml")
     assert (code, "c.yaml: this is a configuration; the file of a benchmark names plants" in err) == (2, True)
     code, _, err = shell("merge", "results/d")

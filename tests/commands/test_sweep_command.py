@@ -216,7 +216,7 @@ def test_what_is_wrong_in_the_file_is_named_with_its_line(shell: Shell, text: st
 
 def test_other_commands_know_a_sweep_file(shell: Shell) -> None:
     code, _, err = shell("simulate", "s.yaml")
-    assert (code, err) == (2, "hgorun: s.yaml: this is a sweep file; hgorun sweep carries it out\n")
+    assert (code, err) == (2, "hgorun: s.yaml: this is a sweep file; hgorun sweep s.yaml carries it out\n")
 
 
 def test_a_base_may_stand_in_the_file_and_have_runs(shell: Shell) -> None:

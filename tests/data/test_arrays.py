@@ -101,9 +101,10 @@ def test_labelled_columns_of_a_result(tmp_path: Path) -> None:
         both.attrs["labels"] = ["x1", "x2"]
         both.attrs["units"] = ["g/L", "g"]
     block = {"file": "run.h5", "time": "time", "outputs": {"y": "plant/x/x2"}}
-    recording = read(Data.model_validate(block), tmp_path, units={"y": "kg"})
+    recording = read(Data.model_validate(block), tmp_path, units={"y": "g"})
     np.testing.assert_array_equal(recording.outputs["y"].values, -VALUES)
-    assert "the file says g, the model has kg" in str(recording.notes[0])
+    with pytest.raises(Problem, match=r"the file says g in .*run.h5, the model has kg"):
+        read(Data.model_validate(block), tmp_path, units={"y": "kg"})
 
 
 @pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)

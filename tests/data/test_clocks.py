@@ -119,9 +119,13 @@ def test_numbers_beside_dates_count_from_the_stated_origin(tmp_path: Path) -> No
 
 def test_a_unit_of_the_file_for_its_time_is_told(tmp_path: Path) -> None:
     content = log([repr(t) for t in TIMES.tolist()]).replace("glucose\n", "glucose\nh;g/L\n")
-    (note,) = recorded(tmp_path, content).notes
+    with pytest.raises(Problem, match=r"the file says h in .*, the run counts in s") as caught:
+        recorded(tmp_path, content)
+    assert caught.value.path == ("data", "time")
+    (note,) = recorded(tmp_path, content, {"time": {"column": "t", "unit": "s"}}).notes
     assert note.kind == "clock"
-    assert "the file says h, the run counts in s" in str(note)
+    assert "the file says h, the configuration unit: s, which is taken" in str(note)
+    assert recorded(tmp_path, content, {"time": {"column": "t", "unit": "h"}}).outputs["S"].taken[3] == TIMES[3] * 3600
 
 
 def test_signals_of_one_file_share_their_clock(tmp_path: Path) -> None:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import codecs
 import csv
 import io
+import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from logs import LOG, noisy, recorded, table
 
 from hgorun.config.data import Data
@@ -49,7 +51,7 @@ def semicolons(text: str) -> str:
         (PLAIN.replace(",", " , ").encode(), 0),
         (("# made by a logger\n\n" + PLAIN).encode(), 2),
         (("# t,glucose\n" + PLAIN.partition("\n")[2]).encode(), 0),
-        (PLAIN.replace("glucose\n", "glucose\nh,g/L\n").encode(), 1),
+        (PLAIN.replace("glucose\n", "glucose\ns,g/L\n").encode(), 1),
         (PLAIN.replace("t,glucose", '"t","glucose"').encode(), 0),
         ("\n".join(",".join(f'"{cell}"' for cell in row.split(",")) for row in PLAIN.split()).encode(), 0),
         (("\n".join(f"{row},ok \u00b0" for row in PLAIN.split()).replace("ok", "note", 1) + "\n").encode(), 0),
@@ -91,8 +93,8 @@ def test_signs_between_thousands(tmp_path: Path, sign: str, thousands: str, deci
 def test_a_unit_that_is_only_written_otherwise_is_not_told(tmp_path: Path) -> None:
     content = PLAIN.replace("glucose\n", "glucose\ns,°C\n")
     assert not recorded(tmp_path, content, units={"S": "degC"}).notes
-    (note,) = recorded(tmp_path, content, units={"S": "K"}).notes
-    assert "the file says °C" in str(note)
+    with pytest.raises(Problem, match=r'the file says °C .*column: "glucose", unit: °C. converts'):
+        recorded(tmp_path, content, units={"S": "K"})
 
 
 def test_what_is_no_group_of_three_is_no_thousand(tmp_path: Path) -> None:
@@ -208,11 +210,59 @@ def test_units_are_converted(tmp_path: Path, said: str, unit: str, model: str, e
     assert signal.unit == model
 
 
-def test_a_unit_of_the_file_that_is_not_the_models_is_told(tmp_path: Path) -> None:
+def test_a_unit_of_the_file_that_is_not_the_models_is_refused(tmp_path: Path) -> None:
     content = PLAIN.replace("glucose\n", "glucose\n[s],[mg/L]\n")
-    (note,) = recorded(tmp_path, content, units={"S": "g/L"}).notes
-    assert note.kind == "units"
-    assert "the file says mg/L, the model has g/L" in str(note)
+    with pytest.raises(Problem, match=r"the file says mg/L in .*log\.csv, the model has g/L") as caught:
+        recorded(tmp_path, content, units={"S": "g/L"})
+    assert caught.value.path == ("data", "outputs", "S")
+    for unit, factor in [("mg/L", 0.001), ("g/L", 1)]:  # whoever says the unit is believed
+        recording = recorded(
+            tmp_path, content, {"outputs": {"S": {"column": "glucose", "unit": unit}}}, units={"S": "g/L"}
+        )
+        np.testing.assert_allclose(recording.outputs["S"].values, VALUES * factor, rtol=1e-15)
+        assert [note.kind for note in recording.notes] == ["units"] * (unit == "g/L")
+    (note,) = recorded(tmp_path, content.replace("mg/L", "Skt"), units={"S": "rad"}).notes
+    assert "the file says Skt, which is not a known unit, the model has rad: taken as they are" in str(note)
+
+
+@pytest.mark.parametrize("unit", ["V", "mV"])
+def test_a_unit_of_another_kind_is_refused(tmp_path: Path, unit: str) -> None:
+    content = PLAIN.replace("glucose\n", f"glucose\n[s],[{unit}]\n")
+    with pytest.raises(
+        Problem, match=f"says {unit} .* which is of another kind, unit: g/L takes the numbers as they are"
+    ):
+        recorded(tmp_path, content, units={"S": "g/L"})
+
+
+def test_each_part_of_a_log_has_its_unit(tmp_path: Path) -> None:
+    """The second logger writes mg/L."""
+    first, second = PLAIN.replace("glucose\n", "glucose\ns,g/L\n"), "t,glucose\ns,mg/L\n100,20000\n101,21000\n"
+    (tmp_path / "later.csv").write_text(second)
+    with pytest.raises(Problem, match=r"says mg/L in .*later\.csv, the model has g/L"):
+        recorded(tmp_path, first, {"file": ["log.csv", "later.csv"]}, units={"S": "g/L"})
+
+
+def test_what_is_advised_can_be_written(tmp_path: Path) -> None:
+    """A column whose name holds what YAML writes lists with."""
+    content = PLAIN.replace("glucose", "S [%]")
+    with pytest.raises(Problem) as caught:
+        recorded(tmp_path, content, {"outputs": {"S": "S [%]"}}, units={"S": "kg/kg"})
+    advised = re.search(r"\{column.*?\}", caught.value.message)
+    assert advised is not None
+    column = yaml.safe_load(advised[0])
+    recording = recorded(tmp_path, content, {"outputs": {"S": column}}, units={"S": "kg/kg"})
+    np.testing.assert_allclose(recording.outputs["S"].values, VALUES / 100, rtol=1e-15)
+
+
+def test_empty_cells_of_several_rates_are_told_once(tmp_path: Path) -> None:
+    rows = [f"{t!r},{v!r},{v / 2!r}" for t, v in zip(TIMES.tolist(), VALUES.tolist(), strict=True)]
+    rows = [row.rsplit(",", 1)[0] + "," if k % 4 else row for k, row in enumerate(rows)]
+    rows[10] = rows[10].split(",")[0] + ",,"
+    changes = {"outputs": {"S": "glucose", "E": "ethanol"}}
+    (note,) = recorded(tmp_path, "\n".join(["t,glucose,ethanol", *rows]), changes).notes
+    told = "samples left out: the value is missing (1 of outputs.S, 30 of outputs.E)"
+    assert str(note) == f"{tmp_path / 'log.csv'}:3: {told}"
+    assert note.count == 31
 
 
 @pytest.mark.parametrize(
@@ -276,13 +326,6 @@ def test_decimal_commas_between_commas(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("column", "unit", "told"),
     [
-        (
-            "S [mg/L]",
-            None,
-            "column 'S [mg/L]': its name says mg/L, the model has g/L: taken as they are; unit: mg/L converts",
-        ),
-        ("S (mg/L)", None, "its name says mg/L"),
-        ("S in mg/L", None, "its name says mg/L"),
         ("S [mg/L]", "g/L", "its name says mg/L, the configuration unit: g/L, which is taken; is it mg/L?"),
         ("S [mg/L]", "mg/l", None),
         ("S [g/l]", None, None),
@@ -302,11 +345,17 @@ def test_a_unit_in_the_name_of_a_column_is_told_where_another_is_taken(
     assert told is None or told in str(notes[0])
 
 
+@pytest.mark.parametrize("column", ["S [mg/L]", "S (mg/L)", "S in mg/L"])
+def test_and_refused_where_nobody_says_which_is_right(tmp_path: Path, column: str) -> None:
+    told = "its name says mg/L in .*log.csv, the model has g/L: .* unit: mg/L} converts, unit: g/L takes the numbers"
+    with pytest.raises(Problem, match=told):
+        recorded(tmp_path, PLAIN.replace("glucose", column), {"outputs": {"S": column}}, units={"S": "g/L"})
+
+
 @pytest.mark.parametrize(
     ("column", "unit", "told"),
     [
         ("Zeit [min]", "h", "column 'Zeit [min]': its name says min, the configuration unit: h, which is taken"),
-        ("Zeit [min]", None, "its name says min, the run counts in h: taken as they are; unit: min converts"),
         ("Zeit (minutes)", "min", None),
         ("Zeit [h]", None, None),
         ("Zeit [local]", None, None),
@@ -317,14 +366,17 @@ def test_so_is_one_of_the_time(tmp_path: Path, column: str, unit: str | None, to
     notes = recorded(tmp_path, PLAIN.replace("t,", column + ",", 1), changes, time_unit="h").notes
     assert [note.kind for note in notes] == ["clock"] * (told is not None)
     assert told is None or told in str(notes[0])
+    told = "its name says min in .*, the run counts in h: .* unit: h takes the numbers as they are, and time.unit: min"
+    with pytest.raises(Problem, match=told):
+        recorded(tmp_path, PLAIN.replace("t,", "Zeit [min],", 1), {"time": "Zeit [min]"}, time_unit="h")
 
 
-@pytest.mark.parametrize(("column", "told"), [("T [C]", None), ("T [F]", "says degF, the model has degC")])
-def test_degrees_are_no_coulombs(tmp_path: Path, column: str, told: str | None) -> None:
-    changes = {"outputs": {"S": column}}
-    notes = recorded(tmp_path, PLAIN.replace("glucose", column), changes, units={"S": "degC"}).notes
-    assert (told is None) is (notes == ())
-    assert told is None or told in str(notes[0])
+def test_degrees_are_no_coulombs(tmp_path: Path) -> None:
+    assert not recorded(
+        tmp_path, PLAIN.replace("glucose", "T [C]"), {"outputs": {"S": "T [C]"}}, units={"S": "degC"}
+    ).notes
+    with pytest.raises(Problem, match=r"says degF in .*, the model has degC"):
+        recorded(tmp_path, PLAIN.replace("glucose", "T [F]"), {"outputs": {"S": "T [F]"}}, units={"S": "degC"})
 
 
 @pytest.mark.parametrize(

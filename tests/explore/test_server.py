@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import gc
 import json
 import os
 import re
@@ -23,12 +24,12 @@ from shell import Shell
 
 pytest.importorskip("bokeh", reason="needs hgorun[explore]")
 
-from tornado.websocket import websocket_connect
+from tornado.websocket import WebSocketClosedError, websocket_connect
 
 from hgorun import load
 from hgorun.errors import HgorunError
 from hgorun.explore.keeping import Keeper
-from hgorun.explore.server import HOST, LivePage
+from hgorun.explore.server import HOST, Channel, LivePage
 from hgorun.explore.simulated import SimulatedBench
 
 OTHERS = (
@@ -273,3 +274,33 @@ def test_ctrl_c_ends_it(tmp_path: Path, number: signal.Signals, code: int) -> No
     assert (process.returncode, out) == (code, "")
     assert "Traceback" not in err
     assert err.endswith("hgorun: the page is closed\n" if code == 0 else "no file is left half-written\n")
+
+
+class _Leaving:
+    """A connection that breaks while a message is sent."""
+
+    def is_closing(self) -> bool:
+        return False
+
+    def write_message(self, message: bytes, *, binary: bool) -> asyncio.Task[None]:
+        async def sent() -> None:
+            await asyncio.sleep(0)
+            raise WebSocketClosedError
+
+        return asyncio.ensure_future(sent())
+
+
+def test_a_page_may_go_while_it_is_told() -> None:
+    """Nothing is written to the terminal then, neither at once nor when Python tidies up."""
+    heard: list[dict[str, object]] = []
+
+    async def told() -> None:
+        asyncio.get_running_loop().set_exception_handler(lambda _, context: heard.append(context))
+        channel = Channel.__new__(Channel)
+        channel.ws_connection = _Leaving()  # type: ignore[assignment]
+        channel.give(b"numbers")
+        await asyncio.sleep(0.01)
+        gc.collect()
+
+    asyncio.run(told())
+    assert heard == []

@@ -1,0 +1,117 @@
+"""Dates that are counted in days by a workbook, and those that cannot be meant.
+
+Excel counts from 1899-12-30 (so that its days from March 1900 on are right), and from 1904-01-01 where the workbook
+says so, as those of old Macs do. A sheet that was saved as text does not say which: the two are 1462 days apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import TypeAlias, TypeVar
+
+import numpy as np
+
+from hgorun.data.cells import NAT
+
+DAY = 86_400 * 10**9
+"""In nanoseconds."""
+WORKBOOKS = {"excel": -25_569 * DAY, "excel1904": -24_107 * DAY}
+"""Day 0 of each format, in nanoseconds since 1970."""
+
+_OTHER = {"excel": "excel1904", "excel1904": "excel"}
+_UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # that programs count in since 1970
+_USUAL = np.array(["1980-01-01", "2100-01-01"], dtype="datetime64[ns]").astype(np.int64).tolist()
+_RIGHT = np.datetime64("1900-03-01", "ns").astype(np.int64)  # before it Excel's own days are off by one
+
+Span: TypeAlias = tuple[int, int]
+"""The first and the last of some dates, in nanoseconds since 1970."""
+Place = TypeVar("Place")
+
+
+def span_of(stamps: np.ndarray) -> Span | None:
+    """Of dates of which some may be missing; None where all are."""
+    there = stamps[stamps != NAT]
+    return (int(there.min()), int(there.max())) if there.size else None
+
+
+def out_of_range(value: float, form: str | None) -> str:
+    """That a number is no date of a format, and what it would be in another one."""
+    days = form in WORKBOOKS
+    expected = "a day of a workbook, 0 or more, before 2262" if days else "a date between 1678 and 2262"
+    hints = [
+        f"; with {'format: unix, ' if days else ''}unit: {unit} it would be {_day(value * size)}"
+        for unit, size in _UNITS.items()
+        if _of_our_days(value * size)
+    ]
+    return f"expected {expected}, found {value:g}{''.join(hints[:1])}"
+
+
+def odd_days(form: str, span: Span, now: int) -> str | None:
+    """What is to be told of the dates of a workbook that are before all that it counts rightly, or after today.
+
+    Parameters
+    ----------
+    form : str
+    span : (int, int)
+    now : int
+        In nanoseconds since 1970.
+    """
+    first, last = span
+    if first < _RIGHT:
+        return f"the first date is {_day(first)}: days as small as that are times of day, durations or wrong"
+    if last <= now + 2 * DAY:
+        return None
+    other = _OTHER[form]
+    earlier = last - WORKBOOKS[form] + WORKBOOKS[other]
+    hint = f"; with format: {other} it would be {_day(earlier)}" if earlier < last else ""
+    return f"the last date is {_day(last)}, after today{hint}"
+
+
+def odd_seconds(unit: int, span: Span) -> str | None:
+    """What is to be told of dates in numbers since 1970 that are not of our days and would be in another unit.
+
+    Parameters
+    ----------
+    unit : int
+        In nanoseconds.
+    span : (int, int)
+    """
+    if _of_our_days(*span):
+        return None
+    first, last = (end / unit for end in span)
+    read = {f"unit: {name}": (size, 0) for name, size in _UNITS.items()} | {"format: excel": (DAY, WORKBOOKS["excel"])}
+    for said, (size, start) in read.items():
+        if _of_our_days(first * size + start, last * size + start):
+            return f"the first date is {_day(span[0])}; with {said} it would be {_day(first * size + start)}"
+    return None
+
+
+def four_years_apart(spans: Mapping[Place, tuple[Span, str]]) -> Iterator[tuple[Place, str]]:
+    """Clocks of workbooks that share no time with the others, and would with the other day 0; and what is wrong.
+
+    Parameters
+    ----------
+    spans : mapping of Place to ((int, int), str)
+        The dates and the format of every clock.
+    """
+    for place, ((first, last), form) in spans.items():
+        others = [span for span, other in spans.values() if other != form]
+        if form not in WORKBOOKS or not others:
+            continue
+        start, stop = min(span[0] for span in others), max(span[1] for span in others)
+        moved = WORKBOOKS[_OTHER[form]] - WORKBOOKS[form]
+        if (last < start or first > stop) and last + moved >= start and first + moved <= stop:
+            yield (
+                place,
+                f"the dates begin on {_day(first)}, those of the other clocks on {_day(start)}; with "
+                f"format: {_OTHER[form]} they would begin on {_day(first + moved)}. If they are right, write them "
+                "as ISO 8601 dates",
+            )
+
+
+def _of_our_days(*nanoseconds: float) -> bool:
+    return all(_USUAL[0] <= one < _USUAL[1] for one in nanoseconds)
+
+
+def _day(nanoseconds: float) -> str:
+    return str(np.datetime64(round(nanoseconds), "ns").astype("datetime64[D]"))

@@ -1,0 +1,190 @@
+"""The clocks of all signals as one: times in the unit of the run, from one origin."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+import numpy as np
+
+from hgorun.config.data import Data
+from hgorun.data.cells import NAT, Stamps
+from hgorun.data.clocks import ClockColumn, odd_dates, origin, origin_stamp, stamps, times_since
+from hgorun.data.day_counts import four_years_apart, span_of
+from hgorun.data.named_units import AnotherUnit, time_in_name
+from hgorun.data.recording import Note, Origin
+from hgorun.data.sources import LogFile, Wanted
+from hgorun.data.table import Table
+from hgorun.data.units import alike_times
+from hgorun.errors import ConfigError, Problem
+
+
+class OneClock:
+    """The times of some signals.
+
+    Parameters
+    ----------
+    block : Data
+    signals : sequence of Wanted
+    tables : mapping of LogFile to Table
+    unit : str
+        Of the run.
+    beside : Origin, optional
+        That of another recording, from which these times are counted, too.
+
+    Attributes
+    ----------
+    times : dict of (LogFile, ClockColumn) to ndarray
+    origin : Origin
+    notes : list of Note
+        What was found.
+
+    Raises
+    ------
+    ConfigError, Problem
+        When stamps do not belong to one clock.
+    """
+
+    def __init__(
+        self,
+        block: Data,
+        signals: Sequence[Wanted],
+        tables: Mapping[LogFile, Table],
+        unit: str,
+        beside: Origin | None,
+    ) -> None:
+        self._block, self._tables, self._unit, self._beside = block, tables, unit, beside
+        self._stamps: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
+        self.notes: list[Note] = []
+        epoch, zoned = self._epoch(signals)
+        self.times = dict(self._to_times(signals, epoch))
+        self.origin = origin(unit, epoch, zoned)
+
+    def _clocks(self, signals: Sequence[Wanted]) -> Iterator[tuple[LogFile, ClockColumn]]:
+        for signal in signals:
+            for part in signal.parts:
+                yield part.file, part.time
+                if part.available is not None:
+                    yield part.file, part.available
+
+    def _epoch(self, signals: Sequence[Wanted]) -> tuple[int | None, bool]:
+        """The date that is time 0, and whether it is in UTC; None where stamps are numbers.
+
+        Raises
+        ------
+        Problem
+            When stamps do not belong to one clock.
+        """
+        clocks = list(self._clocks(signals))
+        absolute = [(file, clock) for file, clock in clocks if clock.absolute]
+        for file, clock in dict.fromkeys(clocks):
+            self.notes += self._unit_of_clock(file, clock)
+            self._stamps[file, clock] = stamps(clock, self._tables[file], self._unit)
+        self._require_one_day_0(dict.fromkeys(absolute))
+        if self._beside is not None and bool(absolute) != (self._beside.epoch is not None):
+            return self._other_clock(self._beside, clocks[0][1])
+        if not absolute:
+            return self._no_epoch()
+        number = next(((file, clock) for file, clock in clocks if not clock.absolute), None)
+        if number is not None and self._block.origin is None:
+            message = "numbers here and dates elsewhere: data.origin has to say from which date the numbers count"
+            raise Problem(number[1].path, message)
+        of_zones = {zone: place for place in reversed(absolute) for zone in _zones(place[1])}
+        zones = set(of_zones)
+        if len(zones) > 1:
+            with_one, without = (self._first_stamp(*of_zones[zone]) for zone in (True, False))
+            message = f"some dates have a time zone and others have none: {with_one} has one, {without} has none"
+            raise Problem(of_zones[False][1].path, message)
+        if self._beside is not None and self._beside.epoch is not None:
+            if zones != {bool(self._beside.zone)}:
+                here, there = ("have a", "have none") if True in zones else ("have no", "have one")
+                raise Problem(absolute[0][1].path, f"the dates {here} time zone, and those of the log {there}")
+            return int(self._beside.epoch.astype(np.int64)), zones == {True}
+        if self._block.origin is not None:
+            return origin_stamp(self._block.origin, absolute[0][1]), zones == {True}
+        found = [self._stamps[file, clock] for file, clock in absolute]
+        firsts = [int(some[some != NAT].min()) for some in found if np.any(some != NAT)]
+        if not firsts:
+            raise ConfigError("no time stamps", file=str(absolute[0][0].path))
+        return min(firsts), zones == {True}
+
+    def _require_one_day_0(self, clocks: Iterable[tuple[LogFile, ClockColumn]]) -> None:
+        """Tell dates that cannot be meant, and refuse those of workbooks that count from another day than is told."""
+        spans = {}
+        for file, clock in clocks:
+            span = span_of(self._stamps[file, clock])
+            if span is None:
+                continue
+            spans[file, clock] = span, clock.clock.format or "iso"
+            if (told := odd_dates(clock, span)) is not None:
+                key = ".".join(map(str, clock.path))
+                self.notes.append(Note(kind="clock", signal=key, file=str(file.path), message=told))
+        for (file, clock), message in four_years_apart(spans):
+            table, there = self._tables[file], self._stamps[file, clock] != NAT
+            line = int(table.lines[int(there.argmax())])
+            raise ConfigError(message, file=str(file.path), line=line, key=clock.cells.column)
+
+    def _first_stamp(self, file: LogFile, clock: ClockColumn) -> str:
+        """Where the first date of a column stands."""
+        there = self._stamps[file, clock] != NAT
+        return f"{clock.cells.column} in {file.path}, line {self._tables[file].lines[int(there.argmax())]},"
+
+    def _unit_of_clock(self, file: LogFile, clock: ClockColumn) -> Iterator[Note]:
+        """What a file says of the unit of its stamps, where it is another one than the run's.
+
+        Raises
+        ------
+        Problem
+            When the configuration does not say which of the two is right.
+        """
+        column = clock.cells.column
+        said, source = file.table.unit(column).partition(" since ")[0], "the file"
+        if not said:
+            said, source = time_in_name(column), "its name"
+        taken = clock.clock.unit or self._unit
+        if not said or clock.absolute or alike_times(said, taken):
+            return
+        another = AnotherUnit(
+            column=column,
+            file=str(file.path),
+            source=source,
+            found=said,
+            wanted=taken,
+            said=clock.clock.unit,
+            who="the run counts in",
+        )
+        try:
+            told = another.told()
+        except ValueError as error:
+            raise Problem(clock.path, f"{error}, and time.unit: {said} is right for a model in {said}") from None
+        yield Note(kind="clock", signal=".".join(map(str, clock.path)), file=str(file.path), message=told)
+
+    def _other_clock(self, beside: Origin, clock: ClockColumn) -> tuple[int | None, bool]:
+        """Numbers beside a log with dates count from the origin that is stated; else nothing relates the clocks."""
+        if beside.epoch is None:
+            raise Problem(clock.path, "dates here and numbers in the log: nothing says how they belong together")
+        if self._block.origin is None:
+            message = "numbers here and dates in the log: data.origin has to say from which date the numbers count"
+            raise Problem(clock.path, message)
+        return int(beside.epoch.astype(np.int64)), bool(beside.zone)
+
+    def _no_epoch(self) -> tuple[None, bool]:
+        if self._block.origin is not None:
+            raise Problem(("data", "origin"), "the stamps are numbers, which have their own origin")
+        return None, False
+
+    def _to_times(
+        self, signals: Sequence[Wanted], epoch: int | None
+    ) -> Iterator[tuple[tuple[LogFile, ClockColumn], np.ndarray]]:
+        """Dates become times since the origin; numbers count from there already."""
+        for file, clock in dict.fromkeys(self._clocks(signals)):
+            found = self._stamps[file, clock]
+            if clock.absolute:
+                assert epoch is not None
+                found = times_since(found, epoch, self._unit)
+            yield (file, clock), found
+
+
+def _zones(clock: ClockColumn) -> set[bool]:
+    """Whether its dates have a time zone: numbers since 1970 count in UTC."""
+    of_dates = clock.cells.zoned if isinstance(clock.cells, Stamps) else set()
+    return of_dates | ({True} if clock.clock.format == "unix" else set())
