@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 
 import yaml
 
+from hgorun.config.kinds import refuse_what_is_no_text
 from hgorun.config.nearest import near_file
 from hgorun.config.paths import at, copy, dotted, walk
 from hgorun.config.yaml_errors import LINE_BREAK, explain
@@ -121,12 +122,13 @@ def read(path: Path) -> tuple[str, Source]:
     Raises
     ------
     ConfigError
-        The file is missing, unreadable, larger than 1 MiB, not UTF-8, or not what `parse` takes.
+        The file is missing, unreadable, of another kind, larger than 1 MiB, not UTF-8, or not what `parse` takes.
     """
     file = str(path)
     try:
         with path.open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
+        refuse_what_is_no_text(content, path)
         if len(content) > MAX_BYTES:
             raise ConfigError("larger than 1 MiB: recordings belong in data files", file=file)
         text = content.decode("utf-8")

@@ -116,9 +116,12 @@ def recorded_inputs(
     if not signals:
         return None
     changes = distinct(np.concatenate([[start], *(signal.times - origin for signal in signals)]))
-    changes = changes[(changes >= start) & ((changes <= end) if last else (changes < end))]
+    changes = changes[np.searchsorted(changes, start) : np.searchsorted(changes, end, "right" if last else "left")]
     lines = [_lines(signal, changes + origin) for signal in signals]
-    levels, slopes = (np.column_stack(part) for part in zip(*lines, strict=True))
+    # of a single one no copies are made
+    levels, slopes = (
+        part[0][:, None] if len(part) == 1 else np.column_stack(part) for part in zip(*lines, strict=True)
+    )
     return RecordedInputs(changes, levels, slopes)
 
 

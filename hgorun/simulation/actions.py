@@ -44,6 +44,8 @@ class RecordedInputs:
     def at(self, times: np.ndarray) -> np.ndarray:
         """u at several times, shape (len(times), m)."""
         i = last_of(self.times, times)
+        if not self.slopes.any():
+            return np.asarray(self.levels[i] + 0.0)  # no line is at -0, as where slopes are multiplied
         return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
 
     def slopes_at(self, times: np.ndarray) -> np.ndarray:
