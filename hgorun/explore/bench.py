@@ -139,6 +139,10 @@ class Bench(ABC):
         """The same with what takes long, once nothing else is asked for; None where there is no more."""
         return None
 
+    def look_ahead(self, shown: Shown) -> bool:
+        """Do something that takes long for the first time and may be asked for next; whether there was something."""
+        return False
+
     # ---- theory, where there is some
 
     theory = False
