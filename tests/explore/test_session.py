@@ -47,6 +47,17 @@ def written(live: Live, name: str = "b.yaml") -> Path:
     return Path(told["written"])
 
 
+def test_an_order_that_is_near_is_tried_before_it_is_asked_for(file: Path) -> None:
+    live = Live(file)
+    live.worker.finish()
+    told = len(live.paper.told)
+    live.set("observers.F.r", 2)
+    assert not any("busy" in one for one in live.paper.told[told:])
+    assert {one["label"] for one in live.paper.told[-1]["theories"]} == {"F", "S"}
+    live.set("observers.F.r", 6)
+    assert live.paper.told[-2]["busy"] == "compiling new equations"
+
+
 def test_a_page_begins_with_the_file(file: Path) -> None:
     live = Live(file)
     assert sorted_digits(live.digits) == sorted_digits(numbers(simulate(load(file))))

@@ -13,6 +13,7 @@ from hgorun.analysis.convergence.premises import (
     Premises,
     dynamics_of,
     estimate_of,
+    fastest_rate_of,
     is_coarse,
     premises_of,
     require_linear,
@@ -171,10 +172,8 @@ class BoundedTransient:
 def bounded_transient_of(subject: Subject) -> BoundedTransient:
     """The bounds on the output grid."""
     theorem, p = theorem_of(subject), premises_of(subject)
-    since = subject.result.time - subject.run.time.start
-    printed, sharp = (
-        (scale * course.at(since)[None] + _floor(subject)).T for course, scale in (theorem.printed, theorem.sharp)
-    )
+    since, floor = subject.result.time - subject.run.time.start, _floor(subject)
+    printed, sharp = ((scale * course.at(since)[None] + floor).T for course, scale in (theorem.printed, theorem.sharp))
     lacking, coarse = _lacking(subject), is_coarse(subject)
     if coarse and p.lipschitz.region != "saturation" and (p.reach is None or np.any(sharp[0] > p.reach)):
         lacking.append("the output grid is too coarse to show where the slopes of phi matter")
@@ -224,7 +223,7 @@ def transient_of(subject: Subject) -> Transient:
 def _lacking(subject: Subject) -> list[str]:
     """What the theorem assumes and the run does not meet."""
     theorem, p = theorem_of(subject), premises_of(subject)
-    run, observer, late = subject.run, subject.observer, p.amplitudes.delay
+    run, late = subject.run, p.amplitudes.delay
     found = []
     if p.theta < theorem.theta_bound * (1 - 1e-9):
         found.append(f"theta = {p.theta:.4g} is below theta_bound = {theorem.theta_bound:.4g}")
@@ -241,7 +240,7 @@ def _lacking(subject: Subject) -> list[str]:
         found.append("the estimate is shown clipped, and the theorem is about what is behind it")
     if isinstance(subject.form, ChainForm) and not p.chart.identity and _clipped(subject):
         found.append("the estimate leaves its saturation, which is in x and not in z")
-    if not run.adaptive and observer.fastest_rate(subject.form) * run.step > 1:
+    if not run.adaptive and fastest_rate_of(subject) * run.step > 1:
         found.append(f"steps of {run.step:.3g} are too long for the observer's error to be followed")
     return found
 
