@@ -25,7 +25,7 @@ POLES = {
     "-0.5, -2": (-0.5, -2),
     "-0.3, -3.3": (-0.3, -3.3),
 }
-FILTERED = {  # poles of FHGO II, r = 1; delta of FHGO I
+FILTERED: dict[str, tuple[complex, ...] | float] = {  # poles of FHGO II, r = 1; delta of FHGO I
     "FHGO II, -1, -1, -1": (-1, -1, -1),
     "FHGO II, -0.35, -3 ± 3j": (-0.35, -3 + 3j, -3 - 3j),
     "FHGO II, -0.3, -4 ± 4j": (-0.3, -4 + 4j, -4 - 4j),
