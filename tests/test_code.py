@@ -6,7 +6,7 @@ from functools import cache
 from pathlib import Path
 
 import pytest
-from test_architecture import EXCEPTIONS, GRAPH, MODULES, room_of
+from test_architecture import EXCEPTIONS, MODULES, graph, room_of
 from test_architecture import PACKAGE as SOURCE
 
 from hgorun import code as subject
@@ -113,7 +113,7 @@ def test_what_code_imports_is_hashed_with_it(groups: tuple[tuple[str, ...], ...]
     missing = {
         (name, target)
         for name in own
-        for target in GRAPH[name] - own - beside
+        for target in graph()[name] - own - beside
         if (MODULES[name].relative_to(SOURCE).as_posix(), room_of(target)) not in EXCEPTIONS
         and MODULES[target].read_text().count("\n") > 1
     }
