@@ -122,7 +122,7 @@ def recorded_inputs(
     levels, slopes = (
         part[0][:, None] if len(part) == 1 else np.column_stack(part) for part in zip(*lines, strict=True)
     )
-    return RecordedInputs(changes, levels, slopes)
+    return RecordedInputs(changes, levels, slopes, held=all(signal.hold == "zero" for signal in signals))
 
 
 def _lines(signal: InputSignal, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -38,10 +38,12 @@ def test_a_band_is_as_wide_as_its_class(ages: list[float]) -> None:
     assert Band(np.zeros(0), np.array([2.0])).at(np.array(ages)).tolist() == [2.0] * len(ages)
 
 
-@pytest.mark.parametrize("slope", [0.0, 0.5])
-def test_a_recorded_input_is_on_its_line(slope: float) -> None:
+@pytest.mark.parametrize(("slope", "held"), [(0.0, True), (0.0, False), (0.5, False)])
+def test_a_recorded_input_is_on_its_line(slope: float, *, held: bool) -> None:
     times, levels = np.array([0.0, 1.0, 3.0]), np.array([4.0, -1.0, 2.0])
-    inputs = RecordedInputs(times, levels[:, None], np.full((3, 1), slope))
+    inputs = RecordedInputs(times, levels[:, None], np.full((3, 1), slope), held=held)
+    set_in_turn = [4.0, -1.0, 2.0] if held else [4.0, slope, 0.0, -1.0, slope, 1.0, 2.0, slope, 3.0]
+    assert np.concatenate(inputs.values([], before=False)).tolist() == set_in_turn
     moments = np.array([0.0, 0.5, 1.0, 2.0, 3.0, 7.0])
     since, level = np.array([0.0, 0.5, 0.0, 1.0, 0.0, 4.0]), np.array([4.0, 4.0, -1.0, -1.0, 2.0, 2.0])
     assert inputs.at(moments)[:, 0].tolist() == (level + slope * since).tolist()
