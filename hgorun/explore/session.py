@@ -12,7 +12,7 @@ from hgorun.errors import ConfigError, HgorunError, printable
 from hgorun.explore.bench import Bench, Shown
 from hgorun.explore.keeping import Keeper, command
 from hgorun.explore.numbers import promised_cells
-from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of
+from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of, words_of
 from hgorun.explore.promises import AT_ONCE as QUICK
 from hgorun.explore.promises import LATER as SLOW
 from hgorun.explore.promises import Promise
@@ -313,5 +313,6 @@ def _theory(label: str, promise: Promise, bounds: list[Bound] | None = None, sta
         names = tuple(bound.name for bound in bounds)
         kind = "" if not bounds else "bound" if bounds[0].holds else "decay"
         others = [] if names == tuple(states) else names  # coordinates that have figures of their own
-        found |= {"drawn": kind, "reason": printable(promise.reason), "others": others}
+        words = printable(words_of(promise))
+        found |= {"drawn": kind, "words": words, "reason": printable(promise.reason), "others": others}
     return found
