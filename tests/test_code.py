@@ -69,15 +69,18 @@ def test_all_else_has_a_meaning(other: str) -> None:
 
 
 # What is used by all and computes nothing: messages, files, names. How a configuration is read shows in what was read.
+# Units convert numbers of logs alone.
 WITHOUT_NUMBERS = {
     "hgorun.config.kinds",
     "hgorun.config.nearest",
     "hgorun.config.overrides",
     "hgorun.config.paths",
     "hgorun.config.plugin",
+    "hgorun.config.time_units",
     "hgorun.config.validation",
     "hgorun.config.yaml_errors",
     "hgorun.config.yaml_source",
+    "hgorun.data.units",
     "hgorun.code",
     "hgorun.errors",
     "hgorun.files",
