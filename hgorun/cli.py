@@ -10,7 +10,8 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import MISSING, Field, fields
 from inspect import Parameter, Signature, getdoc
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -255,7 +256,7 @@ def main() -> None:
     os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # looking for them takes longer than checking a configuration
     try:
         refuse_what_is_no_command(sys.argv[1:])
-        app()
+        _called(sys.argv[1:])()
     except HgorunError as error:
         say(f"hgorun: {error}")
         sys.exit(error.exit_code)
@@ -290,6 +291,16 @@ def main() -> None:
             raise  # a fault of ours, which its traceback shows
         say(f"hgorun: {where} raised {type(error).__name__}: {printable(str(error))}")
         sys.exit(PluginError.exit_code)
+
+
+def _called(words: Sequence[str]) -> typer.Typer:
+    """The program with the one command that is called, if one is: typer reads all options of those that it is given."""
+    commands = [command for command in app.registered_commands if words and command.name == words[0]]
+    if not commands:
+        return app
+    one = copy(app)
+    one.registered_commands = commands
+    return one
 
 
 def _show_warnings() -> None:

@@ -10,6 +10,16 @@ from typing import TypeAlias
 KeyPath: TypeAlias = tuple[str | int, ...]  # keys and list indices from the top of a file
 
 _LONGEST = 1_000  # characters of a message: names and values in it come from anywhere
+_UNSEEN = {
+    "\N{NO-BREAK SPACE}": "a non-breaking space",
+    "\N{NARROW NO-BREAK SPACE}": "a narrow non-breaking space",
+    "\N{FIGURE SPACE}": "a figure space",
+    "\N{THIN SPACE}": "a thin space",
+    "\N{IDEOGRAPHIC SPACE}": "an ideographic space",
+    "\N{ZERO WIDTH SPACE}": "a space of no width",
+    "\N{WORD JOINER}": "a word joiner, which has no width",
+    "\N{ZERO WIDTH NO-BREAK SPACE}": "a byte order mark",
+}  # copied from a page or a text, as a rule; they look like a space, or like nothing
 
 
 def printable(text: str) -> str:
@@ -17,10 +27,25 @@ def printable(text: str) -> str:
     return "".join(char if char.isprintable() else "\N{REPLACEMENT CHARACTER}" for char in text)
 
 
+def named_unseen(text: str) -> str:
+    """What is to be said of a character that looks like a space, or like nothing; empty where there is none.
+
+    It may stand in the text as it is, or as ``repr`` writes it.
+    """
+    for char, name in _UNSEEN.items():
+        if char in text or repr(char)[1:-1] in text:
+            return f"\N{REPLACEMENT CHARACTER} is {name} (U+{ord(char):04X}): type a plain space, or none"
+    return ""
+
+
 def _shown(text: str) -> str:
-    """A message on one line, without its middle where it is very long."""
+    """A message on one line, without its middle where it is very long; what cannot be seen in it is named."""
+    told = named_unseen(text)
+    for char in _UNSEEN if told else ():
+        text = text.replace(repr(char)[1:-1], char)
     text = printable(text.replace("\n", " "))
-    return text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}"
+    text = text if len(text) <= _LONGEST else f"{text[: _LONGEST // 2]} ... {text[-_LONGEST // 4 :]}"
+    return f"{text}{' ' if text.endswith('?') else '; '}{told}" if told else text
 
 
 class HgorunError(Exception):

@@ -39,11 +39,16 @@ class Memo(Generic[_T]):
             else:
                 return self._values[key]
             value = make()
+            self.put(key, value)
+            return value
+
+    def put(self, key: Hashable, value: _T) -> None:
+        """Keep a value, in place of the one that is known, if any."""
+        with self._lock:
             if self._fits(value):
                 self._values[key] = value
             while len(self._values) > self._size:
                 self._values.popitem(last=False)
-            return value
 
     def __contains__(self, key: Hashable) -> bool:
         with self._lock:

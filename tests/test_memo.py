@@ -35,6 +35,15 @@ def test_the_value_used_least_recently_goes_first() -> None:
     assert memo.get(2, lambda: 200) == 200
 
 
+def test_a_value_is_kept_in_place_of_the_one_before() -> None:
+    memo: Memo[int] = Memo(1, lambda value: value < 10)
+    for value in (1, 2, 30):
+        memo.put("key", value)
+    assert memo.get("key", lambda: 100) == 2
+    memo.put("other", 3)
+    assert "key" not in memo
+
+
 def test_what_raises_or_is_too_large_is_not_kept() -> None:
     memo: Memo[int] = Memo(2, lambda value: value < 10)
 

@@ -17,6 +17,7 @@ from hgorun.benchmark.parabolas import Floats
 from hgorun.benchmark.trial import Score, Trial, swing
 from hgorun.code import ENSEMBLE, RUN, code, code_of
 from hgorun.config.benchmark import BenchmarkFile, Contestant
+from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.reading import read_source
 from hgorun.config.validation import validate
 from hgorun.errors import ConfigError, HgorunError, Problem
@@ -192,6 +193,7 @@ def load_benchmark(path: str | Path) -> Benchmark:
     """
     path = Path(path)
     _, source = read_source(path)
+    refuse_file_of_another_command(source.data, path, "benchmark")
     if isinstance(source.data, dict) and {"plant", "time"} <= source.data.keys():
         message = "this is a configuration; the file of a benchmark names plants, scenarios and observers"
         raise ConfigError(message, file=str(path))

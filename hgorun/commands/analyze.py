@@ -27,7 +27,7 @@ def analyze(options: Analyze) -> int:
     """Say what theory promises for a configuration, and draw the transients that it bounds."""
     refuse_other_kinds(options.output, _FIGURES)
     page = Page.named(options.width, options.style)
-    options = replace(options, config=configuration(options.config))
+    options = replace(options, config=configuration(options.config, "analyze"))
     stem = options.config.stem
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
     run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))

@@ -30,7 +30,7 @@ def benchmark(options: Bench) -> int:
         When a file cannot be written.
     """
     refuse_other_kinds(options.output, ())
-    options = replace(options, file=configuration(options.file))
+    options = replace(options, file=configuration(options.file, "benchmark"))
     asked = load_benchmark(options.file)
     folder = (options.output or RESULTS) / asked.name
     with shown(asked.size, asked.name, "entries", show=options.text) as progress:

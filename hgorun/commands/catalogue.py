@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import json as json_text
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hgorun.commands import described
 from hgorun.commands.catalogue_options import List, Show
+from hgorun.commands.given import refuse_what_is_no_configuration
 from hgorun.config import yaml_source
 from hgorun.config.expressions import nearest
+from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.noise.base import NOISE, Noise
 from hgorun.observers.base import OBSERVERS, AnyObserver
@@ -93,6 +96,11 @@ def show(options: Show) -> int:
             print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
             return 0
     known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *metrics, *findings, *shipped]
+    if os.path.isfile(name):  # of names, also of such that no file can have
+        refuse_what_is_no_configuration(Path(name), "show")
+        read_source(name)  # which refuses most of what is no YAML
+        with_words = f"hgorun cite {name} says what it uses, hgorun analyze {name} what theory says of it"
+        raise ConfigError(f"show is for names, see hgorun list; this is a file: {with_words}", file=name)
     if name in _KINDS or f"{name}s" in _KINDS:
         raise ConfigError(f"{name!r} is a list: see hgorun list {name if name in _KINDS else f'{name}s'}")
     raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")

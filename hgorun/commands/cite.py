@@ -76,7 +76,8 @@ def cite(options: Cite) -> int:
     if options.output is not None and options.output.suffix.lower() not in _BIBTEX:
         raise ConfigError(f"--output: expected a file .bib, found {options.output}")
     refuse_other_kinds(options.output, _BIBTEX)
-    found = uses(configuration(options.config), options.run)
+    made = is_result(options.config) or is_sweep(options.config)
+    found = uses(options.config if made else configuration(options.config, "cite"), options.run)
     entries = publications(found)
     if options.output is not None:
         before = there([options.output])

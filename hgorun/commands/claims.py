@@ -22,7 +22,7 @@ UNEXPECTED = 3
 def claims(options: Claims) -> int:
     """Measure the chosen claims, all by default."""
     refuse_other_kinds(options.output, ())
-    works = choose(own_first(options.names), Folders.below(options.output), figures=False, claims=True)
+    works = choose(own_first(options.names, "claims"), Folders.below(options.output), figures=False, claims=True)
     outcomes = pool.run_all(works, workers=options.jobs, show=options.text)
     found: list[tuple[str, str, Verdict]] = []
     for work, outcome in zip(works, outcomes, strict=True):

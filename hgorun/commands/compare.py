@@ -57,7 +57,7 @@ def compare(options: Compare) -> int:
         if is_result(path):
             loaded.append(read(path))
         else:
-            loaded += [prepare(experiment) for experiment in _single(configuration(path), options)]
+            loaded += [prepare(experiment) for experiment in _single(configuration(path, "compare"), options)]
         files += [str(path)] * (len(loaded) - len(files))
     results = [s if isinstance(s, Result) else run_with_progress(s, show=options.text) for s in loaded]
     predicted = _predicted(loaded, results) if options.analyze else []

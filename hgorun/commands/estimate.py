@@ -13,6 +13,7 @@ from hgorun.commands.inputs import configuration
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_no_csv, refuse_other_kinds, there, written
+from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
@@ -32,8 +33,9 @@ def estimate(options: Estimate) -> int:
     refuse_no_csv("--export-csv", options.export_csv)
     refuse_no_csv("--export-samples", options.export_samples)
     page = Page.named(options.width, options.style)
-    options = replace(options, config=configuration(options.config))
+    options = replace(options, config=configuration(options.config, "estimate"))
     text, source = read_source(options.config, options.overrides, seed=options.seed)
+    refuse_file_of_another_command(source.data, options.config)
     source, name = one_run(source, options.config, options.run)
     if "-" in options.data:
         from hgorun.commands.stream import follow
@@ -59,9 +61,11 @@ def estimate(options: Estimate) -> int:
         files = pool.submit(log.open)
         # what takes longest to import, while machine code reads the files
         from hgorun.commands.remarks import warn
+        from hgorun.estimate.completed import ready
         from hgorun.estimate.estimate import estimate as estimated
         from hgorun.estimate.long_log import estimate_into
 
+        ready(source)
         recording, aside = _held_out(log, log.read(files.result), options)
     before = there([target, *([] if options.export_csv is None else [options.export_csv])])
     remove_leftovers(target.parent)

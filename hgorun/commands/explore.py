@@ -30,7 +30,7 @@ _YAML = {".yaml", ".yml"}
 def explore(options: Explore) -> int:
     """Serve a page of a configuration until Ctrl-C."""
     refuse_other_kinds(options.output, _YAML)
-    config = configuration(options.config)
+    config = configuration(options.config, "explore")
     bench = bench_of(config, options.overrides, seed=options.seed, run=options.run)
     try:
         from hgorun.explore.server import LivePage

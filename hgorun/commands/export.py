@@ -33,7 +33,7 @@ def export(options: Export) -> int:
         raise ConfigError(f"--lang: expected one of {', '.join(_LANGUAGES)}, found {options.lang!r}")
     if options.output is not None and options.output.is_file():
         raise ConfigError(f"--output: {options.output} is a file; name a folder")
-    options = replace(options, config=configuration(options.config))
+    options = replace(options, config=configuration(options.config, "export"))
     in_c = options.lang == "c"
     _version(options)
     if options.fmu and not in_c:

@@ -21,7 +21,7 @@ def figures(options: Figures) -> int:
     refuse_other_kinds(options.output, ())
     folders = Folders.below(options.output)
     page = {"width": options.width, "style": options.style}
-    works = choose(own_first(options.names), folders, figures=True, claims=options.report, **page)
+    works = choose(own_first(options.names, "figures"), folders, figures=True, claims=options.report, **page)
     reasons = [work.stale_figures for work in works]
     outcomes = pool.run_all(works, workers=options.jobs, show=options.text)
     rows = [row for made in zip(works, outcomes, reasons, strict=True) for row in _rows(*made)]

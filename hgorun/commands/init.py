@@ -117,6 +117,7 @@ def _experiment(name: str, options: Init) -> int:
     matches = [file for path, file in shipped.items() if name in (path, Path(path).name)]
     if not matches:
         known = [*shipped, *(Path(p).name for p in shipped), *examples()]
+        _refuse_files(name)
         plant = f" To start with the plant: hgorun init --plant {name}" if name in PLANTS.names() else ""
         raise ConfigError(
             f"no experiment is called {name!r}.{nearest(name, known)}{plant or ' See hgorun list experiments'}"
@@ -126,6 +127,18 @@ def _experiment(name: str, options: Init) -> int:
     _write(copies, schema, force=options.force)
     print(f"try: hgorun simulate {folder / matches[0].name}")
     return 0
+
+
+def _refuse_files(name: str) -> None:
+    """Say what would be right where a file is named, and not an experiment."""
+    path = Path(name)
+    if path.suffix.lower() in (".yaml", ".yml"):
+        shipped = next((n for n in experiments() if path.stem in (n, Path(n).name)), None)
+        copied = f"`hgorun init {path.stem}` copies the experiment {shipped}, and " if shipped is not None else ""
+        written = f"`hgorun init --plant NAME -o {name}` writes one"
+        raise ConfigError(f"{name} names a file, and init copies experiments: {copied}{written}")
+    if path.is_file():
+        raise ConfigError(f"{name} is a file, and init copies experiments: see hgorun list experiments")
 
 
 def _example(name: str, options: Init) -> int:

@@ -6,24 +6,28 @@ import os
 from collections.abc import Sequence
 from pathlib import Path
 
+from hgorun.commands.given import refuse_what_is_no_configuration
 from hgorun.commands.outputs import RESULT_SUFFIXES
+from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.process import say
 
 SUFFIXES = (".yaml", ".yml")
 
 
-def configuration(path: Path) -> Path:
-    """A configuration: the file, or where there is none of that name, the experiment that hgorun brings under it.
+def configuration(path: Path, command: str) -> Path:
+    """A configuration for a command: the file, or where there is none of that name, the experiment that hgorun brings.
 
     As with TeX, a file here with the suffix that the name lacks comes before the one that is brought along.
 
     Raises
     ------
     ConfigError
-        For the name of an experiment with the suffix of a file that is not there: it says how to get that.
+        For a result or a recording, which other commands take, and for the name of an experiment with the suffix of a
+        file that is not there: it says how to get that.
     """
     if os.path.exists(path):  # of a name that is too long, too, there is none
+        refuse_what_is_no_configuration(path, command)
         return path
     from hgorun.reproduce.shipped import experiments
 
@@ -55,12 +59,23 @@ def with_suffix(path: Path) -> Path | None:
     return own
 
 
-def own_first(names: Sequence[str]) -> list[str]:
-    """Names of figures and experiments, with a file here in the place of an experiment that is called alike."""
+def own_first(names: Sequence[str], command: str) -> list[str]:
+    """Names of figures and experiments, with a file here in the place of an experiment that is called alike.
+
+    Raises
+    ------
+    ConfigError
+        For a file that is no configuration.
+    """
     from hgorun.reproduce.shipped import experiments
 
     known = experiments()
     short = {Path(name).name for name in known}
+    for name in names:
+        if Path(name).suffix not in SUFFIXES and os.path.isfile(name) and name not in known:
+            refuse_what_is_no_configuration(Path(name), command)
+            read_source(name)  # which refuses most of what is no YAML
+            raise ConfigError(f"{command} takes figures, experiments, and files whose names end in .yaml", file=name)
     return [str((with_suffix(Path(n)) if n in known or n in short else None) or n) for n in names]
 
 

@@ -85,7 +85,7 @@ def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tu
     runs: list[PreparedRun] = []
     targets: list[Path] = []
     ensembles: list[tuple[Run, Path]] = []
-    paths = [configuration(path) for path in options.configs]
+    paths = [configuration(path, "simulate") for path in options.configs]
     for path, name in zip(paths, numbered([path.stem for path in paths]), strict=True):
         single, several = experiments_of(path, options)
         folder = options.output or RESULTS

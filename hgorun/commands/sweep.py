@@ -32,7 +32,7 @@ from hgorun.tables.layout import reflowed
 def sweep(options: Sweep) -> int:
     """Carry out what is missing of ensembles, and collect the file of each when nothing is missing."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
-    options = replace(options, file=configuration(options.file))
+    options = replace(options, file=configuration(options.file, "sweep"))
     part = None if options.part is None else Part.read(options.part)
     executor, jobs = _executor(options)
     if options.collect and (part is not None or options.fresh):

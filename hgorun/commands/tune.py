@@ -44,7 +44,7 @@ def tune(options: Tune) -> int:
         When no gains that were tried keep their estimate and meet the limits, or a file cannot be written.
     """
     refuse_other_kinds(options.output, ())
-    options = replace(options, config=configuration(options.config))
+    options = replace(options, config=configuration(options.config, "tune"))
     text, source = read_source(options.config, options.overrides)
     if isinstance(source.data, dict) and {"data", "tune"} <= source.data.keys():
         from hgorun.commands.tune_data import tune_data

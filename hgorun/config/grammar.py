@@ -17,7 +17,7 @@ from keyword import iskeyword
 from typing import SupportsFloat, TypeAlias
 
 from hgorun.config.nearest import nearest
-from hgorun.errors import printable
+from hgorun.errors import named_unseen, printable
 
 MAX_LENGTH = 2_000
 MAX_NESTING = 100
@@ -194,6 +194,8 @@ def _foreign(token: str) -> str:
     if token.isascii():
         hint = _HINTS.get(token, "operators are + - * / ** < <= > >= == != and or not")
         return f"`{short(token)}` is not in the grammar: {hint}"
+    if told := named_unseen(token):
+        return told
     name = unicodedata.name(token, "no character")
     hint = _LOOKALIKES.get(token) or name.partition("GREEK SMALL LETTER ")[2].lower()
     return f"`{short(token)}` (U+{ord(token):04X}, {name}) is not ASCII" + (f": write `{hint}`" if hint else "")

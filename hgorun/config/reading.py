@@ -25,11 +25,6 @@ def read_source(path: str | Path, overrides: Sequence[str] = (), *, seed: int | 
     if isinstance(overrides, str):
         raise ConfigError(f"overrides: expected a list, such as [{overrides!r}], found the text {overrides!r}")
     path = Path(path)
-    if path.suffix.lower() in {".h5", ".hdf5", ".nc"}:
-        raise ConfigError("this is a result file; hgorun compare reads it", file=str(path))
-    if path.suffix.lower() in {".csv", ".tsv", ".parquet"} and path.is_file():
-        message = f"this is a log, not a configuration: hgorun estimate CONFIG {path} runs observers on it"
-        raise ConfigError(message, file=str(path))
     text, source = _read(path)
     source = extended(source, path)
     for assignment in overrides:

@@ -58,7 +58,7 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         file, line = source.where(where)
         candidates.append((line, where, file, _sentence(item) + _meaning(item, model) + _kind(item, where)))
     line, where, file, message = min(candidates, key=lambda c: c[0])
-    return ConfigError(message, file=file, line=line, key=".".join(map(str, where)) or None)
+    return ConfigError(message, file=file, line=line, key=".".join(map(str, source.written(where))) or None)
 
 
 def _kind(item: ErrorDetails, where: KeyPath) -> str:

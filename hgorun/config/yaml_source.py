@@ -15,10 +15,11 @@ from typing import Any, TypeAlias
 
 import yaml
 
+from hgorun.config.kinds import refuse_what_is_no_text
 from hgorun.config.nearest import near_file
 from hgorun.config.paths import at, copy, dotted, walk
 from hgorun.config.yaml_errors import LINE_BREAK, explain
-from hgorun.errors import ConfigError, KeyPath, Problem
+from hgorun.errors import ConfigError, KeyPath, Problem, named_unseen
 
 Place: TypeAlias = tuple[str, int]
 
@@ -79,6 +80,12 @@ class Source:
         around = (path[:length] for length in range(len(path), -1, -1))
         return next((self.positions[p] for p in around if p in self.positions), ("", 0))
 
+    def told(self, path: KeyPath) -> str:
+        """Where something was written and its key, as messages begin: ``file:line: key``, as far as it is known."""
+        file, line = self.where(path)
+        name = file if file.startswith("--set ") else f"{Path(file).name}:{line}"
+        return ": ".join([name] * bool(file) + [dotted(path) or ""])
+
     def written(self, path: KeyPath) -> KeyPath:
         """The path as far as it is a mapping's or a list's: what is below a single value stands at its key."""
         part = self.data
@@ -115,12 +122,13 @@ def read(path: Path) -> tuple[str, Source]:
     Raises
     ------
     ConfigError
-        The file is missing, unreadable, larger than 1 MiB, not UTF-8, or not what `parse` takes.
+        The file is missing, unreadable, of another kind, larger than 1 MiB, not UTF-8, or not what `parse` takes.
     """
     file = str(path)
     try:
         with path.open("rb") as stream:
             content = stream.read(MAX_BYTES + 1)
+        refuse_what_is_no_text(content, path)
         if len(content) > MAX_BYTES:
             raise ConfigError("larger than 1 MiB: recordings belong in data files", file=file)
         text = content.decode("utf-8")
@@ -159,6 +167,9 @@ def parse(text: str, file: str) -> Source:
             builder.take(event)
     except yaml.YAMLError as error:
         sentence, line = explain(error, text, builder.bracket)
+        for number in (line, line - 1):  # a line that only looks indented is noticed at the next one
+            if number and (told := named_unseen(LINE_BREAK.split(text)[number - 1])):
+                raise ConfigError(f"{sentence}; {told}", file=file, line=number) from error
         raise ConfigError(sentence, file=file, line=line) from error
     if not builder.root:
         raise ConfigError("the file is empty; `hgorun init` copies an example to start from", file=file)

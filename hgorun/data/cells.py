@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from calendar import monthrange
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -32,6 +33,8 @@ _WORD = 40  # characters of a text that may mean a missing value
 _TRUTH = {"true": 1.0, "false": 0.0}
 _EPOCH = datetime(1970, 1, 1)
 _SECOND = timedelta(seconds=1)
+_MONTHS = 12
+_OTHER_FORM = '; a date with the day before the month needs its pattern, such as format: "%Y-%d-%m"'
 
 Reader: TypeAlias = Callable[[str], float | int]
 """From the text of a cell to its value; a ValueError says what is wrong with it."""
@@ -184,12 +187,27 @@ def iso_stamp(text: str) -> tuple[int, bool]:
         )
     midnight = hour == "24" and not int(minute or 0) and not int(second or 0) and not int(digits or 0)
     clock = 0 if midnight else int(hour or 0), int(minute or 0), int(second or 0)
-    try:
-        moment = datetime(int(year), int(month), int(day), *clock)
-    except ValueError as error:
-        raise ValueError(f"{describe(text)}: {error}") from None
+    if wrong := _impossible((int(year), int(month), int(day)), clock):
+        raise ValueError(f"{describe(text)}: {wrong}")
+    moment = datetime(int(year), int(month), int(day), *clock)
     seconds = (moment - _EPOCH) // _SECOND - _offset(zone) + 86_400 * midnight  # 24:00 ends the day
     return _in_range(seconds * 10**9 + int((digits or "0").ljust(9, "0")), text), zone is not None
+
+
+def _impossible(date: tuple[int, int, int], clock: tuple[int, int, int]) -> str:
+    """What is not in the calendar, or on a clock; empty where all is."""
+    year, month, day = date
+    if not 1 <= month <= _MONTHS:
+        turned = 1 <= day <= _MONTHS and month <= monthrange(year or 1, day)[1]
+        return f"there is no month {month}" + (_OTHER_FORM if turned else "")
+    if year == 0:
+        return "there is no year 0"
+    if not 1 <= day <= (days := monthrange(year, month)[1]):
+        return f"there is no day {day} in a month of {days} days"
+    for name, value, most in zip(("hour", "minute", "second"), clock, (23, 59, 59), strict=True):
+        if value > most:
+            return f"there is no {name} {value}: the last is {most}"
+    return ""
 
 
 def _offset(zone: str | None) -> int:

@@ -23,7 +23,7 @@ from hgorun.ensemble.collected import Trajectories
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.found import Block
 from hgorun.ensemble.layout import MEMBER, Column, Layout
-from hgorun.ensemble.reading import FORMAT, QUANTITIES
+from hgorun.ensemble.reading import QUANTITIES
 from hgorun.ensemble.recipe import written
 from hgorun.ensemble.rows import batches, part
 from hgorun.ensemble.store import COLLECTED, Store
@@ -31,6 +31,7 @@ from hgorun.ensemble.trajectories import chosen, follow
 from hgorun.errors import HgorunError
 from hgorun.files import json_value, remove_leftovers, write_text
 from hgorun.observers.capabilities import FilterOrder
+from hgorun.result.forms import SWEEP
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.sink import hdf5_written_whole
 from hgorun.result.status import STATUSES
@@ -113,7 +114,7 @@ def _attributes(store: Store) -> dict[str, Any]:
     ensemble, base = store.ensemble, store.ensemble.base
     units = {"time": base.blocks.time.unit, **base.plant.units}
     return {
-        "format": FORMAT,
+        "format": SWEEP,
         "Conventions": "CF-1.8",
         "name": ensemble.name,
         "title": ensemble.title or base.blocks.title,

@@ -15,10 +15,10 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Trajectories, last_point
 from hgorun.errors import ConfigError, printable
+from hgorun.result.forms import SWEEP, not_this
 from hgorun.result.status import STATUSES
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, opened
 
-FORMAT = "hgorun-sweep-1"
 QUANTITIES = "quantities"
 
 
@@ -29,7 +29,7 @@ def is_sweep(path: Path) -> bool:
     if not path.is_file() or path.suffix.lower() not in {".h5", ".nc", ".hdf5"}:
         return False
     try:
-        return bool(opened(path, LARGEST, lambda file: file.attrs.get("format") == FORMAT))
+        return bool(opened(path, LARGEST, lambda file: file.attrs.get("format") == SWEEP))
     except ConfigError:
         return False  # whoever reads it says what is wrong
 
@@ -70,10 +70,8 @@ class _Reader(StoredFile):
 
     def collected(self) -> Collected:
         form = self.file.attrs.get("format")
-        if isinstance(form, str) and form.startswith("hgorun-result"):
-            raise self.error("this is the result of a single run, not an ensemble: hgorun compare reads it")
-        if not isinstance(form, str) or form != FORMAT:
-            raise self.error(f"not the file of an ensemble: attribute format is {form!r}, expected {FORMAT!r}")
+        if not isinstance(form, str) or form != SWEEP:
+            raise self.error(not_this(form, SWEEP, self.path))
         observers, states = self.words("observer"), self.words("state")
         *dimensions, last = self.dimensions("status") or [""]
         if last != "observer":

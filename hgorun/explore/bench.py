@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+
+import numpy as np
 
 from hgorun.config.yaml_source import Source
 from hgorun.explore.knobs import Knob, by_name
@@ -34,6 +37,20 @@ class Shown:
     said: Source
     experiment: Experiment
     result: Result
+
+    @cached_property
+    def truths(self) -> dict[str | None, bytes]:
+        """Digests of the simulated plant, under None, and of what each observer estimates."""
+        result = self.result
+        found: dict[str | None, bytes] = {None: _digest(result.time, result.x)}
+        for label in result.observers:
+            found[label] = _digest(result.time, result.truth_of(label)) if result.closed_loop else found[None]
+        return found
+
+    @cached_property
+    def contents(self) -> dict[str, bytes]:
+        """By observer, digests of its estimate and of what it estimates."""
+        return {label: self.truths[label] + _digest(one.xhat) for label, one in self.result.observers.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,6 +139,10 @@ class Bench(ABC):
         """The same with what takes long, once nothing else is asked for; None where there is no more."""
         return None
 
+    def look_ahead(self, shown: Shown) -> bool:
+        """Do something that takes long for the first time and may be asked for next; whether there was something."""
+        return False
+
     # ---- theory, where there is some
 
     theory = False
@@ -137,3 +158,10 @@ class Bench(ABC):
     def limits(self, shown: Shown, label: str, names: Sequence[str]) -> Promise:
         """Findings that take longer, by their names."""
         return Promise()
+
+
+def _digest(*arrays: np.ndarray) -> bytes:
+    found = hashlib.sha256()
+    for values in arrays:
+        found.update(values.tobytes())
+    return found.digest()

@@ -5,26 +5,36 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from hgorun.explore.bench import Shown
 from hgorun.explore.numbers import Table, metrics_table, scores_table
 from hgorun.explore.promises import Promise
+from hgorun.explore.traces import POINTS, positive, trace_of, truth_of, window
 from hgorun.figures.actors import cast, texts
-from hgorun.figures.data import Curve, finite, magnitude_limits, moving_maximum, state_limits, thinned
+from hgorun.figures.data import (
+    Curve,
+    finite,
+    limits_about,
+    limits_of_sizes,
+    magnitude_limits,
+    moving_maximum,
+    state_limits,
+    thinned,
+)
 from hgorun.figures.looks import Look, looks
-from hgorun.figures.panels import moving_window
+from hgorun.memo import Memo, same
 from hgorun.result.recorded import Recorded, RecordedOutput
 from hgorun.result.result import Result
 from hgorun.tables.typeset import printable
 
-_POINTS = 800  # of a curve: two for every pixel of its figure, about
 _SAMPLES = 600
 
 Limits = tuple[float, float]
 NOTHING = Curve(np.zeros(0), np.zeros(0))
+_BOUNDS: Memo[list[Bound]] = Memo(64)  # of what has been promised
 
 
 @dataclass(frozen=True)
@@ -84,9 +94,9 @@ def picture_of(shown: Shown) -> Picture:
     result = shown.result
     said = [*result.troubles(), *result.remarks]
     recorded = result.recorded
-    panel = _panel if recorded is None else partial(_estimated, recorded)
+    panel = partial(_panel, shown) if recorded is None else partial(_estimated, recorded, result)
     return Picture(
-        panels=tuple(panel(result, i) for i in range(len(result.states))),
+        panels=tuple(panel(i) for i in range(len(result.states))),
         innovations=() if recorded is None else tuple(_innovation(result, *one) for one in recorded.outputs.items()),
         table=metrics_table(result) if recorded is None else scores_table(result),
         time_unit=result.units.get("time", ""),
@@ -95,41 +105,31 @@ def picture_of(shown: Shown) -> Picture:
     )
 
 
-def _panel(result: Result, i: int) -> Panel:
-    name = result.states[i]
-    truth = finite(result.time, result.x[:, i])
-    estimates: dict[str, Curve] = {}
-    errors: dict[str, Curve] = {}
-    own: dict[str, Curve] = {}
-    sound: list[np.ndarray] = []
-    lost: list[np.ndarray] = []
-    sizes: list[np.ndarray] = []
-    for label, observer in result.observers.items():
-        if name in observer.unestimated:
-            continue
-        estimate = finite(result.time, observer.xhat[:, i])
-        with np.errstate(over="ignore"):
-            error = finite(result.time, np.abs(observer.xhat[:, i] - result.truth_of(label)[:, i]))
-        largest = moving_maximum(error, _window(result))
-        (lost if observer.lost else sound).append(estimate.v)
-        if not observer.lost:
-            sizes.append(largest.v)
-        estimates[label], errors[label] = thinned(estimate, _POINTS), _positive(thinned(largest, _POINTS))
-        if result.closed_loop:
-            own[label] = thinned(finite(result.time, result.truth_of(label)[:, i]), _POINTS)
-    truths = [truth.v, *(curve.v for curve in own.values())]
-    limits = _round_about(*(state_limits(truths, sound, lost) or (0.0, 1.0)))
+def _panel(shown: Shown, i: int) -> Panel:
+    result = shown.result
+    name, truth = result.states[i], truth_of(shown, i)
+    estimating = {label: one for label, one in result.observers.items() if name not in one.unestimated}
+    traces = {label: trace_of(shown, label, i) for label in estimating}
+    own = {label: truth_of(shown, i, label) for label in traces if result.closed_loop}
+    lost = [trace.spread for label, trace in traces.items() if estimating[label].lost]
+    sound = [trace for label, trace in traces.items() if not estimating[label].lost]
+    spreads = [one.spread for one in (truth, *own.values())], [trace.spread for trace in sound]
+    limits = _round_about(*(limits_about(*spreads, lost) or (0.0, 1.0)))
+    sizes = [trace.size for trace in sound if trace.size]
+    errors = {label: trace.error for label, trace in traces.items()}
+    of_errors = limits_of_sizes(sizes) or magnitude_limits([], [curve.v for curve in errors.values()]) or (1e-3, 1.0)
+    estimates = {label: trace.estimate for label, trace in traces.items()}
     measured = _measured(result, name)
     return Panel(
         name=name,
         unit=result.units.get(name, ""),
-        truth=thinned(truth, _POINTS),
+        truth=truth.curve,
         measured=thinned(measured, _SAMPLES),
         estimates=estimates,
         errors=errors,
-        own_truths=own,
+        own_truths={label: one.curve for label, one in own.items()},
         limits=limits,
-        error_limits=magnitude_limits(sizes, [c.v for c in errors.values()]) or (1e-3, 1.0),
+        error_limits=of_errors,
         beyond=(*_cut(name, estimates, limits), *_cut_samples(name, measured, limits)),
     )
 
@@ -145,7 +145,7 @@ def _estimated(recorded: Recorded, result: Result, i: int) -> Panel:
             continue
         estimate = finite(result.time, observer.xhat[:, i])
         (lost if observer.lost else sound).append(estimate.v)
-        estimates[label] = thinned(estimate, _POINTS)
+        estimates[label] = thinned(estimate, POINTS)
     outputs = [recorded.outputs[output] for output in result.outputs_of(name)]
     measured = _joined([(one.taken, one.y) for one in outputs])
     names = dict.fromkeys((name, *result.outputs_of(name)))
@@ -178,7 +178,7 @@ def _innovation(result: Result, name: str, output: RecordedOutput) -> Panel:
         unit=result.units.get(name, ""),
         truth=NOTHING,
         measured=NOTHING,
-        estimates={label: thinned(curve, _POINTS) for label, curve in curves.items()},
+        estimates={label: thinned(curve, POINTS) for label, curve in curves.items()},
         errors={},
         own_truths={},
         limits=limits,
@@ -195,18 +195,6 @@ def _joined(parts: Sequence[tuple[np.ndarray, np.ndarray]]) -> Curve:
     order = np.argsort(t, kind="stable")
     order = order[np.isfinite(v[order])]
     return Curve(t[order], v[order])
-
-
-def _window(result: Result) -> int:
-    """Points of the moving window of errors."""
-    if len(result.time) < 2:
-        return 1
-    return round(moving_window(result) / float(result.time[1] - result.time[0]))
-
-
-def _positive(curve: Curve) -> Curve:
-    """What a logarithmic axis can show; the rest is a gap."""
-    return Curve(curve.t, np.where(curve.v > 0, curve.v, np.nan))
 
 
 def _measured(result: Result, name: str) -> Curve:
@@ -262,11 +250,23 @@ class Bound:
     bound: Curve
     holds: bool
 
-    @property
+    @cached_property
     def limits(self) -> Limits | None:
         """Between which an axis shows the error."""
         known = self.error.v[np.isfinite(self.error.v)]
         return magnitude_limits([known], [])
+
+
+def words_of(promise: Promise) -> str:
+    """What is drawn of a theorem, with its equation and what the run lacks; empty where there is none."""
+    transient = promise.transient
+    if transient is None or not transient.equation:
+        return ""
+    bound = f"the bound {transient.equation} of Robles Magdaleno 2023"
+    if transient.holds:
+        return f"dashed, {bound}, whose assumptions this run meets"
+    how = "nothing is drawn of" if transient.nominal is None else "dotted, the decay without delay and noise of"
+    return f"{how} {bound}, which does not hold: {'; '.join(transient.lacking)}"
 
 
 def bounds_of(label: str, promise: Promise, result: Result) -> list[Bound]:
@@ -274,15 +274,20 @@ def bounds_of(label: str, promise: Promise, result: Result) -> list[Bound]:
 
     As of errors, the largest in a moving window.
     """
+    points = window(result)
+    return _BOUNDS.get((label, same(promise), points), lambda: _bounds(label, promise, points))
+
+
+def _bounds(label: str, promise: Promise, points: int) -> list[Bound]:
     transient = promise.transient
     if transient is None:
         return []
     values = transient.bound if transient.holds else transient.nominal
     if values is None:
         return []
-    points, found = _window(result), []
+    found = []
     for i, name in enumerate(transient.names):
         curves = [finite(transient.time, one[:, i]) for one in (transient.error, values)]
-        error, bound = (_positive(thinned(moving_maximum(curve, points), _POINTS)) for curve in curves)
+        error, bound = (positive(thinned(moving_maximum(curve, points), POINTS)) for curve in curves)
         found.append(Bound(name, label, error, bound, transient.holds))
     return found

@@ -119,7 +119,8 @@ class Lines:
         """Give a line its points, or none; one that stays as it is costs nothing."""
         shown = self._shown.get(name, NOTHING)
         curve = NOTHING if curve is None else curve
-        if not all(np.array_equal(one, other, equal_nan=True) for one, other in zip(shown, curve, strict=True)):
+        pairs = zip(shown, curve, strict=True)
+        if not all(one is other or np.array_equal(one, other, equal_nan=True) for one, other in pairs):
             self._shown[name] = curve
             self._changes.curve(self._sources[name], curve)
 

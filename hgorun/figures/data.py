@@ -28,6 +28,42 @@ class Curve(NamedTuple):
     v: np.ndarray
 
 
+class Spread(NamedTuple):
+    """What the limits of an axis of states follow from: where a curve begins, and between what values it lies.
+
+    Attributes
+    ----------
+    central : (low, high)
+        Between which it lies but for a hundredth at either end.
+    """
+
+    start: float
+    low: float
+    high: float
+    central: tuple[float, float]
+
+    @classmethod
+    def of(cls, v: np.ndarray) -> Spread | None:
+        """None of a curve without points."""
+        if not v.size:
+            return None
+        a, b = np.quantile(v, (0.01, 0.99))
+        return cls(float(v[0]), float(v.min()), float(v.max()), (float(a), float(b)))
+
+
+class Size(NamedTuple):
+    """What the limits of a logarithmic axis follow from: the largest value, and what a hundredth lies below."""
+
+    usual: float
+    high: float
+
+    @classmethod
+    def of(cls, v: np.ndarray) -> Size | None:
+        """None of a curve without positive values."""
+        v = v[v > 0]
+        return cls(float(np.quantile(v, 0.01)), float(v.max())) if v.size else None
+
+
 def finite(t: np.ndarray, v: np.ndarray) -> Curve:
     """The first stretch of numbers that axes can show."""
     known = np.abs(v) <= LARGEST_NUMBER
@@ -106,21 +142,28 @@ def state_limits(
     tuple of float, or None
         None where nothing is drawn.
     """
-    spans = [(float(v.min()), float(v.max())) for v in truths if v.size]
-    central = [np.quantile(v, (0.01, 0.99)) for v in healthy if v.size]
+    return limits_about([*map(Spread.of, truths)], [*map(Spread.of, healthy)], [*map(Spread.of, lost)])
+
+
+def limits_about(
+    truths: Sequence[Spread | None], healthy: Sequence[Spread | None], lost: Sequence[Spread | None]
+) -> tuple[float, float] | None:
+    """As :func:`state_limits`, from what is known of the curves; None of one without points."""
+    spans = [(v.low, v.high) for v in truths if v]
+    central = [v.central for v in healthy if v]
     if not spans:  # without a truth
-        spans = [(float(a), float(b)) for a, b in central] or [(float(v[0]), float(v[0])) for v in lost if v.size]
+        spans = central or [(v.start, v.start) for v in lost if v]
     if not spans:
         return None
     floor, ceiling = min(a for a, _ in spans), max(b for _, b in spans)
-    scale = max(ceiling - floor, _lower_median([float(b - a) for a, b in central])) or abs(ceiling) or 1.0
+    scale = max(ceiling - floor, _lower_median([b - a for a, b in central])) or abs(ceiling) or 1.0
     reach = _ALONE if len(healthy) + len(lost) <= 1 else _BESIDE
     low, high = floor, ceiling
     for values, times in ((healthy, reach), (lost, _DIVERGED)):
         for v in values:
-            if v.size:
-                low = min(low, max(float(v.min()), floor - times * scale))
-                high = max(high, min(float(v.max()), ceiling + times * scale))
+            if v:
+                low = min(low, max(v.low, floor - times * scale))
+                high = max(high, min(v.high, ceiling + times * scale))
     return _with_margin(low, high)
 
 
@@ -144,11 +187,16 @@ def error_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) -> t
 
 def magnitude_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) -> tuple[float, float] | None:
     """Range of a logarithmic panel: two to eight decades; small errors may leave it for a moment."""
-    used = [v[v > 0] for v in healthy if np.any(v > 0)] or [v[v > 0] for v in lost if np.any(v > 0)]
-    if not used:
+    known = [size for size in map(Size.of, healthy) if size] or [size for size in map(Size.of, lost) if size]
+    return limits_of_sizes(known)
+
+
+def limits_of_sizes(sizes: Sequence[Size]) -> tuple[float, float] | None:
+    """As :func:`magnitude_limits`, from what is known of the curves."""
+    if not sizes:
         return None
-    high = max(float(v.max()) for v in used)
-    low = max(min(float(np.quantile(v, 0.01)) for v in used), high * 1e-8, 1e-300)
+    high = max(size.high for size in sizes)
+    low = max(min(size.usual for size in sizes), high * 1e-8, 1e-300)
     if high < 100 * low:  # whole decades, so that two of them are labelled
         return 10.0 ** math.floor(math.log10(low / 1.1)), 10.0 ** math.ceil(math.log10(high * 1.1))
     return low / 1.5, high * 1.5

@@ -49,6 +49,7 @@ def _sampling(value: Any) -> Any:
         meant = (
             f": write {{period: {value}}}" if isinstance(value, (int, float)) and not isinstance(value, bool) else ""
         )
+        meant += (isinstance(value, str) and (near := nearest(value, ("continuous",))) and f".{near}") or ""
         found_one = f"found {describe(value)}{meant}"
         raise ValueError(f"expected continuous or a mapping with period, times or steps, {found_one}")
     kinds: dict[str, type[Block]] = {"period": Periodic, "times": Times, "steps": Steps}

@@ -233,9 +233,12 @@ def find_channels(
     silent = not any(s.continuous for c in channels for s in c.stretches)
     origin = channels[0].stretches[0].origin
     if silent and not any(c.samples.size for c in channels):
+        path, regular = channels[0].stretches[0].paths["sampling"], channels[0].stretches[0].regular
+        beyond = regular is not None and regular.offset > time.end - time.start
         raise Problem(
-            channels[0].stretches[0].paths["sampling"],
-            f"no sample arrives between {origin + time.start:g} and {origin + time.end:g}",
+            (*path, "offset") if beyond else path,
+            f"no sample arrives between {origin + time.start:g} and {origin + time.end:g}"
+            + (f": the first comes {regular.offset:g} after the start" if regular is not None and beyond else ""),
         )
     return channels
 

@@ -232,6 +232,8 @@ def repeated(events: Floats, delay: str, start: float, end: float, origin: float
         times = events + expression.number()
         return Irregular(times[(times > start) & (times <= end)])
     pieces, nothing = _late(delay, origin), np.zeros(0)
+    if not pieces.kinks:  # a delay of t + c: what is heard is always of one time
+        return Irregular(nothing)
     span = _Span(pieces, nothing, start, end, np.inf)
     crossings = span.crossings(listed(distinct(events), reached=False))
     times = crossings[-1].times

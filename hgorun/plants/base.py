@@ -73,6 +73,9 @@ class Start:
     keys: Mapping[str, object] = field(default_factory=dict)
 
 
+_WRITTEN_IN_PLACE = ("states", "dynamics", "output", "units")  # keys of a model that its block gives
+
+
 class Plant(Plugin):
     """A plant; its fields are the keys that every block `plant` has."""
 
@@ -96,6 +99,12 @@ class Plant(Plugin):
         default_factory=dict,
         description="state: expression of t, added to the plant, unknown to the observers",
     )
+
+    @classmethod
+    def _inside(cls, key: object) -> str:
+        if key in _WRITTEN_IN_PLACE:
+            return f" This type has its own: leave out `{key}`, or `type` for a model that is written in place."
+        return super()._inside(key)
 
     @property
     @abstractmethod

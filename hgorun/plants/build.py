@@ -120,6 +120,8 @@ def build_plant(block: Plant, origin: float = 0.0, controller: Controller | None
     """
     states, outputs, inputs = block.state_names, block.output_names, block.input_names
     _require_distinct({"states": states, "inputs": inputs})
+    if "t" in outputs:
+        raise Problem(("plant", "output"), _twice("t", "time", "output"))
     require_known("plant", "inputs", block.inputs, inputs)
     require_known("plant", "initial", block.initial, states)
     require_known("plant", "disturbance", block.disturbance, states)
@@ -258,6 +260,9 @@ def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:
     for group, names in groups.items():
         for name in names:
             if name in owner:
-                message = f"{name!r} is a name of {owner[name]} and of {group}; names must differ"
-                raise Problem(("plant", group), message)
+                raise Problem(("plant", group), _twice(name, owner[name], group))
             owner[name] = group
+
+
+def _twice(name: str, one: str, other: str) -> str:
+    return f"{name!r} is a name of {one} and of {other}; names must differ: call this one otherwise, such as {name}_"

@@ -9,16 +9,17 @@ from typing import Any
 import h5py
 import numpy as np
 
+from hgorun.config.kinds import kind_of_file
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
 from hgorun.result.closed_file import read_closed
 from hgorun.result.data import DesignNumbers, Integration, Measurements
+from hgorun.result.forms import RESULT, not_this
 from hgorun.result.observer import MAPS, Coordinates, ObserverResult
 from hgorun.result.recorded_file import RecordedFile
 from hgorun.result.result import Result
 from hgorun.result.status import OK, STATUSES, Verdict
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, is_finite, is_number, opened
-from hgorun.result.writing import FORMAT
 
 _LONGEST = 1e100  # a window
 _DIVERGED_AT = "diverged at t="  # as files of older versions say it
@@ -51,7 +52,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Result:
     ('x1', 'x2')
     """
     path = file_at(path)
-    if path.suffix.lower() in {".yaml", ".yml"}:
+    if path.suffix.lower() in {".yaml", ".yml"} and kind_of_file(path) is None:
         raise ConfigError("this is a configuration, not a result file; hgorun simulate makes one of it", file=str(path))
     budget = int(max_memory)
     return opened(path, budget, lambda file: _Reader(file, path, budget).result())
@@ -79,8 +80,8 @@ class _Reader(StoredFile):
 
     def result(self) -> Result:
         form = self.file.attrs.get("format")
-        if not isinstance(form, str) or form != FORMAT:
-            raise self.error(f"not a result file of hgorun: attribute format is {form!r}, expected {FORMAT!r}")
+        if not isinstance(form, str) or form != RESULT:
+            raise self.error(not_this(form, RESULT, self.path))
         plant = self.group("plant")
         estimate = "kind" in self.file.attrs
         if estimate:

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import h5py
 import numpy as np
 
+from hgorun.config.kinds import HDF5, head_of, is_recording, kind_of, kind_of_file
 from hgorun.config.nearest import near_file
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
@@ -61,7 +62,7 @@ def found(source: Path | BytesIO, path: Path, budget: int, work: Callable[[h5py.
     except MemoryError:
         raise ConfigError(f"reading it takes more than {budget / 2**30:.3g} GiB", file=str(path)) from None
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
-        if path.suffix.lower() in (".yaml", ".yml"):
+        if path.suffix.lower() in (".yaml", ".yml") and kind_of_file(path) is None:
             raise ConfigError(_NOT_YET_RUN.format(path, path.stem), file=str(path)) from None
         if isinstance(source, Path) and (what := _other_file(source)):
             raise ConfigError(f"not a file of hgorun: {what}", file=str(path)) from None
@@ -69,32 +70,18 @@ def found(source: Path | BytesIO, path: Path, budget: int, work: Callable[[h5py.
         raise ConfigError(f"not a file of hgorun: {reason}", file=str(path)) from error
 
 
-_KINDS = {
-    b"CDF": "a netCDF-3 file",
-    b"PK": "a ZIP archive",
-    b"%PDF": "a PDF",
-    b"\x89PNG": "a picture",
-    b"MATLAB": "MATLAB's",
-}
-
-
 def _other_file(path: Path) -> str:
     """What a file is that HDF5 cannot read, and what to do with it; nothing where it begins as one of HDF5 does."""
-    try:
-        with path.open("rb") as stream:
-            head = stream.read(1024)
-    except OSError:
-        return ""
+    head = head_of(path)
     if not head:
         return "it is empty; hgorun simulate or estimate writes results"
-    if head.startswith(b"\x89HDF"):
+    kind = kind_of(head)
+    if kind is HDF5:
         return ""
-    if path.suffix.lower() in (".csv", ".txt", ".tsv", ".parquet"):
+    if is_recording(head, path):
         return "it is a table of data; a configuration names it under data.file, for hgorun estimate"
-    kind = next((word for start, word in _KINDS.items() if head.startswith(start)), "")
-    if not kind:
-        kind = "a file of another kind" if b"\0" in head else "text"
-    return f"it is {kind}, not HDF5; results are HDF5 files (.h5) that hgorun simulate, estimate and sweep write"
+    what = kind.what if kind is not None else "a file of another kind" if b"\0" in head else "text"
+    return f"it is {what}, not HDF5; results are HDF5 files (.h5) that hgorun simulate, estimate and sweep write"
 
 
 class StoredFile:

@@ -19,6 +19,7 @@ import numpy as np
 from hgorun.result import digests
 from hgorun.result.closed_file import write_closed
 from hgorun.result.data import PLANT, DesignNumbers, ResultData
+from hgorun.result.forms import RESULT
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded_file import write_assessed, write_inputs, write_recorded
@@ -26,7 +27,6 @@ from hgorun.result.sink import hdf5_written_whole
 from hgorun.result.status import OK, Verdict
 from hgorun.result.writer import Writer, labels_of, units_in
 
-FORMAT = "hgorun-result-1"
 _MANY = 100  # observers
 
 
@@ -215,7 +215,7 @@ def _root_attributes(result: ResultData) -> dict[str, Any]:
     from hgorun.version import __version__, source_revision
 
     found = {
-        "format": FORMAT,
+        "format": RESULT,
         "Conventions": "CF-1.8",
         "name": result.name,
         "title": result.title,

@@ -8,7 +8,6 @@ from dataclasses import replace
 import numpy as np
 
 from hgorun.config.models import Time
-from hgorun.config.paths import dotted
 from hgorun.errors import Problem
 from hgorun.measurement.blocks import Periodic
 from hgorun.measurement.channels import Channel
@@ -25,6 +24,9 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.signs import sign_remarks
+from hgorun.simulation.unheard import unheard
+from hgorun.simulation.units import unknown_units
+from hgorun.simulation.unstable import unstable
 
 _EVENTS = 100_000  # of schedules that are kept in memory
 _SCHEDULES: Memo[AnySchedule] = Memo(16, lambda schedule: isinstance(schedule, Schedule) and schedule.size < _EVENTS)
@@ -135,9 +137,16 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
         for remark in design.observer.remarks(design.form)
     ]
     of_all = dict.fromkeys(
-        [*sum(found, of_plant), *_never_held(experiment), *_sampled_once(experiment), *_swapped(experiment)]
+        [*sum(found, of_plant), *_never_held(experiment), *unheard(experiment), *_swapped(experiment)]
     )
-    return (*of_all, *of_observers, *_uneven(experiment), *sign_remarks(experiment.source))
+    return (
+        *of_all,
+        *unstable(experiment),
+        *unknown_units(experiment.source),
+        *of_observers,
+        *_uneven(experiment),
+        *sign_remarks(experiment.source),
+    )
 
 
 def _swapped(experiment: Experiment) -> list[str]:
@@ -161,18 +170,6 @@ def _uneven(experiment: Experiment) -> list[str]:
         "polynomials"
         for label, observer in experiment.observers.items()
         if isinstance(observer, RobustExactDifferentiator) and observer.implicit and experiment.plant.model.n > 2
-    ]
-
-
-def _sampled_once(experiment: Experiment) -> list[str]:
-    """Of outputs with a period that is longer than the run: what they measure at its start is all."""
-    time = experiment.time
-    periods = [(s.period, s.paths["sampling"]) for one in experiment.stretches for s in one if s.period is not None]
-    return [
-        f"{dotted((*path, 'period'))}: {period:g} is longer than the run, {time.end - time.start:g}, so that there "
-        "is no second sample"
-        for period, path in periods
-        if period > time.end - time.start
     ]
 
 

@@ -15,6 +15,7 @@ from hgorun.simulation.confirmation import confirmed, plant_lost
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.given import LaterEstimate
 from hgorun.simulation.grid import LONG
+from hgorun.simulation.known import Known
 from hgorun.simulation.measured import measured
 from hgorun.simulation.outcome import record
 from hgorun.simulation.passes import Again, as_given, integrate
@@ -52,9 +53,13 @@ def simulate(
 
 
 def simulate_prepared(
-    run: PreparedRun, *, check_step: bool = False, progress: Callable[[float], None] | None = None
+    run: PreparedRun,
+    *,
+    check_step: bool = False,
+    progress: Callable[[float], None] | None = None,
+    known: Known | None = None,
 ) -> Result:
-    """Simulate a prepared run; see :func:`simulate`."""
+    """Simulate a prepared run; see :func:`simulate`. Of what is ``known`` nothing is integrated again."""
     with located(run):
         if run.grid.size > LONG:
             from hgorun.simulation.long_run import simulated  # not for the short ones
@@ -70,7 +75,7 @@ def simulate_prepared(
         how = as_given(run)
         again = Again(run, how, progress)
         try:
-            raw = integrate(run, how, progress)
+            raw = integrate(run, how, progress) if known is None else known.integrate(run, how)
         except PlantDiverged as error:
             raise plant_lost(run, error, again) from error
         except NoStep as error:

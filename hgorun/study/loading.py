@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hgorun.config.expressions import nearest
+from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
@@ -89,10 +90,7 @@ def load_study(path: str | Path, overrides: Sequence[str] = (), *, seed: int | N
 
 def _read(path: str | Path, overrides: Sequence[str], seed: int | None) -> tuple[str, Source]:
     text, source = read_source(path, overrides, seed=seed)
-    if isinstance(source.data, dict) and "base" in source.data and "axes" in source.data:
-        raise ConfigError("this is a sweep file; hgorun sweep carries it out", file=str(path))
-    if isinstance(source.data, dict) and "base" in source.data and "tune" in source.data:
-        raise ConfigError("this asks for the gains of another file; hgorun tune finds them", file=str(path))
+    refuse_file_of_another_command(source.data, Path(path))
     return text, source
 
 

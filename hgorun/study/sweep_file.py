@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from hgorun.config.expressions import nearest
+from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.reading import extended, read_source
 from hgorun.config.sweeps import SweepFile
 from hgorun.config.validation import validate
@@ -41,6 +42,7 @@ def load_sweeps(path: str | Path, run: str | None = None) -> dict[str, Ensemble]
     """
     path = Path(path)
     text, source = read_source(path)
+    refuse_file_of_another_command(source.data, path, "sweep")
     keys = source.data if isinstance(source.data, dict) else {}
     if "axes" in keys or not any(key in keys for key in _OF_A_CONFIGURATION):
         if run is not None:

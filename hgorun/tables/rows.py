@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.result.metrics.settling import lifted_by_noise
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
@@ -37,10 +37,12 @@ class Row:
 
     def never(self, metric: str, state: str) -> bool:
         """Whether what a metric waits for has not come by the end of the run, as an error that never settles."""
-        value, known = self.value(metric, state), all_metrics(closed=True).get(metric)
+        return self._never(all_metrics(closed=True).get(metric), self.value(metric, state), state)
+
+    def _never(self, known: Metric | None, value: float | None, state: str) -> bool:
         if known is None or not known.moment or value is None or not value < math.inf:
             return False
-        return self.result.end <= value or self.noisy(metric, state)
+        return self.result.end <= value or self.noisy(known.name, state)
 
     def noisy(self, metric: str, state: str) -> bool:
         """Whether noise decides the number, see :func:`hgorun.result.metrics.settling.lifted_by_noise`."""
@@ -53,15 +55,18 @@ class Row:
 
     def without_motion(self, metric: str, state: str) -> bool:
         """Whether a ratio has no value, since what the state itself does is nothing."""
-        value, known = self.value(metric, state), all_metrics(closed=True).get(metric)
+        return self._without_motion(all_metrics(closed=True).get(metric), self.value(metric, state))
+
+    def _without_motion(self, known: Metric | None, value: float | None) -> bool:
         lost = self.observer.status in ("diverged", "undefined")
         return known is not None and known.ideal != 0 and value == math.inf and not lost
 
     def text_of(self, metric: str, state: str) -> str:
         """What a table shows."""
-        if self.never(metric, state):
+        known, value = all_metrics(closed=True).get(metric), self.value(metric, state)
+        if self._never(known, value, state):
             return NEVER
-        return number(None if self.without_motion(metric, state) else self.value(metric, state))
+        return number(None if self._without_motion(known, value) else value)
 
     @property
     def status(self) -> str:

@@ -7,6 +7,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
+from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.nearest import near_file
 from hgorun.config.reading import read_source
 from hgorun.config.tuning import Tune, TuneFile
@@ -56,6 +57,7 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
                 f"--set {assignment}: only keys of tune can be changed here; the tuned file would lack other changes"
             )
     text, source = read_source(path, overrides)
+    refuse_file_of_another_command(source.data, path, "tune")
     data = source.data if isinstance(source.data, dict) else {}
     if "tune" not in data:
         raise ConfigError("the key tune is missing: it says which gains to tune, and for which goal", file=str(path))

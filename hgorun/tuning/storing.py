@@ -8,11 +8,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from hgorun.result.forms import TUNING
 from hgorun.result.sink import hdf5_written_whole
 from hgorun.tuning.evidence import Evidence
 from hgorun.version import __version__
 
-FORMAT = "hgorun-tune-1"
 _TEXT = h5py.string_dtype()
 
 
@@ -30,7 +30,7 @@ def save(found: Sequence[Evidence], path: Path, *, name: str, config: str) -> Pa
         When the file cannot be written.
     """
     with hdf5_written_whole(path) as file:
-        file.attrs["format"] = FORMAT
+        file.attrs["format"] = TUNING
         file.attrs["name"] = name
         file.attrs["config"] = config
         file.attrs["hgorun_version"] = __version__

@@ -65,6 +65,14 @@ def refusal(
         ("states: [x1, x2]", "states: x1, x2", "expected a list, found 'x1, x2'; a list has brackets: [x1, x2]"),
         ("step: 0.01", "method: rk45", "expected 'auto', 'euler', 'rk4', 'dopri5' or 'rodas5p', found 'rk45'"),
         ("solver:", "run: {a: {}}\nsolver:", "unknown key 'run'. Did you mean `runs`?"),
+        ("\n    period: 0.25", " continous", "found 'continous'. Did you mean `continuous`?"),
+        ("states:", "type: contois\n  states:", "c.yaml:5: plant.states: unknown key 'states'. This type has its own"),
+        ("output: x1", "output: {t: x1}", "plant.output: 't' is a name of time and of output; names must differ"),
+        ("period: 0.25", "period: 0.25\u00a0", "� is a non-breaking space (U+00A0): type a plain space"),
+        ("period: 0.25", "\u00a0period: 0.25", "found �period. Did you mean `period`? � is a non-breaking space"),
+        ("output: x1", "output:\u202fx1", "� is a narrow non-breaking space (U+202F)"),
+        ("output: x1", "output: x1\u200b", "c.yaml:6: plant.output: `x1�`: � is a space of no width (U+200B)"),
+        ("  output: x1", "\u00a0\u00a0output: x1", "c.yaml:6: one `:` too many"),
     ],
 )
 def test_a_mistake_is_explained(

@@ -68,7 +68,7 @@ def test_samples_that_change_places_are_told(shell: Shell) -> None:
     [
         (b"", "a.h5", "it is empty"),
         (b"time,y\n0,1\n", "a.csv", "it is a table of data; a configuration names it under data.file"),
-        (b"PK\x03\x04\0\0", "a.h5", "it is a ZIP archive, not HDF5"),
+        (b"PK\x03\x04\0\0", "a.h5", "it is a ZIP archive or a workbook of Excel, not HDF5"),
         (b"words\n", "a.h5", "it is text, not HDF5"),
         (b"\x01\0\x02", "a.h5", "it is a file of another kind, not HDF5"),
     ],

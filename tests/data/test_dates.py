@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -122,3 +123,24 @@ def test_midnight_ends_the_day_and_leap_seconds_are_told() -> None:
     assert iso_stamp("2024-12-31T24:00:00Z") == iso_stamp("2025-01-01T00:00:00Z")
     with pytest.raises(ValueError, match="is a leap second, which dates here do not count: write the second before it"):
         iso_stamp("2016-12-31T23:59:60Z")
+
+
+@pytest.mark.parametrize(
+    ("date", "told"),
+    [
+        (
+            "2024-13-01",
+            'no month 13; a date with the day before the month needs its pattern, such as format: "%Y-%d-%m"',
+        ),
+        ("2024-31-12T10:00", "no month 31; a date with the day"),
+        ("2024-13-32", "there is no month 13"),
+        ("2023-02-29", "there is no day 29 in a month of 28 days"),
+        ("2024-05-31T25:00", "there is no hour 25: the last is 23"),
+        ("2024-05-31T13:60", "there is no minute 60: the last is 59"),
+        ("0000-05-31", "there is no year 0"),
+    ],
+)
+def test_what_is_not_in_the_calendar_is_named(date: str, told: str) -> None:
+    with pytest.raises(ValueError, match=re.escape(told)) as caught:
+        iso_stamp(date)
+    assert str(caught.value).startswith(f"'{date}': there is no ")

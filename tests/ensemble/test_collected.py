@@ -89,10 +89,11 @@ def test_a_collected_file_is_told_from_a_result(tmp_path: Path) -> None:
     assert not is_sweep(tmp_path)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (lambda f: f.attrs.__setitem__("format", "hgorun-sweep-9"), "attribute format"),
+        (lambda f: f.attrs.__setitem__("format", "hgorun-sweep-9"), "a file of another version of hgorun"),
         (lambda f: f.__delitem__("status"), "status is missing"),
         (lambda f: f["status"].__setitem__((0, 0, 0), 17), "none of ok, inaccurate"),
         (lambda f: f.__delitem__("observer"), "observer is missing"),

@@ -312,7 +312,7 @@ def test_a_run_of_several(shell: Shell) -> None:
 def test_simulate_names_the_command_that_a_file_of_its_own_is_for(shell: Shell) -> None:
     (shell.folder / "t.yaml").write_text(f"base: c.yaml\n{TUNE}")
     assert shell("simulate", "t.yaml")[::2] == (
-        2, "hgorun: t.yaml: this asks for the gains of another file; hgorun tune finds them\n",
+        2, "hgorun: t.yaml: this is a file that asks for the gains of another one; hgorun tune t.yaml finds them\n",
     )  # fmt: skip
 
 
