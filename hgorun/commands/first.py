@@ -173,8 +173,8 @@ def with_observers(start: Start, types: Sequence[str]) -> Start:
         except KeyError:
             hint = nearest(name, OBSERVERS.names())
             plant = f" It is a plant: --plant {name}" if name in PLANTS.names() else ""
-            known = plant or f"{hint} See hgorun list observers"
-            raise ConfigError(f"--observer: no observer is called {name!r}.{known}") from None
+            advice = plant or f"{hint} See hgorun list observers"
+            raise ConfigError(f"--observer: no observer is called {name!r}.{advice}") from None
         known = next((keys for keys in start.observers.values() if keys["type"] == name), None)
         example = {**cls.example(tuple(start.initial)), **start.told.get(name, {})}
         gain = cls.model_fields.get("theta")
