@@ -21,7 +21,7 @@ help:
 	@echo "make benchmark compare observers on several plants, in results/benchmark/: minutes; continues where it was"
 	@echo "make test      run the tests; the fast ones: make test ARGS='-m \"not slow\"'"
 	@echo "make test-lowest  the fast tests with the lowest versions that pyproject.toml permits"
-	@echo "make test-newer  a part of the tests with each newer Python that pyproject.toml names and this machine has"
+	@echo "make test-newer  a part of the tests with each newer Python that pyproject.toml names and this machine has; one of them: TURN=1"
 	@echo "make coverage  run the tests, list the lines and branches of each file that they leave out"
 	@echo "make bench     measure the speed beside its bars"
 	@echo "make lint      ruff and mypy, which are \`make style\` and \`make types\`"
@@ -44,12 +44,13 @@ test-lowest: $(LOWEST)/.installed
 	$(subst $(VENV),$(LOWEST),$(BIN))/python -m pytest -m "not slow" $(ARGS)
 
 test-newer: newer
-	for python in .venv-3.*/bin/python; do \
-	  [ ! -x $$python ] || { $$python --version && $$python -m pytest --one-case -m "not slow" $(SMOKE) $(ARGS); } || exit 1; \
+	$(PYTHON) tools/pythons.py $(TURN) | while read -r version python; do \
+	  { .venv-$$version/bin/python --version \
+	    && .venv-$$version/bin/python -m pytest --one-case -m "not slow" $(SMOKE) $(ARGS) </dev/null; } || exit 1; \
 	done
 
 newer: pyproject.toml
-	$(PYTHON) tools/pythons.py | while read -r version python; do \
+	$(PYTHON) tools/pythons.py $(TURN) | while read -r version python; do \
 	  [ .venv-$$version/.installed -nt pyproject.toml ] || { rm -rf .venv-$$version && $$python -m venv .venv-$$version \
 	    && .venv-$$version/bin/python -m pip install --quiet --disable-pip-version-check -e ".[test]" \
 	    && touch .venv-$$version/.installed; } || exit 1; \

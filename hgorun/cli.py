@@ -10,7 +10,8 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import MISSING, Field, fields
 from inspect import Parameter, Signature, getdoc
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -43,7 +44,7 @@ class _Group(TyperGroup):
         try:
             return super().parse_args(ctx, args)
         except usage.UsageError as error:
-            raise usage.refused(error, ctx) from None
+            raise usage.refused(error, ctx, _options_of_all) from None
 
 
 app = typer.Typer(
@@ -80,7 +81,7 @@ class _Command(TyperCommand):
         try:
             rest = super().parse_args(ctx, args)
         except usage.UsageError as error:
-            raise usage.refused(error, ctx) from None
+            raise usage.refused(error, ctx, _options_of_all) from None
         if rest:
             raise usage.too_many(rest, ctx)
         return rest
@@ -281,7 +282,7 @@ def main() -> None:
     os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # looking for them takes longer than checking a configuration
     try:
         refuse_what_is_no_command(sys.argv[1:], [str(one.name) for one in app.registered_commands])
-        app()
+        _called(sys.argv[1:])()
     except HgorunError as error:
         say(f"hgorun: {error}")
         sys.exit(error.exit_code)
@@ -316,6 +317,22 @@ def main() -> None:
             raise  # a fault of ours, which its traceback shows
         say(f"hgorun: {where} raised {type(error).__name__}: {printable(str(error))}")
         sys.exit(PluginError.exit_code)
+
+
+def _called(words: Sequence[str]) -> typer.Typer:
+    """The program with the one command that is called, if one is: typer reads all options of those that it is given."""
+    commands = [command for command in app.registered_commands if words and command.name == words[0]]
+    if not commands:
+        return app
+    one = copy(app)
+    one.registered_commands = commands
+    return one
+
+
+def _options_of_all() -> dict[str, list[str]]:
+    """Of every command."""
+    group = typer.main.get_command(app)
+    return {name: usage.options(command.params) for name, command in getattr(group, "commands", {}).items()}
 
 
 def _show_warnings() -> None:

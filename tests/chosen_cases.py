@@ -1,4 +1,4 @@
-"""Which cases of tests are tried: of many alike a part, and with other versions of libraries still fewer."""
+"""Which cases of tests are tried: of many alike a part, slow ones in turn, and still fewer with other libraries."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ ROOMS = ("config", "data", "engine", "explore", "figures", "interop", "result", 
 FILES = ("commands/test_cli.py", "commands/test_mqtt.py", "ensemble/test_cluster.py", "export/test_fmu.py")
 ALL_OF = tuple(f"tests/{name}" for name in (*(f"{room}/" for room in ROOMS), *FILES))
 ALL_CASES = os.environ.get("HGORUN_CASES") == "all"
+TURNS = 4
 
 
 def one_in(items: Iterable[pytest.Item]) -> list[pytest.Item]:
@@ -40,6 +41,28 @@ def _is_tried(item: pytest.Item) -> bool:
         for name in (names.split(",") if isinstance(names, str) else names)[1:]:
             places.pop(name.strip(), None)  # it goes with the first
     return (crc32(_test(item).encode()) + sum(places.values())) % marker.args[0] == 0
+
+
+def in_turn(items: Iterable[pytest.Item], turn: int) -> list[pytest.Item]:
+    """Of the cases of slow tests every one of ``TURNS``: others in the next turn, and all of them in as many turns.
+
+    Tests begin at different cases. What is marked ``measured`` is tried in every turn: floors of coverage need it.
+    """
+    kept, tried = [], dict[str, int]()
+    for item in items:
+        test = _test(item)
+        if item.get_closest_marker("slow") is None or item.get_closest_marker("measured") is not None:
+            kept.append(item)
+            continue
+        case = tried[test] = tried.get(test, -1) + 1
+        if (crc32(test.encode()) + case + turn) % TURNS == 0:
+            kept.append(item)
+    return kept
+
+
+def waits(file: str, turn: int) -> bool:
+    """Whether another turn is that of a file which does not use libraries directly."""
+    return not file.startswith(ALL_OF) and (crc32(file.encode()) + turn) % TURNS != 0
 
 
 def one_case(items: Iterable[pytest.Item]) -> list[pytest.Item]:

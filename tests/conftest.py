@@ -5,18 +5,19 @@ import os
 import signal
 import sys
 from collections.abc import Generator
+from pathlib import Path
 
 import pytest
 
 os.environ.pop("COLUMNS", None)  # workers of pytest-xdist are told another width than what is tested
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
-from chosen_cases import ALL_CASES, few_of_a_file, one_case, one_in
+from chosen_cases import ALL_CASES, few_of_a_file, in_turn, one_case, one_in, waits
 from hypothesis import HealthCheck, settings
-from measured_cases import further_cases, leave_out_drawings, unmeasured
+from measured_cases import Measured, leave_out_drawings
 from measured_forks import measure_forks
 
-FURTHER = pytest.StashKey[set[str]]()
+MEASURED = pytest.StashKey[Measured]()
 
 settings.register_profile(
     "repeatable", derandomize=True, deadline=None, database=None, suppress_health_check=[HealthCheck.too_slow]
@@ -31,13 +32,24 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--one-case", action="store_true", help="of each test that has several cases, the last one only")
+    parser.addoption("--turn", type=int, help="of slow tests a part of the cases, others with another number")
     parser.addoption("--few", action="store_true", help="of files that do not use libraries directly, two tests")
+
+
+def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
+    """Of the files of which few tests are tried only those of this turn are imported."""
+    turn = config.getoption("--turn")
+    if turn is None or ALL_CASES or not config.getoption("--few") or not collection_path.name.startswith("test_"):
+        return None
+    return waits(collection_path.relative_to(config.rootpath).as_posix(), turn) or None
 
 
 @pytest.hookimpl(trylast=True)  # of what -m leaves
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Other versions of Python or of libraries are found out by calls, of which many tests make the same."""
-    kept = items if ALL_CASES else one_in(items)
+    kept, turn = items if ALL_CASES else one_in(items), config.getoption("--turn")
+    if turn is not None and not ALL_CASES:
+        kept = in_turn(kept, turn)
     if config.getoption("--one-case"):
         kept = one_case(kept)
     if config.getoption("--few"):
@@ -52,15 +64,13 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     if sys.gettrace() is not None:
         leave_out_drawings()
-    if item.nodeid not in item.session.stash[FURTHER]:
-        return (yield)
-    with unmeasured():
+    with item.session.stash[MEASURED].of(item):
         return (yield)
 
 
 def pytest_collection_finish(session: pytest.Session) -> None:
     """Take what is imported and collected out of each search for garbage, of which there are fewer."""
-    session.stash[FURTHER] = further_cases(session.items)
+    session.stash[MEASURED] = Measured()
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)

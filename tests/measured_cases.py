@@ -1,4 +1,4 @@
-"""What coverage need not measure: tests that are marked ``unmeasured``, of ``measured_once`` all cases but the first.
+"""What coverage need not measure: slow tests that are not marked ``measured``, and cases that run what others have run.
 
 A traced interpreter is two or three times slower, in the libraries that are called as well. Drawings and pages are not
 traced: matplotlib and bokeh run nothing of this package there.
@@ -9,7 +9,7 @@ from __future__ import annotations
 import functools
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import ParamSpec, TypeVar
 
@@ -26,17 +26,36 @@ P = ParamSpec("P")
 R = TypeVar("R")
 
 
-def further_cases(items: Sequence[pytest.Item]) -> set[str]:
-    """The names of all cases but the first of each test that is marked so, and of tests that are unmeasured."""
-    seen = set[str]()
-    further = {item.nodeid for item in items if item.get_closest_marker("unmeasured") is not None}
-    for item in items:
-        if item.get_closest_marker("measured_once") is not None:
-            test = item.nodeid.partition("[")[0]
-            if test in seen:
-                further.add(item.nodeid)
-            seen.add(test)
-    return further
+class Measured:
+    """Which tests coverage measures: those that are not slow, or are marked ``measured``, and of their cases the first
+    ones, until a case runs nothing that was not measured before."""
+
+    def __init__(self) -> None:
+        self._exhausted = set[str]()
+
+    @contextmanager
+    def of(self, item: pytest.Item) -> Iterator[None]:
+        test, _, case = item.nodeid.partition("[")
+        if not _is_wanted(item) or test in self._exhausted:
+            with unmeasured():
+                yield
+            return
+        before = _measured()
+        yield
+        if case and (before == _measured() or item.get_closest_marker("measured_once") is not None):
+            self._exhausted.add(test)
+
+
+def _is_wanted(item: pytest.Item) -> bool:
+    marks = {mark.name for mark in item.iter_markers()}
+    return "unmeasured" not in marks and ("slow" not in marks or "measured" in marks)
+
+
+def _measured() -> int:
+    """How many branches this process has been seen to take."""
+    measuring = coverage.Coverage.current()
+    collector = None if measuring is None else measuring._collector
+    return 0 if collector is None else sum(map(len, collector.data.values()))
 
 
 @contextmanager

@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -80,7 +81,10 @@ def imports(path: Path) -> Iterator[str]:
             yield from (alias.name for alias in node.names if alias.name.split(".")[0] == "hgorun")
 
 
-GRAPH = {name: {m for m in imports(path) if m != name} for name, path in MODULES.items()}
+@cache
+def graph() -> dict[str, set[str]]:
+    """What each module imports; not made by those that only collect tests."""
+    return {name: {m for m in imports(path) if m != name} for name, path in MODULES.items()}
 
 
 def room_of(module: str, package: str = "hgorun") -> str:
@@ -91,7 +95,7 @@ def room_of(module: str, package: str = "hgorun") -> str:
 def arrows(package: str) -> dict[tuple[str, str], set[str]]:
     """(room, room) and the files whose imports go from the one to the other, inside a package."""
     found: dict[tuple[str, str], set[str]] = {}
-    for name, targets in GRAPH.items():
+    for name, targets in graph().items():
         for target in targets:
             if not (f"{name}.".startswith(f"{package}.") and f"{target}.".startswith(f"{package}.")):
                 continue
@@ -117,15 +121,15 @@ def circles() -> list[set[str]]:
 
     def reach(start: str) -> set[str]:
         seen: set[str] = set()
-        waiting = list(GRAPH[start])
+        waiting = list(graph()[start])
         while waiting:
             name = waiting.pop()
-            if name not in seen and name in GRAPH:
+            if name not in seen and name in graph():
                 seen.add(name)
-                waiting += GRAPH[name]
+                waiting += graph()[name]
         return seen
 
-    reached = {name: reach(name) for name in GRAPH}
+    reached = {name: reach(name) for name in graph()}
     found: list[set[str]] = []
     for name, beyond in reached.items():
         if name in beyond and not any(name in circle for circle in found):

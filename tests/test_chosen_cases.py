@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import cast
 
 import pytest
-from chosen_cases import ALL_OF, few_of_a_file, one_case, one_in
+from chosen_cases import ALL_OF, TURNS, few_of_a_file, in_turn, one_case, one_in, waits
 
 ROOT = Path(__file__).parents[1]
 
@@ -68,3 +68,33 @@ def test_of_few_cases_one_is_tried() -> None:
 
 def test_what_is_named_exists() -> None:
     assert [name for name in ALL_OF if not (ROOT / name).exists()] == []
+
+
+class Marked:
+    def __init__(self, name: str, *marks: str) -> None:
+        self.nodeid, self.marks = name, marks
+
+    def get_closest_marker(self, name: str) -> str | None:
+        return name if name in self.marks else None
+
+
+def test_in_so_many_turns_every_case_of_a_slow_test_is_tried_once() -> None:
+    slow = [f"a.py::{test}[{case}]" for test in "pqrs" for case in range(TURNS + 1)]
+    slow += [f"b.py::t{k}" for k in range(12)]
+    always = ["a.py::fast", "a.py::needed"]
+    given = [cast(pytest.Item, Marked(name, "slow")) for name in slow]
+    given += [cast(pytest.Item, Marked(always[0])), cast(pytest.Item, Marked(always[1], "slow", "measured"))]
+    turns = [names(in_turn(given, turn)) for turn in range(7, 7 + TURNS)]
+    assert sorted(name for turn in turns for name in turn) == sorted([*slow, *always * TURNS])
+    for turn in turns:
+        assert {name[6] for name in turn if name.startswith("a.py::") and "[" in name} == set("pqrs")
+        assert 0 < sum(name.startswith("b.py") for name in turn) < 12
+    assert names(in_turn(given, 7 + TURNS)) == turns[0]
+
+
+def test_files_that_use_no_library_directly_take_turns_and_the_others_do_not_wait() -> None:
+    files = [f"tests/study/test_{k}.py" for k in range(40)]
+    went = [[file for file in files if not waits(file, turn)] for turn in range(TURNS)]
+    assert sorted(file for turn in went for file in turn) == sorted(files)
+    assert min(map(len, went)) > 0
+    assert not any(waits("tests/result/test_a.py", turn) for turn in range(TURNS))

@@ -1,6 +1,9 @@
 """Print the newer versions of Python that pyproject.toml names and this machine has: a line VERSION PROGRAM for each.
 
-What is not there is said on stderr.
+    python tools/pythons.py [TURN]
+
+With a turn, which is a number, one of them only: with the next number the next one. What is not there is said on
+stderr.
 """
 
 from __future__ import annotations
@@ -37,15 +40,18 @@ def runs(program: str, version: str) -> bool:
     return (done.returncode, done.stdout.strip()) == (0, version)
 
 
-def main() -> None:
+def main(arguments: list[str]) -> None:
+    found = []
     text = (Path(__file__).parents[1] / "pyproject.toml").read_text(encoding="utf-8")
     for version in named(tomllib.loads(text)["project"]):
         program = next((one for one in candidates(version) if runs(one, version)), None)
         if program is None:
             print(f"Python {version} is not on this machine: not tested", file=sys.stderr)
         else:
-            print(version, program)
+            found.append(f"{version} {program}")
+    for line in [found[int(arguments[0]) % len(found)]] if arguments and found else found:
+        print(line)
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1:])

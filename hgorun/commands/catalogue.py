@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -95,7 +96,7 @@ def show(options: Show) -> int:
             print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
             return 0
     known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *metrics, *findings, *shipped]
-    if Path(name).is_file():
+    if os.path.isfile(name):  # of names, also of such that no file can have
         refuse_what_is_no_configuration(Path(name), "show")
         read_source(name)  # which refuses most of what is no YAML
         with_words = f"hgorun cite {name} says what it uses, hgorun analyze {name} what theory says of it"

@@ -61,9 +61,11 @@ def estimate(options: Estimate) -> int:
         files = pool.submit(log.open)
         # what takes longest to import, while machine code reads the files
         from hgorun.commands.remarks import warn
+        from hgorun.estimate.completed import ready
         from hgorun.estimate.estimate import estimate as estimated
         from hgorun.estimate.long_log import estimate_into
 
+        ready(source)
         recording, aside = _held_out(log, log.read(files.result), options)
     before = there([target, *([] if options.export_csv is None else [options.export_csv])])
     remove_leftovers(target.parent)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 from typer import BadParameter
@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 UsageError: type[Exception] = BadParameter.__mro__[1]  # click's own class, or that of a typer that comes without click
 
 
-def refused(error: Exception, ctx: Context) -> ConfigError:
-    """What a library says of options and arguments, told by the kind of its error."""
+def refused(error: Exception, ctx: Context, all_options: Callable[[], Mapping[str, Sequence[str]]]) -> ConfigError:
+    """What a library says of options and arguments, told by the kind of its error; with the options of each command."""
     name, command = getattr(error, "option_name", None), ctx.command
     if name is not None and hasattr(error, "possibilities"):
-        return _no_option(str(name), ctx)
+        return _no_option(str(name), ctx, all_options())
     if name is not None:
         return _wrong_use(str(name), command.params)
     if hasattr(error, "param_type"):
@@ -38,14 +38,12 @@ def usage(ctx: Context) -> str:
     return " ".join(["hgorun", str(ctx.command.name), *ctx.command.collect_usage_pieces(ctx)[1:]])
 
 
-def _no_option(name: str, ctx: Context) -> ConfigError:
+def _no_option(name: str, ctx: Context, known: Mapping[str, Sequence[str]]) -> ConfigError:
     command, parent = ctx.command, ctx.parent
     long = name.startswith("--")  # letters are no likelier meant for each other
-    hint = nearest(name, _options(command.params)) if long else ""
-    others: dict[str, Any] = getattr(parent.command, "commands", {}) if parent is not None else {}
-    known = {other: _options(one.params) for other, one in others.items()}
-    meant = nearest_name(name, {option for options in known.values() for option in options}) if long else name
-    of = ", ".join(other for other, options in known.items() if meant in options)
+    hint = nearest(name, options(command.params)) if long else ""
+    meant = nearest_name(name, {option for of_one in known.values() for option in of_one}) if long else name
+    of = ", ".join(other for other, of_one in known.items() if meant in of_one)
     if not hint and of:
         hint = f" Of {of} there is {meant}."
     called = f"hgorun {command.name}" if parent is not None else "hgorun"
@@ -62,7 +60,7 @@ def _wrong_use(name: str, params: Iterable[Any]) -> ConfigError:
     return ConfigError(f"{name} is a switch, which takes no value{opposite}")
 
 
-def _options(params: Iterable[Any]) -> list[str]:
+def options(params: Iterable[Any]) -> list[str]:
     """Names of options that begin as given on the command line."""
     return [one for p in params if p.param_type_name == "option" for one in (*p.opts, *p.secondary_opts)]
 

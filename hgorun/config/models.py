@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, WithJsonSchema, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, WithJsonSchema, model_validator
 
 from hgorun.config.controller import Controller
 from hgorun.config.data import Data
 from hgorun.config.study import Claim, Figure
+from hgorun.config.time_units import run_unit
 from hgorun.config.tuning import Tune
 from hgorun.config.types import (
     NUMBER_SCHEMA,
@@ -31,7 +32,7 @@ class Time(Block):
     start: Number = Field(default=0.0, description="start of the run")
     end: Number = Field(description="end of the run")
     output_step: Positive = Field(description="spacing of the output grid")
-    unit: str = Field(default="s", description="label of the time unit")
+    unit: Annotated[str, AfterValidator(run_unit)] = Field(default="s", description="unit of time: s, min, h, d, ...")
     max_memory: Positive = Field(
         default=2 * GIB, description="bytes allowed for output, for samples and for delay history (default 2 GiB)"
     )

@@ -10,30 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hgorun.config.expressions import nearest
+from hgorun.config.time_units import SECONDS, SHORT
 from hgorun.errors import KeyPath, Problem
 
 if TYPE_CHECKING:
     import pint
 
-_SECONDS = {
-    "ns": Fraction(1, 10**9),
-    "us": Fraction(1, 10**6),
-    "ms": Fraction(1, 1000),
-    "s": Fraction(1),
-    "min": Fraction(60),
-    "h": Fraction(3600),
-    "d": Fraction(86400),
-}
-_NAMES = {
-    "ns": ("nanosecond", "nanoseconds"),
-    "us": ("µs", "μs", "microsecond", "microseconds"),
-    "ms": ("millisecond", "milliseconds"),
-    "s": ("sec", "second", "seconds"),
-    "min": ("minute", "minutes"),
-    "h": ("hr", "hour", "hours"),
-    "d": ("day", "days"),
-}
-_SHORT = {name: unit for unit, names in _NAMES.items() for name in names}
 _COMMON = (
     *(
         "mg/L",
@@ -57,6 +39,11 @@ _COMMON = (
     *("L/h", "L/min", "mL/min", "m^3/h", "m^3/s", "kg/h", "kg/s", "g/h", "degC", "degF", "K", "Pa", "kPa", "mbar"),
     *("bar", "V", "mV", "A", "mA", "W", "kW", "J", "kJ", "N", "percent", "s", "min", "h", "d", "ms"),
 )  # that may be meant
+_BASES = {
+    *("g", "m", "s", "A", "K", "mol", "L", "l", "rad", "Hz", "N", "Pa", "J", "W", "V", "C", "F", "ohm", "T", "Wb", "H"),
+    *("bar", "eV", "min", "h", "d", "deg", "rpm", "degC", "degF", "percent"),
+}
+_PREFIXES = ("", "n", "u", "µ", "m", "c", "d", "k", "M", "G")
 # pint calculates with what it is given: no powers of powers, and few digits
 _FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
@@ -70,10 +57,10 @@ def seconds(unit: str, path: KeyPath) -> Fraction:
     Problem
         At ``path``, when it is not a unit of time.
     """
-    found = _SECONDS.get(_SHORT.get(unit, unit))
+    found = SECONDS.get(SHORT.get(unit, unit))
     if found is None:
         raise Problem(
-            path, f"{unit!r} is not a unit of time.{nearest(unit, list(_SECONDS))} Known: {', '.join(_SECONDS)}"
+            path, f"{unit!r} is not a unit of time.{nearest(unit, list(SECONDS))} Known: {', '.join(SECONDS)}"
         )
     return found
 
@@ -107,9 +94,26 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
         raise Problem(path, message) from None
 
 
+def not_known(unit: str) -> str:
+    """That a unit is not known, with what may be meant; empty where it is, or says that there is none."""
+    factors = re.split(r"[*/ ()]+", re.sub(r"(\*\*|\^) *-?\d", "", unit))
+    if unit == "-" or all(not one or one.isdigit() or _is_plain(one) for one in factors):
+        return ""  # without pint, which takes longer to import than many a run takes
+    try:
+        _parsed(_registry(), unit, ())
+    except Problem:
+        return f"{unit!r} is not a known unit.{nearest(unit, _COMMON)}"
+    return ""
+
+
+def _is_plain(name: str) -> bool:
+    """Whether a name is a usual unit, with a prefix or without."""
+    return any(name.startswith(prefix) and name[len(prefix) :] in _BASES for prefix in _PREFIXES)
+
+
 def is_time(unit: str) -> bool:
     """Whether it is a unit of time."""
-    return _SHORT.get(unit, unit) in _SECONDS
+    return SHORT.get(unit, unit) in SECONDS
 
 
 def is_unit(text: str) -> bool:
@@ -123,7 +127,7 @@ def is_unit(text: str) -> bool:
 
 def alike_times(unit: str, other: str) -> bool:
     """Whether two texts mean the same unit of time, as h and hours do; not where one is unknown."""
-    return unit == other or (is_time(unit) and _SHORT.get(unit, unit) == _SHORT.get(other, other))
+    return unit == other or (is_time(unit) and SHORT.get(unit, unit) == SHORT.get(other, other))
 
 
 def alike(unit: str, other: str) -> bool:

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.native.places import places_in
+from hgorun.simulation.actions import last_of
 from hgorun.symbolic.evaluate import Floats
 
 LEVEL = 0.95
@@ -42,6 +43,8 @@ class Band:
 
     def at(self, since: Floats) -> Floats:
         """The half width at some times since the last sample."""
+        if not self.until.size or np.all(since <= self.until[0]):  # as where all are asked for when samples are taken
+            return np.full(since.shape, self.widths[0])
         return np.asarray(self.widths[_classes(self.until, since)])
 
 
@@ -114,6 +117,8 @@ def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool 
     before : bool
         Samples that become known just then do not count.
     """
+    if taken is available and taken.size and not before and times.size and times.min() >= taken[0]:
+        return np.asarray(times - taken[last_of(taken, times)])
     known = places_in(available, times, "left" if before else "right")
     if taken is available and taken.size:  # in the order in which they were taken: the newest is the last
         last = taken[np.maximum(known, 1) - 1]

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
+from hgorun.config.models import ExperimentBlocks
 from hgorun.config.overrides import replaced
+from hgorun.config.types import Block
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal, median_step
-from hgorun.errors import ConfigError, Problem
+from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.estimate.stated_of_data import StatedOfData, noisy
 from hgorun.measurement.blocks import Measurement
+from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import units_of
 from hgorun.simulation.blocks import plant_of
 from hgorun.simulation.experiment import Experiment
@@ -193,6 +197,19 @@ def _offset(taken: np.ndarray, start: float) -> dict[str, float]:
     """How long after the start the first sample is taken, where it is not the start."""
     k = int(np.searchsorted(taken, start))
     return {"offset": float(taken[k] - start)} if k < taken.size and taken[k] > start else {}
+
+
+def ready(source: Source) -> None:
+    """Make ready what checks a configuration, which takes longer than to check one: files may be read meanwhile."""
+    observers = source.data.get("observers") if isinstance(source.data, dict) else None
+    blocks = observers.values() if isinstance(observers, dict) else ()
+    checks: list[type[Block]] = [ExperimentBlocks, Measurement]
+    for block in blocks:
+        with suppress(KeyError, HgorunError):  # what is wrong is said when it is checked
+            if isinstance(block, dict):
+                checks.append(OBSERVERS.find(str(block["type"])))
+    for one in checks:
+        one.model_rebuild()
 
 
 def plant_units(source: Source) -> dict[str, str]:

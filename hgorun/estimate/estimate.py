@@ -21,6 +21,7 @@ from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.outcome import internal
+from hgorun.simulation.units import unknown_units
 
 _MOST = 200_000  # samples for which runs with other gains are made
 _OUTLIERS = 0.2  # of the samples: more are none
@@ -139,7 +140,11 @@ def result_of(
 
 def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated) -> list[str]:
     """What was found in the data, and where estimates start from them."""
-    told = [*map(str, recording.notes), *known_later(prepared.experiment, recording)]
+    told = [
+        *map(str, recording.notes),
+        *unknown_units(prepared.experiment.source),
+        *known_later(prepared.experiment, recording),
+    ]
     observers = prepared.run.observers
     innovating = [j for j, block in enumerate(observers) if treatment_of(block.observer) == "innovation"]
     for one, slots in zip(prepared.samples, prepared.slots, strict=True):

@@ -60,6 +60,8 @@ class Found:
         How many there are between two events.
     done : dict
         How far all that is asked for has been told.
+    comparisons : int
+        With the other steps, so far.
     """
 
     predicted: list[Floats]
@@ -70,6 +72,7 @@ class Found:
     shown: dict[str, list[np.ndarray]] = field(default_factory=dict)
     steps: set[int] = field(default_factory=set)
     done: dict[object, int] = field(default_factory=dict)
+    comparisons: int = 0
 
     def all_shown(self, path: str) -> np.ndarray:
         """Of a data set the rows that are shown."""
@@ -101,6 +104,7 @@ class Found:
 
     def compare(self, own: Sequence[Floats], other: Sequence[Floats]) -> None:
         """Note how far the estimates of every observer, (n_t, n) each, are from those with other steps."""
+        self.comparisons += 1
         with np.errstate(invalid="ignore"):
             for j, (a, b) in enumerate(zip(own, other, strict=True)):
                 if len(a):

@@ -116,8 +116,12 @@ class LongLog:
                 with ResultInParts(path, len(prepared.run.observers)) as file:
                     self._write_constants(file)
                     with closing(self._go_through(own, step, found, file)) as evaluations:
+                        told: tuple[int, int] | None = None
                         for sofar in evaluations:
-                            if left and 2 * (spent + sofar) <= solver.max_evaluations and not self._enough(found):
+                            if not left or 2 * (spent + sofar) > solver.max_evaluations:
+                                continue
+                            before, told = told, (found.comparisons, len(found.steps))
+                            if told != before and not self._enough(found):  # of which most stretches tell nothing new
                                 raise _TooCoarse
                     return self._finish(file, own, found, step, spent + sofar)
             except _TooCoarse:

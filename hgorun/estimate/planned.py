@@ -76,10 +76,15 @@ def planned(
             times=times,
             aside=aside,
             beside=_plan(stretch, times, step, UNEVEN, shared) if judged else None,
-            steps=set(distinct(steps_between(stretch.prepared.run.schedule, step)).tolist()),
+            steps=_set_of(steps_between(stretch.prepared.run.schedule, step)),
         )
         yield found, plan
         del found, plan
+
+
+def _set_of(steps: np.ndarray) -> set[int]:
+    fewest, most = int(steps.min()), int(steps.max())
+    return {fewest} if fewest == most else set(distinct(steps).tolist())
 
 
 def _plan(stretch: Stretch, times: Floats, step: float, uneven: float | None, shared: Stretchwise) -> Plan:

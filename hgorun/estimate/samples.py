@@ -116,10 +116,13 @@ def recorded_inputs(
     if not signals:
         return None
     changes = distinct(np.concatenate([[start], *(signal.times - origin for signal in signals)]))
-    changes = changes[(changes >= start) & ((changes <= end) if last else (changes < end))]
+    changes = changes[np.searchsorted(changes, start) : np.searchsorted(changes, end, "right" if last else "left")]
     lines = [_lines(signal, changes + origin) for signal in signals]
-    levels, slopes = (np.column_stack(part) for part in zip(*lines, strict=True))
-    return RecordedInputs(changes, levels, slopes)
+    # of a single one no copies are made
+    levels, slopes = (
+        part[0][:, None] if len(part) == 1 else np.column_stack(part) for part in zip(*lines, strict=True)
+    )
+    return RecordedInputs(changes, levels, slopes, held=all(signal.hold == "zero" for signal in signals))
 
 
 def _lines(signal: InputSignal, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

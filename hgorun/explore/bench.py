@@ -41,9 +41,11 @@ class Shown:
     @cached_property
     def truths(self) -> dict[str | None, bytes]:
         """Digests of the simulated plant, under None, and of what each observer estimates."""
-        result, known = self.result, _digest(self.result.time, self.result.x)
-        own = {label: _digest(result.time, result.truth_of(label)) for label in result.closed_loop}
-        return {None: known, **dict.fromkeys(result.observers, known), **own}
+        result = self.result
+        found: dict[str | None, bytes] = {None: _digest(result.time, result.x)}
+        for label in result.observers:
+            found[label] = _digest(result.time, result.truth_of(label)) if result.closed_loop else found[None]
+        return found
 
     @cached_property
     def contents(self) -> dict[str, bytes]:
@@ -136,6 +138,10 @@ class Bench(ABC):
     def finished(self, shown: Shown) -> Shown | None:
         """The same with what takes long, once nothing else is asked for; None where there is no more."""
         return None
+
+    def look_ahead(self, shown: Shown) -> bool:
+        """Do something that takes long for the first time and may be asked for next; whether there was something."""
+        return False
 
     # ---- theory, where there is some
 

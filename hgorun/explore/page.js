@@ -166,6 +166,11 @@
       if (old.dataset.value !== cell.dataset.value) old.dataset.value = cell.dataset.value;
     }));
   }
+  function list(id, lines) {
+    const items = byId(id).children;
+    if (items.length !== lines.length) byId(id).replaceChildren(...lines.map((words) => element("li", words)));
+    else lines.forEach((words, i) => { if (items[i].textContent !== words) items[i].textContent = words; });
+  }
   function draw_metrics(picture) {
     table("metrics", ["status", ...picture.columns], picture.rows.map((row) =>
       [row.label, [element("td", row.status, { title: row.reason }), ...row.cells.map(cell)]]), ["", ...picture.meanings]);
@@ -204,8 +209,10 @@
         reasons.set(reason, whose);
       }
     }
-    byId("reasons").replaceChildren(...[...reasons].map(([reason, { names, labels }]) =>
-      element("li", `no ${[...names].join(", ")} of ${[...labels].join(", ")}: ${reason}`)));
+    const drawn = labels.filter((label) => theory[label].words);
+    list("drawn", drawn.map((label) => `${label}: ${theory[label].words}`));
+    list("reasons", [...reasons].map(([reason, { names, labels }]) =>
+      `no ${[...names].join(", ")} of ${[...labels].join(", ")}: ${reason}`));
   }
 
   // ---- what a person does

@@ -257,6 +257,18 @@ class Bound:
         return magnitude_limits([known], [])
 
 
+def words_of(promise: Promise) -> str:
+    """What is drawn of a theorem, with its equation and what the run lacks; empty where there is none."""
+    transient = promise.transient
+    if transient is None or not transient.equation:
+        return ""
+    bound = f"the bound {transient.equation} of Robles Magdaleno 2023"
+    if transient.holds:
+        return f"dashed, {bound}, whose assumptions this run meets"
+    how = "nothing is drawn of" if transient.nominal is None else "dotted, the decay without delay and noise of"
+    return f"{how} {bound}, which does not hold: {'; '.join(transient.lacking)}"
+
+
 def bounds_of(label: str, promise: Promise, result: Result) -> list[Bound]:
     """A bound for every coordinate of an observer's theory; none where there is nothing to draw.
 

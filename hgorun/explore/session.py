@@ -12,7 +12,7 @@ from hgorun.errors import ConfigError, HgorunError, printable
 from hgorun.explore.bench import Bench, Shown
 from hgorun.explore.keeping import Keeper, command
 from hgorun.explore.numbers import promised_cells
-from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of
+from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of, words_of
 from hgorun.explore.promises import AT_ONCE as QUICK
 from hgorun.explore.promises import LATER as SLOW
 from hgorun.explore.promises import Promise
@@ -197,6 +197,7 @@ class Session:
         for label in shown.result.observers if self.bench.theory else ():
             self._limit(shown, label, SLOW, Promise())
         self.worker.submit(lambda: self._finish(shown), LATER)
+        self.worker.submit(lambda: self._look_ahead(shown), LATER)
 
     def _promises(self, shown: Shown, labels: list[str]) -> None:
         """The bounds of observers, drawn together, unless something newer has been asked for."""
@@ -239,6 +240,11 @@ class Session:
     def _finished(self, shown: Shown, picture: Picture) -> None:
         if not self._stale(shown):
             self._tell(self._latest, picture=_as_json(picture), further=True)
+
+    def _look_ahead(self, shown: Shown) -> None:
+        """Be ready for what may be asked next, a little at a time: what is asked meanwhile waits for that."""
+        if not self._waits(shown) and self.bench.look_ahead(shown):
+            self.worker.submit(lambda: self._look_ahead(shown), LATER)
 
     def _waits(self, shown: Shown) -> bool:
         return self._stale(shown) or self.history.preview is not None
@@ -307,5 +313,6 @@ def _theory(label: str, promise: Promise, bounds: list[Bound] | None = None, sta
         names = tuple(bound.name for bound in bounds)
         kind = "" if not bounds else "bound" if bounds[0].holds else "decay"
         others = [] if names == tuple(states) else names  # coordinates that have figures of their own
-        found |= {"drawn": kind, "reason": printable(promise.reason), "others": others}
+        words = printable(words_of(promise))
+        found |= {"drawn": kind, "words": words, "reason": printable(promise.reason), "others": others}
     return found

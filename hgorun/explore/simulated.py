@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +26,7 @@ from hgorun.simulation.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
+_NEAR = 1, -1, 2
 _PROMISES = 256  # that are kept: of an observer that has not changed nothing is computed again
 
 
@@ -51,6 +53,7 @@ class SimulatedBench(Bench):
 
     _promises: Memo[Promise] = field(default_factory=lambda: Memo(_PROMISES), repr=False)
     _known: Known = field(default_factory=Known, repr=False)
+    _tried: set[tuple[str, float]] = field(default_factory=set, repr=False)
 
     theory = True
 
@@ -62,9 +65,22 @@ class SimulatedBench(Bench):
         experiment = self.base.varied(changes) if changes else self.base
         run = prepare(experiment)
         return Ready(
-            run.structure.compiled,
+            self._known.compiled(run),
             lambda: Simulated(state, experiment.source, experiment, simulate_prepared(run, known=self._known), run),
         )
+
+    def look_ahead(self, shown: Shown) -> bool:
+        """Try an order that is near, where each is new code and another error of the theory; False: there is none."""
+        for step in _NEAR:
+            for knob in self.knobs.values():
+                value = shown.state.values.get(knob.name, knob.start) + step
+                new = (knob.name, value) not in self._tried and knob.low <= value <= knob.high
+                if new and knob.scale == "integer" and knob.group in shown.result.observers:
+                    self._tried.add((knob.name, value))
+                    with suppress(HgorunError):  # it is told where it is asked for
+                        self.promise(self.shown(shown.state.with_value(knob, value)), knob.group)
+                    return True
+        return False
 
     def text(self, shown: Shown, target: Path) -> str:
         said = {key: part for key in ("title", "reference") if (part := shown.said.data.get(key))}

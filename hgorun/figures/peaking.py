@@ -84,7 +84,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
             ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$" + unit(result.units.get(name, "")))
         title = _TITLE.format(window_words("error", [result]))
         if others:
-            title += f"; not drawn, since no theorem bounds them: {', '.join(others)}"
+            title += f"; not drawn, having no bound: {', '.join(others)}"
         return on_page(finished(figure, axes, 1, title, grow=True), page.style)
 
 

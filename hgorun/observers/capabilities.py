@@ -102,6 +102,22 @@ class Switching(Block):
         return True
 
 
+class GivenGain(Block):
+    """Gains that may be given as they are, in place of poles."""
+
+    @property
+    @abstractmethod
+    def given_gain(self) -> str | None:
+        """The key under which they are given; None where they are not."""
+
+    @abstractmethod
+    def characteristics(self, form: Any) -> list[np.ndarray]:
+        """Characteristic polynomials of the error at theta = 1: of every chain without the plant's slopes.
+
+        With slopes where the class of plants has them in the links from state to state: one for each of them.
+        """
+
+
 class LocallyLinear(Block):
     """A correction that is linear in the innovation near the truth only.
 

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
 
-from hgorun.config.types import Block, Number, Poles, Positive
+from hgorun.config.types import Number, Poles, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import FilterOrder, HighGain
+from hgorun.observers.capabilities import FilterOrder, GivenGain, HighGain
 from hgorun.observers.extension import Extendable
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.matrices import hurwitz_gain
 from hgorun.symbolic.states import Symmetric
 
 
-class PlacedGain(Block):
+class PlacedGain(GivenGain):
     """Either ``poles`` or ``gains`` of an order that the family decides."""
 
     poles: Poles = Field(
@@ -39,6 +39,10 @@ class PlacedGain(Block):
         """Without poles where gains are given, so that what is written can be read."""
         return {key: value for key, value in values(self).items() if key != "poles" or self.gains is None}
 
+    @property
+    def given_gain(self) -> str | None:
+        return None if self.gains is None else "gains"
+
     def gain(self, order: int) -> np.ndarray:
         """The gain of a chain of this order, shape (order,)."""
         given = self.gains if self.gains is not None else self.poles
@@ -53,6 +57,9 @@ class PlacedGain(Block):
         if self.gains is not None:
             return np.full(order, -1.0)
         return np.resize(np.atleast_1d(np.asarray(self.poles, dtype=complex)), order)
+
+    def characteristics(self, form: Any) -> list[np.ndarray]:
+        return [np.array([1.0, *self.gain(length)]) for length in form.chains]
 
     def largest_pole(self, form: CanonicalForm, filter_order: int = 0) -> float:
         """The largest modulus of the eigenvalues at theta = 1."""
@@ -90,6 +97,9 @@ class FilteredGain(FilterOrder, Extendable, ConstantGain):
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
         K_r, K_n = self.chain_gains(form, self.r)
         return {"theta": np.array(self.theta), "K_r": K_r, "K_n": K_n}
+
+    def characteristics(self, form: CanonicalForm) -> list[np.ndarray]:
+        return [np.array([1.0, *self.gain(self.r + length)]) for length in form.chains]
 
     def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
         return {"eta": np.zeros((self.r, len(form.chains)))} if self.r else {}

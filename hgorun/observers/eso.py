@@ -55,5 +55,8 @@ class LinearExtendedStateObserver(PlacedGain, ExtendedState):
     def equations(self, plant: DerivativeCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         return self.flow(plant, s, k.K * e, k)
 
+    def characteristics(self, form: DerivativeForm) -> list[np.ndarray]:
+        return [np.array([1.0, *self.gain(form.plant.n + 1)])]
+
     def fastest_rate(self, form: DerivativeForm) -> float:
-        return self.omega_o * float(np.max(np.abs(np.roots([1.0, *self.gain(form.plant.n + 1)]))))
+        return self.omega_o * float(np.max(np.abs(np.roots(*self.characteristics(form)))))

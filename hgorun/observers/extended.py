@@ -62,6 +62,9 @@ class ExtendedObserver(ConstantGain):
         G_sigma = np.column_stack([gain[-self.extend :] for gain in gains])
         return {"theta": np.array(self.theta), "G": G, "G_sigma": G_sigma}
 
+    def characteristics(self, form: CanonicalForm) -> list[np.ndarray]:
+        return [np.array([1.0, *self.gain(length + self.extend)]) for length in form.chains]
+
     def states(self, form: CanonicalForm) -> Mapping[str, np.ndarray | Symmetric]:
         return {"sigma": np.zeros((self.extend, len(form.chains)))}
 

@@ -30,7 +30,7 @@ from hgorun.observers.base import (
     PeriodLimit,
     Role,
 )
-from hgorun.observers.capabilities import LocallyLinear, SettlingGain
+from hgorun.observers.capabilities import GivenGain, LocallyLinear, SettlingGain
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.forms import Form
@@ -131,6 +131,12 @@ class Extension(Extendable[Form, Any]):
         assert isinstance(self, LocallyLinear)
         assert issubclass(self.family, LocallyLinear)
         return self.family.beyond(self, longer_copy(plant, self.added), self._whole(s), e, k)
+
+    def characteristics(self, form: Form) -> list[np.ndarray]:
+        """Of families that have a :class:`GivenGain`."""
+        assert issubclass(self.family, GivenGain)
+        assert isinstance(self, GivenGain)
+        return self.family.characteristics(self, longer(form, self.added))
 
     def settled(self, form: Form) -> dict[str, np.ndarray]:
         """Of families that have a :class:`SettlingGain`."""

@@ -113,8 +113,11 @@ class KineticRateObserver(Differentiator, HighGain, PlacedGain, ContinuousObserv
             correction=kappa,
         )
 
+    def characteristics(self, form: SmoothForm) -> list[np.ndarray]:
+        return [np.array([1.0, *self.gain(2)])]
+
     def fastest_rate(self, form: SmoothForm) -> float:
-        return self.theta * float(np.max(np.abs(np.roots([1.0, *self.gain(2)]))))
+        return self.theta * float(np.max(np.abs(np.roots(*self.characteristics(form)))))
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

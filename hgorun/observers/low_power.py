@@ -170,9 +170,12 @@ class LowPowerObserver(LocallyLinear, Extendable, ConstantGain):
             return ca.SX(n - 1, 1)
         return _upper(s) - clipped(_upper(s), k.M)
 
-    def fastest_rate(self, form: CanonicalForm) -> float:
+    def characteristics(self, form: CanonicalForm) -> list[np.ndarray]:
         K = self._blocks(form)
-        return self.theta * float(np.max(np.abs(np.roots(characteristic(K[:, 0], np.cumprod(K[:, 1]))))))
+        return [characteristic(K[:, 0], np.cumprod(K[:, 1]))]
+
+    def fastest_rate(self, form: CanonicalForm) -> float:
+        return self.theta * float(np.max(np.abs(np.roots(*self.characteristics(form)))))
 
     def _blocks(self, form: CanonicalForm) -> np.ndarray:
         """k_1..k_(n-1), shape (n - 1, 2).

@@ -10,6 +10,7 @@ from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, mod
 from hgorun.config.types import Number, Poles
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
+from hgorun.observers.capabilities import GivenGain
 from hgorun.symbolic.lower_triangular import LowerTriangularCopy, LowerTriangularForm, lower_triangular_form
 from hgorun.symbolic.matrices import hurwitz_gain
 
@@ -21,7 +22,7 @@ class Blend(NamedTuple):
     phi: float
 
 
-class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCopy]):
+class OutputInjection(GivenGain, ContinuousObserver[LowerTriangularForm, LowerTriangularCopy]):
     """The vector l of a correction Theta l (y - yhat): given itself, or through poles."""
 
     form = staticmethod(lower_triangular_form)
@@ -58,11 +59,18 @@ class OutputInjection(ContinuousObserver[LowerTriangularForm, LowerTriangularCop
         """How a direct reconstruction of the state is blended in; None: not at all."""
         return None
 
-    def _rate(self, form: LowerTriangularForm) -> float:
-        """The fastest eigenvalue of A - l c at theta = 1, for the plant's slopes near the start."""
+    @property
+    def given_gain(self) -> str | None:
+        return None if self.l is None else "l"
+
+    def characteristics(self, form: LowerTriangularForm) -> list[np.ndarray]:
         rows = slopes_of_l(form)
         rows = rows if len(rows) else np.ones((1, form.n))
-        return max(float(np.max(np.abs(np.roots([1.0, *(self.injection(form) * row)])), initial=0.0)) for row in rows)
+        return [np.array([1.0, *(self.injection(form) * row)]) for row in rows]
+
+    def _rate(self, form: LowerTriangularForm) -> float:
+        """The fastest eigenvalue of A - l c at theta = 1, for the plant's slopes near the start."""
+        return max(float(np.max(np.abs(np.roots(p)), initial=0.0)) for p in self.characteristics(form))
 
 
 def slopes_of_l(form: LowerTriangularForm) -> np.ndarray:

@@ -69,9 +69,11 @@ class TreangleObserver(Extendable, ConstantGain):
             correction=plant.felt(s.xhat, kappa, k.theta),
         )
 
+    def characteristics(self, form: CanonicalForm) -> list[np.ndarray]:
+        return [characteristic(*self._diagonals(length)) for length in form.chains]
+
     def fastest_rate(self, form: CanonicalForm) -> float:
-        roots = [np.roots(characteristic(*self._diagonals(length))) for length in form.chains]
-        return self.theta * max(float(np.max(np.abs(r))) for r in roots)
+        return self.theta * max(float(np.max(np.abs(np.roots(p)))) for p in self.characteristics(form))
 
     def _diagonals(self, length: int) -> tuple[np.ndarray, np.ndarray]:
         """(delta, k) of a chain."""

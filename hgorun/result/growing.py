@@ -21,6 +21,7 @@ from hgorun.result import digests
 from hgorun.result.sink import Sink
 
 _PIECE = 1 << 16
+_FEW = 8  # numbers of a row
 _THREADS = 2
 _WAITING = 4  # pieces that may wait for each thread: they are memory
 
@@ -64,8 +65,11 @@ class Growing:
             return False
         if rows.size and rows[-1:].flat[-1].tobytes() != self._value.tobytes():  # which mostly tells already
             return False
-        bits = np.dtype(f"u{rows.dtype.itemsize}")
-        return bool(np.all(rows.view(bits) == np.asarray(self._value).view(bits)))
+        kind = np.dtype(f"u{rows.dtype.itemsize}")
+        bits, value = rows.view(kind), np.asarray(self._value).view(kind)
+        if rows.ndim == 2 and rows.shape[1] <= _FEW:  # column by column, since rows of few numbers take longer
+            return all(bool(np.all(column == value)) for column in bits.T)
+        return bool(np.all(bits == value))
 
     def _take_room(self) -> None:
         """From now on the rows differ; those before are written."""

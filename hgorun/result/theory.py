@@ -27,6 +27,10 @@ class Transient:
     nominal : ndarray, shape (Nt, n), optional
         chi theta^(i-1) exp(-beta theta (t - t_0)) |e(t_0)|: what the bound comes to without delay, noise and
         disturbance. Where the theorem's assumptions are not met it bounds nothing, and shows what is asked for.
+    equation : str
+        Of the bound, in the thesis.
+    lacking : tuple of str
+        What the theorem assumes and the run does not meet.
     """
 
     names: tuple[str, ...]
@@ -36,6 +40,8 @@ class Transient:
     sharp: np.ndarray
     holds: bool
     nominal: np.ndarray | None = None
+    equation: str = ""
+    lacking: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

@@ -31,11 +31,14 @@ class RecordedInputs:
         From these times on the lines hold; the first is not after the start of the run.
     levels, slopes : ndarray, shape (N, m)
         u(t) = level + slope (t - time); held values have slope zero.
+    held : bool
+        Whether all are: then levels alone are set.
     """
 
     times: np.ndarray
     levels: np.ndarray
     slopes: np.ndarray
+    held: bool = False
 
     def first(self, numbers: Sequence[int]) -> Recorded:
         """How they begin, by their numbers among all inputs."""
@@ -44,6 +47,8 @@ class RecordedInputs:
     def at(self, times: np.ndarray) -> np.ndarray:
         """u at several times, shape (len(times), m)."""
         i = last_of(self.times, times)
+        if self.held:
+            return np.asarray(self.levels[i] + 0.0)  # nothing is -0, as where slopes are multiplied
         return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
 
     def slopes_at(self, times: np.ndarray) -> np.ndarray:
@@ -51,9 +56,10 @@ class RecordedInputs:
         return np.asarray(self.slopes[last_of(self.times, times)])
 
     def values(self, channels: Sequence[Channel], *, before: bool) -> list[np.ndarray]:
-        """What is set in w: of every time the three numbers of every line; at every sample the inputs ``before``."""
-        lines = np.empty((*self.levels.shape, 3))
-        lines[:, :, 0], lines[:, :, 1], lines[:, :, 2] = self.levels, self.slopes, self.times[:, None]
+        """What is set in w: of every time the numbers of every line; at every sample the inputs ``before``."""
+        lines = self.levels
+        if not self.held:
+            lines = np.stack(np.broadcast_arrays(self.levels, self.slopes, self.times[:, None]), axis=2)
         return [lines.ravel(), self.at(_times_before(channels)).ravel()] if before else [lines.ravel()]
 
     def actions(
@@ -69,7 +75,8 @@ class RecordedInputs:
             Place of the first value of :meth:`values` among all that is set.
         """
         places = np.array([held.input(i) for i in range(self.levels.shape[1])])
-        lines, last = places[:, :3].ravel().tolist(), places[:, 3].tolist()
+        # held ones keep the slope that w begins with, zero, so that it does not matter since when they are
+        lines, last = places[:, : 1 if self.held else 3].ravel().tolist(), places[:, 3].tolist()
         at = nearest_event(events, np.maximum(self.times, events[0]))
         behind = first + len(lines) * at.size
         for k, place in enumerate(lines):

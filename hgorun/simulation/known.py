@@ -12,7 +12,7 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.memo import Memo, same
-from hgorun.simulation.passes import Pass, integrate
+from hgorun.simulation.passes import Pass, as_given, integrate
 from hgorun.simulation.preparation import numbers_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.structure import structure_of
@@ -51,15 +51,22 @@ class Known:
         """
         if not _separable(run, how):
             return integrate(run, how)
-        labels = [block.label for block in run.observers]
-        apart = {label: _alone(run, label) for label in labels}
-        keys = {label: _key(own, how) for label, own in apart.items()}
-        if any(key in self._kept for key in keys.values()):
-            return _joined(run, [self._carried(keys[label], apart[label], how, label) for label in labels])
+        apart = _apart(run, how)
+        if any(key in self._kept for key, _ in apart.values()):
+            return _joined(run, [self._carried(key, own, how, label) for label, (key, own) in apart.items()])
         raw = integrate(run, how)
-        for label, key in keys.items():
+        for label, (key, _) in apart.items():
             self._kept.put(key, _Carried.of(run, raw, label))
         return raw
+
+    def compiled(self, run: PreparedRun) -> bool:
+        """Whether a run can be integrated without new code."""
+        how = as_given(run)
+        if run.structure.compiled or not _separable(run, how):
+            return run.structure.compiled
+        apart = _apart(run, how).values()
+        missing = [own for key, own in apart if key not in self._kept]
+        return len(missing) < len(apart) and all(own.structure.compiled for own in missing)
 
     def _carried(self, key: Hashable, own: PreparedRun, how: Pass, label: str) -> _Carried:
         return self._kept.get(key, lambda: _Carried.of(own, integrate(own, how), label))
@@ -68,6 +75,12 @@ class Known:
 def _separable(run: PreparedRun, how: Pass) -> bool:
     """Whether observers can be integrated apart: none changes the steps, the plant or the times of another."""
     return how.tolerance is None and not run.closed and not run.treatments and bool(run.observers)
+
+
+def _apart(run: PreparedRun, how: Pass) -> dict[str, tuple[Hashable, PreparedRun]]:
+    """Every observer alone with the plant, and the key of its numbers."""
+    alone = {block.label: _alone(run, block.label) for block in run.observers}
+    return {label: (_key(own, how), own) for label, own in alone.items()}
 
 
 def _alone(run: PreparedRun, label: str) -> PreparedRun:

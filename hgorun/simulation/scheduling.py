@@ -25,6 +25,8 @@ from hgorun.simulation.plant_alone import plant_extremes, plant_kinks, plant_rem
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.signs import sign_remarks
 from hgorun.simulation.unheard import unheard
+from hgorun.simulation.units import unknown_units
+from hgorun.simulation.unstable import unstable
 
 _EVENTS = 100_000  # of schedules that are kept in memory
 _SCHEDULES: Memo[AnySchedule] = Memo(16, lambda schedule: isinstance(schedule, Schedule) and schedule.size < _EVENTS)
@@ -137,7 +139,14 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
     of_all = dict.fromkeys(
         [*sum(found, of_plant), *_never_held(experiment), *unheard(experiment), *_swapped(experiment)]
     )
-    return (*of_all, *of_observers, *_uneven(experiment), *sign_remarks(experiment.source))
+    return (
+        *of_all,
+        *unstable(experiment),
+        *unknown_units(experiment.source),
+        *of_observers,
+        *_uneven(experiment),
+        *sign_remarks(experiment.source),
+    )
 
 
 def _swapped(experiment: Experiment) -> list[str]:

@@ -95,6 +95,8 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
     Problem
         For more steps than a run can make.
     """
+    if gaps.size and steps_needed(gaps.max(), longest) == 1:
+        return np.ones(gaps.size, dtype=np.int64)
     steps = steps_needed(gaps, longest)
     _require_possible(float(np.sum(steps)), longest, key)
     return np.asarray(steps.astype(np.int64))

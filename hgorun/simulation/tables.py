@@ -83,26 +83,35 @@ def build_plan(
             shared.last = made
     else:
         tables = _TABLES.get(key, lambda: tabulated().whole())
-    changes = [channel.held_changes[1] for channel in channels]
-    recorded = [] if inputs is None else inputs.values(channels, before=bool(system.stepped))
+    holds = [channel.held_changes[1] for channel in channels] + [tables.values]
+    if inputs is not None:
+        holds += inputs.values(channels, before=bool(system.stepped))
     if samples is None:
         measured = [channel.gain_and_bias for channel in channels]
+        gain, bias = joined([gain for gain, _ in measured]), joined([bias for _, bias in measured])
     else:
-        measured = [(np.ones(values.size), values) for values in _recorded(channels, samples)]
+        bias = joined(list(_recorded(channels, samples)))
+        gain = np.ones(bias.size)
     return Plan(
         spans=tables.segments.spans,
         counts=tables.segments.counts,
         actions=tables.segments.actions,
         grid=grid,
         slots=tables.slots,
-        gain=joined([gain for gain, _ in measured]),
-        bias=joined([bias for _, bias in measured]),
-        holds=np.concatenate([np.zeros(0), *changes, tables.values, *recorded]),
+        gain=gain,
+        bias=bias,
+        holds=_together(holds),
         reach=reach,
         origin=origin,
         snapshots=tables.snapshots,
         following=following,
     )
+
+
+def _together(parts: Sequence[np.ndarray]) -> np.ndarray:
+    """One after the other; of a single one that has numbers the array itself."""
+    some = [part for part in parts if part.size]
+    return some[0] if len(some) == 1 else np.concatenate([np.zeros(0), *some])
 
 
 def _recorded(channels: Sequence[Channel], samples: Sequence[np.ndarray]) -> Iterator[np.ndarray]:

@@ -137,7 +137,8 @@ class Tabulated:
         spans, counts = tabulated(first, stop - 1 if last else stop, places)
         if self.uneven is not None:
             spans, counts = unevenly(spans, counts, self.uneven)
-        spans, counts = in_pieces(spans, counts, piece)
+        if self.steps - self.order.size + 2 > piece:  # so many may be in one, if each of the others has one
+            spans, counts = in_pieces(spans, counts, piece)
         if last:
             end = np.array([[1, 0, 0, self.schedule.variant[-1], places[-2], places[-1], 0]])
             spans = np.concatenate([spans, np.full((1, 4), self.schedule.events[-1])])

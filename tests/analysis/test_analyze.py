@@ -194,6 +194,7 @@ def test_compare_has_what_is_predicted(shell: Shell) -> None:
     assert "beta theta" in out
 
 
+@pytest.mark.slow
 def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
     figure = peaking(analysis.result, analysis.transients)
     assert [ax.get_yscale() for ax in figure.axes] == ["log", "log"]
@@ -340,6 +341,7 @@ def test_a_gain_that_is_not_hurwitz_has_no_bounds() -> None:
     assert not made.transients["SHGO"].holds
 
 
+@pytest.mark.slow
 def test_before_the_first_sample_nothing_is_promised() -> None:
     made = hgorun.analyze(Experiment({"time": {"end": 1, "output_step": 0.01}, **EVERYTHING["academic"]}))
     found = made.observers["FHGO II"]

@@ -91,6 +91,7 @@ def smallest_delay() -> float:
     return min(found)
 
 
+@pytest.mark.slow
 def test_limits_of_an_observer_beside_one_with_gains() -> None:
     T: Block = {"type": "treangle", "theta": 3, "gains": [2.2, 1.9, 2.1, 0.9]}
     values = analysed({"S": S, "T": T}, measurement={"delay": 0.05})["S"].values
@@ -100,6 +101,7 @@ def test_limits_of_an_observer_beside_one_with_gains() -> None:
     assert values["delay_critical"] == pytest.approx(0.88756, rel=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "gains"),
     [
@@ -222,6 +224,7 @@ def test_theta_bound_with_slopes_scaled_with_theta() -> None:
     assert number(found, "theta_bound") == pytest.approx(scipy.optimize.brentq(excess, 1, 1e4), rel=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("measurement", "words"), [({}, ""), ({"jitter": 0.01}, "out"), ({"dropout": 0.3}, "out")])
 def test_limits_of_samples_that_get_lost_are_of_regular_ones(measurement: dict[str, float], words: str) -> None:
     found = analysed({"S": S}, measurement={"delay": 0.05, "sampling": {"period": 0.1, **measurement}})["S"]
@@ -230,6 +233,7 @@ def test_limits_of_samples_that_get_lost_are_of_regular_ones(measurement: dict[s
         assert remark.endswith("; without jitter and dropout") == bool(words), remark
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampling", ["continuous", {"period": 0.1}])
 @pytest.mark.parametrize("delay", [5e3, 1e300, "1e3*(1 + sin(t))"])
 def test_however_late_a_measurement_is_numbers_do_not_overflow(sampling: object, delay: object) -> None:

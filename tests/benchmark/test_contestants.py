@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from hgorun.benchmark.benchmark import load_benchmark
 from hgorun.benchmark.contestants import absent, contestant_in
 from hgorun.errors import ConfigError
@@ -16,6 +18,7 @@ def test_every_observer_takes_part_or_has_a_reason() -> None:
     assert taking | absent(asked.blocks).keys() == set(OBSERVERS.names())
 
 
+@pytest.mark.slow
 def test_every_contestant_takes_a_plant() -> None:
     asked = load_benchmark(folder() / "benchmark" / "benchmark.yaml")
     left = dict(asked.blocks.observers)

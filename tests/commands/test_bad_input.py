@@ -388,6 +388,7 @@ def test_a_wrong_key_is_refused(
     assert names in err, err
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TEXTS)
 def test_a_wrong_text_is_refused(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
@@ -400,6 +401,7 @@ def test_there_are_enough_cases() -> None:
     assert len(CASES) + len(TEXTS) >= 300
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("content", [b"", b"not hdf5", b"\x89HDF\r\n\x1a\n" + bytes(100)])
 def test_a_wrong_result_file_is_refused(
     content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

@@ -71,6 +71,7 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Benchmark]:
     return folder, load_benchmark(path)
 
 
+@pytest.mark.slow
 def test_scores_are_those_of_runs_made_one_by_one(done: tuple[Path, Benchmark]) -> None:
     folder, asked = done
     entry = asked.entries(folder / "small" / "entries")[0]
@@ -102,6 +103,7 @@ def test_what_does_not_take_a_scenario_says_why(tmp_path: Path) -> None:
     assert sampled.score is not None
 
 
+@pytest.mark.slow
 def test_only_what_is_new_is_carried_out(done: tuple[Path, Benchmark], monkeypatch: pytest.MonkeyPatch) -> None:
     folder, _ = done
     carried: list[str] = []

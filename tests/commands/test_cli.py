@@ -144,6 +144,7 @@ def test_figures_of_ones_own_file(shell: Shell) -> None:
     assert "integration error" in out
 
 
+@pytest.mark.slow
 def test_list_and_show(shell: Shell) -> None:
     code, out, _ = shell("list", "--json")
     found = json.loads(out)

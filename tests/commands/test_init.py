@@ -29,6 +29,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.slow
 def test_a_plant_gives_a_commented_configuration_that_runs(shell: Shell) -> None:
     code, out, _ = shell("init", "--plant", "contois", "-o", "my.yaml")
     assert code == 0
@@ -87,6 +88,7 @@ def follows(plant: str, observer: str, folder: Path) -> bool:
     return one.type == observer and result.status == "ok" and near
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "observer"),
     [
@@ -113,6 +115,7 @@ def test_observers_run_or_are_refused(plant: str, tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) > 1  # not all of these are refused
 
 
+@pytest.mark.slow
 def test_an_observer_that_loses_its_numbers_is_refused_and_nothing_is_written(shell: Shell) -> None:
     code, out, err = shell("init", "--plant", "contois", "--observer", "tracking", "-o", "s.yaml")
     assert (code, out, list(shell.folder.iterdir())) == (2, "", [])
@@ -206,6 +209,7 @@ def test_the_schema_beside_a_file_is_kept(shell: Shell) -> None:
     assert json.loads((shell.folder / "hgorun.schema.json").read_text())["$defs"]
 
 
+@pytest.mark.slow
 def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
     code, out, _ = shell("init", "fermentation")
     assert (code, "try: hgorun estimate fermentation/fermentation.yaml\n" in out) == (0, True)

@@ -89,6 +89,7 @@ def file(result: hgorun.Result, tmp_path: Path) -> Path:
     return result.save(tmp_path / "everything.h5")
 
 
+@pytest.mark.slow
 def test_a_result_is_made_again(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out = told(capsys, file)
     assert (code, out["same"]) == (0, True)
@@ -110,6 +111,7 @@ def test_a_check_writes_nothing(file: Path, capsys: pytest.CaptureFixture[str]) 
     assert list(file.parent.iterdir()) == [file]
 
 
+@pytest.mark.slow
 def test_what_is_not_the_same_is_named(
     result: hgorun.Result, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -148,6 +150,7 @@ def test_numbers_that_do_not_fit_are_refused(result: hgorun.Result, tmp_path: Pa
         rerun(Rerun(file=file))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),
     [
@@ -180,6 +183,7 @@ def test_a_file_without_digests_is_refused(file: Path) -> None:
         rerun(Rerun(file=file, check=True))
 
 
+@pytest.mark.slow
 def test_the_resolved_configuration_is_the_same_again(file: Path, result: hgorun.Result) -> None:
     rerun(Rerun(file=file, quiet=True))
     again = hgorun.read(file.with_name("everything.rerun.h5"))

@@ -58,6 +58,7 @@ def test_the_schemas_and_the_lines_that_name_them_are_those_that_the_tool_writes
     assert (done.returncode, done.stdout) == (0, ""), f"python tools/schemas.py:\n{done.stdout}{done.stderr}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ROOT)))
 def test_every_file_keeps_to_the_schema_that_it_names(file: Path) -> None:
     schema = named_schema(file)
@@ -184,6 +185,7 @@ def test_the_compact_schema_takes_and_refuses_what_the_full_one_does(
     assert refused > len(files) * changes / 4  # not for lack of faults
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("made", [build_schema, sweep_schema, benchmark_schema])
 def test_the_schema_is_small_and_says_what_every_key_means(made: Callable[[], dict[str, Any]]) -> None:
     schema = made()

@@ -39,6 +39,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.slow
 def test_a_sweep_is_carried_out_and_collected(shell: Shell) -> None:
     assert shell("sweep", "s.yaml") == (
         0, "s: 12 members\n  SHGO  12 ok\n  FHGO  12 ok\nwritten: results/s.sweep.h5\n", "",
@@ -63,6 +64,7 @@ def test_a_sweep_is_carried_out_and_collected(shell: Shell) -> None:
     assert (code, json.loads(out)["members"]) == (0, 12)
 
 
+@pytest.mark.slow
 def test_output_names_the_file_or_the_folder_around(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "-q", "-o", "x.h5")[0] == 0
     assert shell("sweep", "s.yaml", "-q", "-o", "there")[0] == 0
@@ -74,6 +76,7 @@ def test_output_names_the_file_or_the_folder_around(shell: Shell) -> None:
     assert (code, "--output: expected a file" in err) == (2, True)
 
 
+@pytest.mark.slow
 def test_parts_are_merged_to_the_same_file(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "-q")[0] == 0
     code, out, _ = shell("sweep", "s.yaml", "--part", "1/2", "-o", "one")
@@ -111,6 +114,7 @@ def test_folders_of_different_sweeps_are_not_merged(shell: Shell) -> None:
     assert not (shell.folder / "both").exists()
 
 
+@pytest.mark.slow
 def test_a_change_is_refused_with_the_difference(shell: Shell) -> None:
     shell("sweep", "s.yaml", "-q")
     (shell.folder / "base.yaml").write_text(BASE.replace("delta: 3", "delta: 4"))
@@ -148,6 +152,7 @@ def test_a_text_that_a_key_cannot_have_is_refused_before_anything_runs(shell: Sh
     assert not (shell.folder / "results").exists()
 
 
+@pytest.mark.slow
 def test_a_base_that_is_refused_is_said_as_of_a_single_run(shell: Shell) -> None:
     (shell.folder / "base.yaml").write_text(
         BASE.replace("theta: 3}", "theta: 3}\n  L: {type: lowpass, theta: 2, rho: 5}")
@@ -161,6 +166,7 @@ def test_a_base_that_is_refused_is_said_as_of_a_single_run(shell: Shell) -> None
     assert shell("sweep", "s.yaml", "-q")[0] == 0  # one of the members can be carried out
 
 
+@pytest.mark.slow
 def test_a_sweep_all_of_whose_members_fail_has_failed(shell: Shell) -> None:
     (shell.folder / "base.yaml").write_text(
         BASE.replace("plant: {type: van_der_pol, initial: {x1: 1, x2: 0.5}}", ESCAPES)
@@ -235,6 +241,7 @@ runs:
 )
 
 
+@pytest.mark.slow
 def test_ensembles_of_a_study_are_sweeps(shell: Shell) -> None:
     (shell.folder / "study.yaml").write_text(STUDY)
     code, out, err = shell("sweep", "study.yaml", "--json")
@@ -267,6 +274,7 @@ def test_beginning_anew_names_a_folder_that_is_in_the_way(shell: Shell) -> None:
     assert (code, "s.sweep.h5: cannot be removed: " in err) == (2, True)
 
 
+@pytest.mark.slow
 def test_a_block_that_nobody_has_written_is_refused_by_every_command(shell: Shell) -> None:
     shell("sweep", "s.yaml", "-o", "out", "-q")
     block = next((shell.folder / "out" / "s.sweep" / "blocks").iterdir())

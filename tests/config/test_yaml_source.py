@@ -321,6 +321,7 @@ def test_depth_counts_through_aliases() -> None:
     assert "50" in str(refusal(text))
 
 
+@pytest.mark.slow
 def test_the_number_of_values_is_bounded() -> None:
     assert len(data("[" + "1," * 99_999 + "]")) == 99_999
     assert "100,000" in str(refusal("[" + "1," * 100_000 + "]"))

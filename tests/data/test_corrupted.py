@@ -232,6 +232,7 @@ def attempt(folder: Path, made: Case) -> Signal | ConfigError | Problem:
         return error
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tenth", range(10))
 def test_corrupted_files_are_refused_with_their_line_or_read_right(tmp_path: Path, tenth: int) -> None:
     for seed in range(tenth, CASES, 10):
@@ -252,6 +253,7 @@ def test_corrupted_files_are_refused_with_their_line_or_read_right(tmp_path: Pat
             assert not made.line, (seed, outcome)
 
 
+@pytest.mark.slow
 def test_the_command_ends_with_two_and_writes_nothing(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -28,6 +28,7 @@ def test_the_page_shows_all_that_hgorun_offers() -> None:
     assert shown == set(hgorun.__all__) - {"__version__"}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [name for name in hgorun.__all__ if ">>>" in (getattr(hgorun, name).__doc__ or "")])
 def test_examples_of_docstrings_run(
     name: str, names: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch

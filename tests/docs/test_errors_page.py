@@ -24,6 +24,7 @@ PAGE = (Path(__file__).parents[2] / "docs" / "errors.md").read_text(encoding="ut
 SECTIONS = dict(re.findall(r"^### (.*?)\n(.*?)(?=^##|\Z)", PAGE, re.DOTALL | re.MULTILINE))
 
 
+@pytest.mark.slow
 @pytest.mark.unmeasured
 def test_every_message_of_the_source_stands_below_an_explanation() -> None:
     """A new one without a kind is shown here: its words go into a block of docs/errors.md, or it gets a section."""
@@ -65,6 +66,7 @@ def test_every_status_and_every_exception_is_explained() -> None:
         assert f"| `{name}` |" in PAGE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("wrong", "section"),
     [

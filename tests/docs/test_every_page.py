@@ -75,6 +75,7 @@ def yaml_blocks() -> Iterator[tuple[str, str]]:
             yield named(page), text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("page", "text"), list(yaml_blocks()))
 def test_yaml_of_a_page_fits_the_schema(page: str, text: str) -> None:
     data = yaml.safe_load(text)
@@ -117,6 +118,7 @@ def commands() -> Iterator[tuple[str, str]]:
                 yield named(page), step.text
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("page", "command"), list(commands()))
 def test_commands_of_a_page_have_options_that_there_are(page: str, command: str) -> None:
     known: dict[str, Any] = vars(typer.main.get_command(app))["commands"]

@@ -241,6 +241,7 @@ def check_nodes(graph: Graph, at: dict[str, Array], values: Array) -> None:
         known.append(value)
 
 
+@pytest.mark.unmeasured
 @settings(max_examples=80)
 @given(graphs(), points(), st.sampled_from(LANES[1:]))
 def test_every_operation_is_numpys_in_every_lane(graph: Graph, at: dict[str, Array], lanes: int) -> None:
@@ -266,6 +267,7 @@ def sums_and_products(draw: st.DrawFn) -> Graph:
     )
 
 
+@pytest.mark.slow
 @settings(max_examples=60)
 @given(sums_and_products(), st.integers(0, 2**32 - 1), st.sampled_from(LANES[1:]))
 def test_what_is_taken_together_is_nearly_the_same(graph: Graph, seed: int, lanes: int) -> None:
@@ -315,6 +317,7 @@ SPECIAL = np.array(
 )
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("lanes", LANES)
 def test_every_operation_on_all_pairs_of_special_values(lanes: int) -> None:
     """In the part of the code that knows the state, and in those of time and of parameters."""

@@ -166,6 +166,7 @@ def assert_same(found: Raw, expected: Run) -> None:
     close(found.error[:, 0], expected.error)
 
 
+@pytest.mark.one_in(3)
 @pytest.mark.parametrize("method", ["euler", "rk4", "dopri5"])
 @pytest.mark.parametrize("delayed", [False, True])
 @pytest.mark.parametrize("seed", range(6))
@@ -182,6 +183,7 @@ def test_some_of_these_observers_diverge_and_some_do_not() -> None:
     assert 0 < diverged.sum() < diverged.size
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("seed", range(6))
 def test_adaptive_steps(seed: int) -> None:
     made = whole(plan(seed))
@@ -196,6 +198,7 @@ def test_adaptive_steps(seed: int) -> None:
     np.testing.assert_allclose(found.diverged[:, 0], expected.diverged, rtol=1e-7)
 
 
+@pytest.mark.one_in(2)
 @pytest.mark.parametrize("lanes", [2, pytest.param(4, marks=pytest.mark.slow), 8])
 @pytest.mark.parametrize("delayed", [False, True])
 @pytest.mark.parametrize("method", ["rk4", "rodas5p"])

@@ -96,6 +96,7 @@ def alone(base: Experiment, members: Members, i: int, block: Block) -> None:
         assert np.array_equal(block.integration_error[i], errors, equal_nan=True)
 
 
+@pytest.mark.slow
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize("axes", AXES)
 @pytest.mark.parametrize("measured", MEASURED)
@@ -106,6 +107,7 @@ def test_given_steps(measured: str, axes: str) -> None:
         alone(base, members, i, block)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("axes", ["seed", "theta", "lost and refused", "parameter"])
 @pytest.mark.parametrize("measured", ["held", "multiplicative"])
 def test_automatic_steps(measured: str, axes: str) -> None:
@@ -138,6 +140,7 @@ def test_members_whose_plant_or_estimate_is_lost(step: float | None, root: bool)
         alone(base, members, i, block)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "observers", "more"),
     [
@@ -195,6 +198,7 @@ def test_what_is_narrow_in_a_state() -> None:
         alone(base, members, i, block)
 
 
+@pytest.mark.slow
 def test_two_hundred_members_at_random() -> None:
     base = van_der_pol(MEASURED["sampled"], 0.02)
     random = np.random.default_rng(0)

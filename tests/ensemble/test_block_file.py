@@ -75,6 +75,7 @@ def _put(store: Store, content: bytes, members: str = "0000000000-0000000004") -
     return name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "words"),
     [

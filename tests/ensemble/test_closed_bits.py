@@ -54,6 +54,7 @@ def same_as_alone(base: Experiment, members: Members, i: int, block: Block) -> N
             np.testing.assert_array_equal(block.metrics[name][i, j], values, err_msg=f"{label} {name}")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("measurement", "step"),
     [

@@ -40,6 +40,7 @@ def compared(base: Experiment, members: Members, every: int = 5) -> Block:
     return block
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("solver", "measured", "axes"),
     [
@@ -56,6 +57,7 @@ def test_van_der_pol(solver: dict[str, Any], measured: str, axes: str, singles: 
     assert not singles
 
 
+@pytest.mark.slow
 def test_members_that_fail_do_not_disturb_the_others(singles: list[int]) -> None:
     """Plants that are infinite after a while, and estimates that are lost."""
     base = experiment(

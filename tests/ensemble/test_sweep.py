@@ -55,6 +55,7 @@ def by_blocks(order: list[tuple[int, int]]) -> Executor:
     return run
 
 
+@pytest.mark.slow
 def test_a_member_has_the_bits_that_it_has_alone(tmp_path: Path) -> None:
     of = small(trajectories="all")
     sweep_to(of, Place.of(tmp_path / "a.sweep.h5"))
@@ -67,6 +68,7 @@ def test_a_member_has_the_bits_that_it_has_alone(tmp_path: Path) -> None:
             assert np.array_equal(found.trajectories.xhat[i, j], alone.observers[label].xhat)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kept", ["none", {"every": 5}, {"worst": 3, "by": "rmse", "observer": "SHGO", "state": "x2"}])
 def test_the_file_does_not_tell_how_it_came_about(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: str | dict[str, Any]
@@ -122,6 +124,7 @@ def test_processes_give_the_same_file(tmp_path: Path) -> None:
     assert (tmp_path / "a.h5").read_bytes() == undisturbed(tmp_path, of)
 
 
+@pytest.mark.slow
 def test_xarray_opens_the_file_with_the_axes_as_dimensions(tmp_path: Path) -> None:
     import xarray
 
@@ -195,6 +198,7 @@ def test_the_worst_members_are_followed(tmp_path: Path) -> None:
     assert found.trajectories.member.tolist() == np.argsort(-largest)[:2].tolist()
 
 
+@pytest.mark.slow
 def test_damaged_blocks_are_made_anew(tmp_path: Path) -> None:
     of = small()
     whole = undisturbed(tmp_path, of)
@@ -230,6 +234,7 @@ def _wrong_status(path: Path) -> None:
         file["status"][...] = 99
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", [_flipped, _zeros, _no_status, _wrong_status])
 def test_a_damaged_collected_file_is_collected_again(tmp_path: Path, damage: Callable[[Path], None]) -> None:
     place = Place.of(tmp_path / "a.h5")
@@ -286,6 +291,7 @@ def test_parts_are_all_members_once() -> None:
             Part.read(text)
 
 
+@pytest.mark.slow
 def test_parts_in_several_folders_are_merged(tmp_path: Path) -> None:
     of = small()
     whole = Store.opened(tmp_path / "whole.sweep", of)

@@ -37,6 +37,7 @@ def plant_of(dynamics: Mapping[str, str], output: Any) -> Block:
 OSCILLATOR = plant_of({"a": "b", "b": "-4*a"}, "a")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 3, 6])
 @pytest.mark.parametrize("size", [1.0, 1e-9, 1e9])
 def test_exact_samples_give_the_exact_state(count: int, size: float) -> None:
@@ -72,6 +73,20 @@ def test_as_many_samples_are_used_as_agree() -> None:
     t, a = ramp()
     found = start_of(plant, recording(signal("a", t, a, std=0.01)), "auto")
     slope, value = np.polyfit(t[:200], a[:200], 1)
+    assert (found["a"], found["b"]) == pytest.approx((value, slope), rel=1e-8)
+
+
+def test_an_exact_model_is_not_left_for_its_noise() -> None:
+    """Within two standard deviations half of such records do not stay over all fits, within three one in twenty (this
+    one would be left with the twelfth sample), within four one in a thousand.
+
+    Nested fits of a line differ by gaussian numbers of variance s_j^2 - s_k^2 alone, so that this holds for any model.
+    """
+    plant = plant_of({"a": "b", "b": "0"}, "a")
+    t = 0.02 * np.arange(200)
+    a = 1 - 2 * t + 0.03 * np.random.default_rng(26).standard_normal(t.size)
+    found = start_of(plant, recording(signal("a", t, a, std=0.03)), "auto")
+    slope, value = np.polyfit(t, a, 1)
     assert (found["a"], found["b"]) == pytest.approx((value, slope), rel=1e-8)
 
 

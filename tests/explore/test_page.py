@@ -54,6 +54,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.slow
 def test_the_page_needs_nothing_but_itself(shell: Shell) -> None:
     code, out, err = shell("report", "a.sweep.h5", "-o", "page.html")
     assert (code, err, out) == (0, "", "written: page.html\n")
@@ -64,6 +65,7 @@ def test_the_page_needs_nothing_but_itself(shell: Shell) -> None:
         assert f"<h2>{heading}</h2>" in html
 
 
+@pytest.mark.slow
 def test_names_from_a_file_are_text_on_the_page(shell: Shell) -> None:
     made(shell.folder / "b.sweep.h5", other="</script><i>")
     pages = []

@@ -21,6 +21,15 @@ from hgorun.reproduce.shipped import experiments, is_shipped
 from hgorun.result.result import Result
 from hgorun.tables.rows import rows_of
 
+CHAIN = """\
+time: {end: 2, output_step: 0.05}
+plant: {type: integrator_chain, n: 2, phi: 0, initial: {x1: 1, x2: 0}}
+observers:
+  F: {type: fhgo2, r: 1, theta: 2, poles: -1}
+  S: {type: shgo, theta: 2, poles: -1}
+solver: {method: rk4, step: 0.01}
+"""
+
 
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
@@ -45,6 +54,17 @@ def written(live: Live, name: str = "b.yaml") -> Path:
     told = live.ask("write", file=name)
     assert "error" not in told or not told["error"], told
     return Path(told["written"])
+
+
+def test_an_order_that_is_near_is_tried_before_it_is_asked_for(file: Path) -> None:
+    live = Live(file)
+    live.worker.finish()
+    told = len(live.paper.told)
+    live.set("observers.F.r", 2)
+    assert not any("busy" in one for one in live.paper.told[told:])
+    assert {one["label"] for one in live.paper.told[-1]["theories"]} == {"F", "S"}
+    live.set("observers.F.r", 6)
+    assert live.paper.told[-2]["busy"] == "compiling new equations"
 
 
 def test_a_page_begins_with_the_file(file: Path) -> None:
@@ -273,6 +293,22 @@ def test_the_bounds_come_after_the_curves(file: Path) -> None:
     before = len(live.paper.told)
     live.worker.finish()
     assert [one["label"] for told in live.paper.told[before : before + 1] for one in told["theories"]] == ["S"]
+
+
+def test_bounds_have_the_names_of_their_equations(tmp_path: Path) -> None:
+    """Two integrators: nothing but a late output keeps a theorem from holding."""
+    (tmp_path / "a.yaml").write_text(CHAIN)
+    live = Live(tmp_path / "a.yaml")
+    live.worker.finish()
+    words = {label: own["words"] for label, own in live.theory().items()}
+    assert words["S"] == "dashed, the bound (3.22) of Robles Magdaleno 2023, whose assumptions this run meets"
+    assert words["F"] == "dashed, the bound (3.34) of Robles Magdaleno 2023, whose assumptions this run meets"
+    (tmp_path / "b.yaml").write_text(CHAIN + "measurement: {sampling: {period: 0.1}}\n")
+    live = Live(tmp_path / "b.yaml")
+    live.worker.finish()
+    for own in live.theory().values():
+        late = "dotted, the decay without delay and noise of the bound (3.69) of Robles Magdaleno 2023, which does not "
+        assert own["words"].startswith(late + "hold: d_M = 0.1 is not below delay_bound = ")
 
 
 def test_the_theory_follows(file: Path) -> None:

@@ -113,6 +113,7 @@ def test_inputs_that_are_told_to_an_observer_that_jumps(tmp_path: Path) -> None:
     assert one.input(5.0, [np.nan]) == NOT_FINITE
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", RUNS)
 def test_numbers(name: str, compiled: dict[str, Compiled]) -> None:
     run = RUNS[name]
@@ -205,6 +206,7 @@ def test_many_samples_keep_their_digits(compiled: dict[str, Compiled]) -> None:
     assert np.max(np.abs(own - found.estimates["O"])) <= 1e-12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("options", [("-O0",), ("-O2", "-ffp-contract=off")], ids=["O0", "O2"])
 def test_compilers(compiler: str, options: tuple[str, ...], tmp_path: Path) -> None:

@@ -59,6 +59,7 @@ def made(*, lost: bool = True) -> Collected:
     )
 
 
+@pytest.mark.slow
 def test_on_a_narrow_page_panels_stand_one_below_the_other() -> None:
     """The same panels with the same curves, half as wide."""
     pages = [dict(figures_of(made(), page=Page.named(width, "light"))) for width in ("two", "one")]
@@ -218,6 +219,7 @@ def test_trajectories_that_were_not_kept_are_not_drawn() -> None:
         bands(replace(made(), trajectories=None))
 
 
+@pytest.mark.slow
 def test_an_ensemble_has_the_figures_that_it_has_numbers_for(tmp_path: Path) -> None:
     members = made()
     names = [name for name, _ in figures_of(members)]

@@ -377,6 +377,7 @@ def test_estimates_that_are_close_are_shown_whole(result: Result, compared: Any)
         assert high > observer.xhat[:, 0].max()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "make",
     [
@@ -453,6 +454,7 @@ def test_units_in_brackets() -> None:
     assert unit("$m^2$") == " [$m^2$]"
 
 
+@pytest.mark.slow
 @given(st.text(max_size=100))
 def test_any_label_can_be_drawn_and_is_short(text: str) -> None:
     from matplotlib.mathtext import MathTextParser

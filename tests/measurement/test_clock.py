@@ -22,6 +22,7 @@ def simulated(start: float, measurement: dict[str, Any], phases: tuple[float, ..
     return hgorun.simulate(e.varied({"time.start": start, "time.end": start + 10, "time.output_step": 0.005}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("start", [1e6, 1.7e9, -1.7e9])
 @pytest.mark.parametrize(
     "measurement",
@@ -98,6 +99,7 @@ def test_the_clock_that_functions_read_is_that_of_the_configuration() -> None:
     assert steady[0] == pytest.approx(origin + 2 / 3)
 
 
+@pytest.mark.slow
 def test_analysis_does_not_depend_on_the_clock() -> None:
     from hgorun.analysis.report import analyze
 

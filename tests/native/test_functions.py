@@ -58,6 +58,7 @@ def bounds(name: str, arguments: Sequence[Array]) -> Array:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.measured_once
 @pytest.mark.parametrize("name", NAMES)
 def test_within_the_stated_error(name: str) -> None:
@@ -86,6 +87,7 @@ def test_special_values_are_those_of_c(name: str) -> None:
     assert np.all(np.abs(y[~exact] - expected[~exact]) <= np.ldexp(2.0, places))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", NAMES)
 def test_same_bits_on_all_lanes(name: str) -> None:
     arguments = [np.concatenate(both) for both in zip(points(name), special(name), strict=True)]
@@ -213,6 +215,7 @@ def test_polynomials_have_the_errors_that_stand_above_them(tool: Any) -> None:
         assert f"{heading}\n{what.name} = (" in text
 
 
+@pytest.mark.slow
 def test_coefficients_are_those_of_the_fit(tool: Any) -> None:
     """The quick ones; tools/fit_functions.py prints all of them."""
     for what in tool.FITS:

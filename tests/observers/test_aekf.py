@@ -74,6 +74,7 @@ def test_theta_grows_and_returns_and_stays_inside(run: Result) -> None:
     assert np.max(np.abs(run.observers["K"].xhat[200:] - run.x[200:])) < 0.1
 
 
+@pytest.mark.slow
 def test_started_at_the_truth_it_is_the_kalman_filter() -> None:
     """No noise, no cost, theta at 1; with beta m = 600 exactly."""
     start = {"x1": 1}
@@ -115,6 +116,7 @@ def test_samples() -> None:
     assert np.all(np.asarray(found.internal["I"])[: N + 1] == 0)
 
 
+@pytest.mark.slow
 def test_threshold_is_four_times_what_the_noise_costs() -> None:
     held: Block = {"noise": [{"type": "gaussian", "std": 0.1, "hold": 0.1}]}
     sampled: Block = {"noise": [{"type": "gaussian", "std": 0.1}], "sampling": {"period": 0.1, "offset": 0.1}}

@@ -51,6 +51,7 @@ def test_times_that_are_uneven_and_a_window_that_fills() -> None:
         np.testing.assert_allclose(row, expected, rtol=0, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("i", "kappa", "of_powers"), [(1, 0, [0, 1, -0.4]), (2, 1, [0, 0, 2, -6 * 0.2])])
 def test_a_degree_more_is_exact_at_half_the_window(i: int, kappa: int, of_powers: list[float]) -> None:
     """T = 0.4: t^2 has the derivative -2 T/2 at the newest sample, t^3 the second one -6 T/2."""

@@ -27,6 +27,7 @@ SCENARIOS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("r", [1, 2, 3])
 def test_full_and_reduced_gain_are_one(r: int) -> None:
     """Two discretisations of order four of one observer: their distance falls like h^4."""
@@ -55,6 +56,7 @@ def test_stationary_block(r: int) -> None:
     np.testing.assert_array_equal(S @ [math.comb(r, j) for j in range(1, r + 1)], C[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measurement", SCENARIOS, ids=range(len(SCENARIOS)))
 @pytest.mark.parametrize(("gain", "equation"), [("reduced", "riccati"), ("full", "lyapunov")])
 def test_order_zero_is_the_standard_observer(gain: str, equation: str, measurement: dict[str, Any]) -> None:
@@ -77,6 +79,7 @@ def test_on_a_chain_the_gain_becomes_the_binomial_one(r: int) -> None:
     np.testing.assert_allclose([*K_r, *K_n], [math.comb(r + 2, j) for j in range(1, r + 3)], rtol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("measurement", SCENARIOS, ids=range(len(SCENARIOS)))
 @pytest.mark.parametrize("r", [1, 3])
 def test_on_a_chain_it_becomes_the_observer_of_constant_gain(r: int, measurement: dict[str, Any]) -> None:
@@ -114,6 +117,7 @@ def test_wrong_input_is_refused(more: dict[str, Any], key: str) -> None:
     assert error.value.key == f"observers.o.{key}"
 
 
+@pytest.mark.slow
 def test_a_step_of_auto_is_short_enough() -> None:
     """Sampled and late, where no noise of the output asks for a shorter one."""
     for block in (

@@ -16,6 +16,7 @@ JERK = chain(3, "-0.6*x3 - x2 - sin(x1)", [1, 0, 0])
 SAMPLED: Block = {"sampling": {"period": 0.1}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("cls", "block"),
     [

@@ -23,6 +23,7 @@ VDP: Block = VAN_DER_POL | {"parameters": {"mu": 0.5}, "initial": {"x1": 1, "x2"
 NOISE = [{"type": "expression", "value": "0.05*sqrt(2)*sin(12.9898*(k + 1)**1.5 + k + 1)"}]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", [ImpulsiveObserver, ImpulsiveRiccatiObserver, ExactLuenbergerObserver])
 def test_contract(family: type[AnyObserver]) -> None:
     check_observer(family)

@@ -27,6 +27,7 @@ from hgorun.errors import ConfigError
 from hgorun.simulation.simulate import prepare
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_from_rest_it_is_fhgo2(plant: str, scenario: str) -> None:

@@ -31,6 +31,7 @@ def samples(std: float, period: float = 0.2) -> Block:
     return {"sampling": {"period": period, "offset": period}, "noise": late_noise(std)}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", [KalmanBucyFilter, ExtendedKalmanFilter])
 def test_contract(family: type[AnyObserver]) -> None:
     check_observer(family)

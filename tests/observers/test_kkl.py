@@ -77,6 +77,7 @@ def rms(result: Result) -> dict[str, np.ndarray]:
     return {k: np.sqrt(np.mean((o.xhat - result.x)[late] ** 2, axis=0)) for k, o in result.observers.items()}
 
 
+@pytest.mark.slow
 def test_values_of_the_map_computed_elsewhere(duffing: Result) -> None:
     """T(1, 0), lam = 1..5."""
     expected = [0.359830, 0.344110, 0.276516, 0.223692, 0.185824]
@@ -100,6 +101,7 @@ def test_what_noise_does_computed_elsewhere() -> None:
     np.testing.assert_allclose(found["m 3"], [3.3e-3, 7.0e-3], rtol=3e-2)
 
 
+@pytest.mark.slow
 def test_samples_have_a_map_of_their_own() -> None:
     """Exact for a linear plant, however long the period; a recursion in numpy for the other one."""
     sampling: Block = {"sampling": {"period": 0.5}}
@@ -118,6 +120,7 @@ def test_samples_have_a_map_of_their_own() -> None:
     assert np.all(rms(found)["K"] < [1e-3, 1e-2])  # what is left of the start
 
 
+@pytest.mark.slow
 def test_a_plant_that_escapes_backwards_is_clipped_on_request() -> None:
     block: Block = {"type": "kkl", "box": {"x1": [-2.5, 2.5], "x2": [-4, 4]}, "degree": 3, "points": 200}
     with pytest.raises(ConfigError, match=r"observers.K.box: backwards in time .* outside: saturate"):
@@ -126,6 +129,7 @@ def test_a_plant_that_escapes_backwards_is_clipped_on_request() -> None:
     assert np.all(rms(result)["K"] < [0.3, 0.9])
 
 
+@pytest.mark.slow
 def test_ridge_keeps_coefficients_small_and_the_analysis_says_what_that_costs() -> None:
     made = experiment(DUFFING, {"free": KKL, "ridge": {**KKL, "ridge": 1e-6}}, end=2, step=0.01)
     named = [FINDINGS.find(n) for n in ("inverse_error", "inverse_error_fitted", "inverse_weight", "poles")]

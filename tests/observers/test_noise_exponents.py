@@ -151,6 +151,7 @@ BLOCKS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phi", ["0", WEAK])
 def test_simulated_amplitudes_are_the_frequency_response(phi: str) -> None:
     plant = chain(3, phi, start=0)

@@ -23,6 +23,7 @@ def of(m: int | None = None, theta: float = 2.0, **keys: object) -> Block:
     return {"type": "predictor_chain", "theta": theta, **({} if m is None else {"m": m}), **keys}
 
 
+@pytest.mark.slow
 def test_contract() -> None:
     check_observer(PredictorChain)
 
@@ -140,6 +141,7 @@ def naive(plant: np.ndarray, d: float, m: int, theta: float, h: float, period: f
     return np.array(found)
 
 
+@pytest.mark.slow
 def test_two_outputs() -> None:
     """Two plants side by side are two observers."""
     two = inline({"a": "b", "b": "-a", "c": "d", "d": "-2*c"}, {"y": "a", "z": "c"})
@@ -177,6 +179,7 @@ def test_analysis() -> None:
         assert "looks back" in found["K"].reasons[name]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampling", [{"sampling": {"period": 0.1}}, {}], ids=["sampled", "continuous"])
 def test_alone_in_company_and_in_lanes(sampling: Block) -> None:
     held: Block = {} if sampling else {"hold": 0.1}

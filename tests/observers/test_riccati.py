@@ -277,6 +277,7 @@ def phytoplankton_copy(t: float, z: Array) -> Array:
     return phytoplankton_F(t, z) @ z + phi
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("family", FAMILIES)
 def test_phytoplankton_with_saturation_as_a_plain_simulator_has_it(family: str) -> None:
     block, make, names = FAMILIES[family]
@@ -352,6 +353,7 @@ def coupled_F(t: float, x: Array) -> Array:
     return F
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sampled", [False, True])
 @pytest.mark.parametrize("family", ["shgo_riccati", "fhgo1"])
 def test_two_outputs_as_a_plain_simulator_has_them(family: str, sampled: bool) -> None:
@@ -398,6 +400,7 @@ def test_lyapunov_and_riccati_form_of_the_gain_are_one() -> None:
     assert gaps[-1] < 1e-6
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
 @pytest.mark.parametrize("equation", ["riccati", "lyapunov"])
 def test_on_a_chain_the_gain_becomes_the_binomial_one(equation: str, n: int) -> None:

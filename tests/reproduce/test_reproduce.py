@@ -73,6 +73,7 @@ def made(names: list[str], output: Path, workers: int = 1) -> list[str]:
     return stale
 
 
+@pytest.mark.slow
 def test_a_second_time_nothing_is_made(tmp_path: Path) -> None:
     names, output = studies(tmp_path), tmp_path / "out"
     assert len(made(names, output)) == 8
@@ -81,6 +82,7 @@ def test_a_second_time_nothing_is_made(tmp_path: Path) -> None:
     assert {p: p.stat().st_mtime_ns for p in before} == before
 
 
+@pytest.mark.slow
 def test_only_what_changed_is_made(tmp_path: Path) -> None:
     (name,), output = studies(tmp_path, count=1), tmp_path / "out"
     made([name], output)
@@ -123,6 +125,7 @@ def test_killed_in_the_middle_and_started_again(tmp_path: Path, how: signal.Sign
     assert files(tmp_path / "broken") == files(tmp_path / "whole")
 
 
+@pytest.mark.slow
 def test_the_report_says_what_was_measured(tmp_path: Path) -> None:
     names, output = studies(tmp_path, count=1), tmp_path / "out"
     made(names, output)
@@ -133,6 +136,7 @@ def test_the_report_says_what_was_measured(tmp_path: Path) -> None:
     assert (output / "report" / "study0" / "first.png").stat().st_size < 60_000
 
 
+@pytest.mark.slow
 def test_a_damaged_state_is_made_anew(tmp_path: Path) -> None:
     names, output = studies(tmp_path, count=1), tmp_path / "out"
     made(names, output)
@@ -141,6 +145,7 @@ def test_a_damaged_state_is_made_anew(tmp_path: Path) -> None:
     assert len(made(names, output)) == 4
 
 
+@pytest.mark.slow
 def test_trajectories_of_an_ensemble_are_drawn(tmp_path: Path) -> None:
     (name,), output = studies(tmp_path, count=1), tmp_path / "out"
     path = Path(name)

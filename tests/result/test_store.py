@@ -380,6 +380,7 @@ def test_a_file_of_before_has_no_digests_and_opens(file: Path, tmp_path: Path) -
     np.testing.assert_array_equal(old.x, hgorun.read(file).x)
 
 
+@pytest.mark.slow
 @pytest.mark.measured_once
 @pytest.mark.parametrize("seed", range(40))
 def test_any_damage_is_found_or_harmless(seed: int, file: Path, tmp_path: Path) -> None:

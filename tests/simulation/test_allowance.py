@@ -94,6 +94,7 @@ def test_a_state_at_zero_that_moves_at_once_in_a_long_run(method: str, start: fl
     np.testing.assert_allclose(run(tmp_path, config).x[1:, 0], 1, rtol=1e-5 if start else 1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("kink", [1e-9, 1e-6])
 @pytest.mark.parametrize("method", METHODS)
 def test_states_that_rise_from_below_the_smallest_numbers(method: str, kink: float, tmp_path: Path) -> None:
@@ -151,6 +152,7 @@ def test_a_jump_that_a_state_brings_about_for_one_that_has_been_tiny(
     assert run(tmp_path, config).x[-1, 1] == pytest.approx(exact, rel=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rate", ["x**2", "-1/x", "1/(2 - x)", "-1/sqrt(x)"])
 @pytest.mark.parametrize("method", METHODS)
 def test_no_step_leads_over_a_singularity(method: str, rate: str, tmp_path: Path) -> None:

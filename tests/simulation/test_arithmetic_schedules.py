@@ -135,6 +135,7 @@ def short_parts(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     preparation._CHANNELS.clear()
 
 
+@pytest.mark.slow
 @pytest.mark.measured_once
 @pytest.mark.parametrize("case", CASES)
 def test_a_long_run_has_the_bits_of_tables(case: str, request: pytest.FixtureRequest) -> None:

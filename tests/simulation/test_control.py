@@ -180,6 +180,7 @@ def test_a_given_step_at_the_zeros_of_the_power_is_told(step: float, finer: bool
     assert result.integration_error["plant"] > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("frequencies", [[1024], [1000, 1024], [4096, 5000, 720], [10240], [997]])
 @pytest.mark.parametrize("period", [None, 0.1, 0.125])
 def test_frequencies_that_alias_on_several_grids(frequencies: list[int], period: float | None) -> None:

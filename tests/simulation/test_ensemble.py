@@ -59,6 +59,7 @@ def members(of: list[PreparedRun]) -> MemberNumbers:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("lanes", "threads"), [(1, 1), (2, 2), (4, 1), (8, 2), (16, 1), (32, 3)])
 def test_members_have_the_bits_of_runs_alone(lanes: int, threads: int) -> None:
     of = runs(11, alike=threads == 1)
@@ -91,6 +92,7 @@ def test_metrics_that_numpy_makes_of_rows_are_those_that_are_made_beside_the_run
     assert told[-1] == 5
 
 
+@pytest.mark.slow
 def test_every_member_has_its_own_continuous_delay() -> None:
     """Delays are parameters, and may differ in runs that land on the same events."""
     config = yaml.safe_load(CONFIG) | {"measurement": {"delay": "0.1 + 0.05*abs(cos(3*t))"}}
@@ -126,6 +128,7 @@ def test_numbers_of_any_strides(stride: int) -> None:
     np.testing.assert_array_equal(found, straight)
 
 
+@pytest.mark.slow
 @pytest.mark.measured_once
 @pytest.mark.parametrize(
     "changed",

@@ -64,6 +64,7 @@ def test_held_and_shrinking_innovations_against_a_few_lines(gamma: float) -> Non
         np.testing.assert_allclose(run.observers["S"].xhat[k + 1], x, rtol=0, atol=1e-10)
 
 
+@pytest.mark.slow
 @pytest.mark.measured_once
 @pytest.mark.parametrize(
     ("n", "gamma", "limit"),

@@ -114,6 +114,19 @@ def test_observers_that_share_steps_or_times_are_integrated_together(
     assert [sorted(labels) for labels in integrated] == [["F", "S"], ["F", "S"]]
 
 
+def test_new_code_is_that_of_new_observers_alone() -> None:
+    known, base = Known(), contois({"S": HIGH, "F": FILTERED | {"r": 3}})
+    first, new = prepare(base), prepare(base.varied({"observers.F.r": 4}))
+    assert known.compiled(first) == first.structure.compiled
+    simulate_prepared(first, known=known)
+    assert known.compiled(first)
+    assert not known.compiled(new)
+    simulate_prepared(new, known=known)
+    assert known.compiled(new)
+    assert not new.structure.compiled
+    assert not Known().compiled(new)
+
+
 def test_a_plant_that_diverges_is_told_whatever_is_known() -> None:
     known, escaping = Known(), inline({"x": "x**2"}, "x", start=1)
     base = experiment(escaping, {"S": {"type": "shgo", "theta": 2, "poles": -1}}, end=2, step=0.01)

@@ -77,6 +77,7 @@ JUMPING: list[Block] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.measured_once
 @pytest.mark.parametrize("block", JUMPING, ids=lambda block: f"{block['type']} {block.get('update', '')}")
 def test_with_all_samples_in_hand_any_filter_is_the_one_in_order_bit_for_bit(block: Block) -> None:
@@ -97,6 +98,7 @@ def test_with_all_samples_in_hand_any_filter_is_the_one_in_order_bit_for_bit(blo
     assert not np.array_equal(found.xhat, wanted.xhat)
 
 
+@pytest.mark.slow
 def test_with_all_samples_in_hand_it_is_the_filter_in_order_bit_for_bit() -> None:
     """Delays of whole periods, so that both have the same steps; by t = 3.5 all of the first twelve have come."""
     times = [PERIOD * k for k in range(1, 13)]
@@ -187,6 +189,7 @@ def test_automatic_steps() -> None:
     np.testing.assert_allclose(result.observers["K"].xhat[-1], z[:2], rtol=0, atol=1e-5)
 
 
+@pytest.mark.slow
 def test_members_of_an_ensemble(tmp_path: object) -> None:
     base = experiment(PENDULUM, {"K": EKF, "S": SHGO}, end=2, output_step=0.05, step=STEP, measurement=late("0.37"))
     swept = hgorun.sweep(base, {"observers.K.R": [0.01, 0.02, 0.05]}, output=f"{tmp_path}/swept.h5")

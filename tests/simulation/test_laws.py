@@ -81,6 +81,7 @@ def same(a: Result, b: Result, *labels: str) -> bool:
 # ---- equal bits ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MEASUREMENTS)
 def test_filter_of_order_zero_is_the_standard_observer(name: str, tmp_path: Path) -> None:
     config = configuration(MEASUREMENTS[name], {"S": SHGO, "F": SHGO | {"type": "fhgo2", "r": 0}})
@@ -112,6 +113,7 @@ def test_an_observer_does_not_feel_the_others(name: str, tmp_path: Path) -> None
     assert together.observers["lost"].lost
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solver", [{"step": 0.02}, {"method": "dopri5", "rtol": 1e-8}])
 def test_runs_repeat_bit_for_bit(solver: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With code compiled anew, with code from the cache, and told of progress in slices of a segment."""
@@ -196,6 +198,7 @@ def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tu
     return program.run(replace(asked[0].plan, **numbers), Start(z, p, asked[0].start.bound)), single
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sampled", "delayed", "phases"])
 def test_lanes_have_the_bits_of_single_runs(name: str, tmp_path: Path) -> None:
     """Four runs in one vector register, with their own gains, starts and draws; one of them diverges."""

@@ -202,7 +202,7 @@ def test_running_out_of_memory_names_the_causes(
     def exhausted(*_: Any, **__: Any) -> None:
         raise MemoryError
 
-    monkeypatch.setattr("hgorun.cli.app", exhausted)
+    monkeypatch.setattr("typer.Typer.__call__", exhausted)
     monkeypatch.setattr("sys.argv", ["hgorun", "list"])
     with pytest.raises(SystemExit) as stop:
         main()

@@ -146,6 +146,7 @@ def order_of(run: Callable[[float], Vector], steps: Sequence[float]) -> float:
     return -np.polyfit(range(len(errors)), np.log2(errors), 1)[0]
 
 
+@pytest.mark.slow
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("r", [0, 1, 2, 3])
 @pytest.mark.parametrize("scenario", SCENARIOS)
@@ -173,6 +174,7 @@ def test_output_between_steps_is_of_order_four() -> None:
     assert order_of(run, [0.05, 0.025, 0.0125, 0.00625]) == pytest.approx(4.0, abs=0.1)
 
 
+@pytest.mark.slow
 def test_kinks_and_held_noise_keep_order_four_when_they_are_events() -> None:
     """|sin| in the plant, noise held for 0.5, and a delay through which both come back."""
     plant = Contois(lambda t: 1.064 * (1 - abs(np.sin(np.pi * t / 2.35)) / 2))
@@ -193,6 +195,7 @@ def test_kinks_and_held_noise_keep_order_four_when_they_are_events() -> None:
 # ---- references ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("r", [0, 1, 2, 3])
 def test_continuous_contois_against_dop853(r: int) -> None:
     plant = Contois()
@@ -415,6 +418,7 @@ def test_held_noise_against_dop853_piece_by_piece() -> None:
 # ---- known numbers ----
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("r", "limit"), [(0, 0.927), (1, 1.103), (2, 1.255), (3, 1.400)])
 def test_largest_constant_delay_of_a_triple_integrator(r: int, limit: float) -> None:
     assert_turns_unstable(r, limit, lambda x: {"delay": x})
@@ -442,6 +446,7 @@ def assert_turns_unstable(r: int, limit: float, scenario: Callable[[float], dict
     assert late_over_early(1.03 * limit) > 1.25
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("r", "theta", "rmse"),
     [(0, 1, [0.072, 0.094]), (1, 2, [0.033, 0.23]), (2, 2, [0.0071, 0.0084]), (3, 2, [0.0014, 0.0067])],

@@ -75,6 +75,7 @@ def _digests(path: Path) -> dict[str, str]:
         return digests.of_file(file)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [*CASES, *SHORTER])
 def test_what_is_written_as_it_comes_is_what_memory_holds(name: str, long: pytest.MonkeyPatch, tmp_path: Path) -> None:
     run = prepare((CASES | SHORTER)[name]())

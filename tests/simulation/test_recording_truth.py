@@ -32,6 +32,7 @@ FAMILIES: dict[str, Block] = {
 }
 PENDULUM = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, "a", inputs={"u": "where(t < 2.05, 0.3, -0.2)"})
 INPUT = RecordedInputs(np.array([0.0, 2.05]), np.array([[0.3], [-0.2]]), np.zeros((2, 1)))
+HELD = replace(INPUT, held=True)
 NOISE = [{"type": "gaussian", "std": 0.05}]
 
 
@@ -64,14 +65,18 @@ def assert_same_bits(run: PreparedRun, inputs: RecordedInputs | None = None) -> 
 
 
 @pytest.mark.parametrize("delay", ["0", "0.15", "0.1 + 0.05*sin(3*t)"])
-@pytest.mark.parametrize("inputs", [None, INPUT], ids=["input of time", "held input"])
+@pytest.mark.parametrize(
+    "inputs", [None, INPUT, HELD], ids=["input of time", "input with slopes of zero", "held input"]
+)
 def test_every_family_on_samples(delay: str, inputs: RecordedInputs | None) -> None:
     measurement = {"sampling": {"period": 0.1, "jitter": 0.02}, "delay": delay, "noise": NOISE}
     observers = {name: {"type": name, **keys, "initial": {"b": 1}} for name, keys in FAMILIES.items()}
     assert_same_bits(prepare(experiment(PENDULUM, observers, end=4, step=0.01, measurement=measurement)), inputs)
 
 
-@pytest.mark.parametrize("inputs", [None, INPUT], ids=["input of time", "held input"])
+@pytest.mark.parametrize(
+    "inputs", [None, INPUT, HELD], ids=["input of time", "input with slopes of zero", "held input"]
+)
 def test_observers_that_jump_at_samples(inputs: RecordedInputs | None) -> None:
     observers: dict[str, Block] = {
         "reduced": {"type": "reduced_sampled", "H": 3, "initial": {"b": 1}},

@@ -381,6 +381,7 @@ def test_every_measurement(name: str, tmp_path: Path) -> None:
     check(tmp_path, VAN_DER_POL, SCENARIOS[name])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("scenario", ["varying delay", "sampled, out of order"])
 @pytest.mark.parametrize("name", [name for name in MODELS if name != "van der pol"])
 def test_every_plant(name: str, scenario: str, tmp_path: Path) -> None:
@@ -390,6 +391,7 @@ def test_every_plant(name: str, scenario: str, tmp_path: Path) -> None:
 # ---- what needs more than a table ----
 
 
+@pytest.mark.slow
 def test_start_away_from_zero(tmp_path: Path) -> None:
     """Samples, holds and delays count from the start; functions of time do not."""
 
@@ -662,6 +664,7 @@ def assert_near(result: Result, exact: Exact, label: str, tolerance: float) -> N
 PRECISE = {"method": "dopri5", "rtol": 1e-10, "atol": 1e-12}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", [VAN_DER_POL, CONTOIS, CURVED_OUTPUT], ids=["vdp", "contois", "curved"])
 @pytest.mark.parametrize("is_sampled", [False, True])
 def test_adaptive_steps_against_dop853(model: Model, is_sampled: bool, tmp_path: Path) -> None:

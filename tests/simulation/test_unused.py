@@ -77,6 +77,7 @@ def test_observers_use_them() -> None:
     refuse_unused_changes([("plant",)], block, {"K": KineticRateObserver.model_validate(rates)}, None)
 
 
+@pytest.mark.slow
 def test_set_is_refused_and_an_overridden_use_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -68,6 +68,7 @@ def test_the_line_is_what_is_simulated(tmp_path: Path, case: str, of: str) -> No
     np.testing.assert_allclose(observer.theory, observer.measured, rtol=0.02)
 
 
+@pytest.mark.slow
 def test_multiplicative_noise_of_a_plant_that_moves(tmp_path: Path) -> None:
     measurement = {"noise": SINUSOID, "mode": "multiplicative"}
     for more in ({}, {"delay": 0.1}, {"sampling": {"period": 0.1}}):
@@ -84,6 +85,7 @@ def test_an_error_without_noise_is_in_the_line(tmp_path: Path) -> None:
     np.testing.assert_allclose(observer.theory, observer.measured, rtol=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("measurement", "of", "reason"),
     [

@@ -127,6 +127,7 @@ def test_two_outputs_with_their_own_schedules(delay: float) -> None:
         np.testing.assert_allclose(together.observers["o"].xhat[:, columns], alone.observers["o"].xhat, atol=1e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "words"),
     [

@@ -276,6 +276,7 @@ def test_any_label_survives_latex(result: Result, label: str) -> None:
     assert rows[2][0]
 
 
+@pytest.mark.slow
 @given(st.text(max_size=40))
 def test_escaping_leaves_no_command(text: str) -> None:
     from hgorun.tables.typeset import latex_words

@@ -7,6 +7,7 @@ import numpy as np
 _ROUNDING = 1e-9  # of norms, relatively: what is that near is decomposed, too
 _EPS = 16 * np.finfo(float).eps  # of eigenvalues, in parts of the largest: what they are known to
 _EVERY = 64  # of so many matrices one is decomposed at first
+_AT_ONCE = 2048  # matrices whose entries the processor keeps near
 _FEW = 512  # all are, of no more
 
 
@@ -40,6 +41,10 @@ def outermost(stack: np.ndarray) -> tuple[float, float]:
 
 def _positive(entries: np.ndarray, shift: float) -> np.ndarray:
     """Which of the matrices A + shift I, entries (n, n, N), are positive definite: by Gaussian elimination."""
+    count = entries.shape[-1]
+    if count > _AT_ONCE:
+        parts = [_positive(entries[..., k : k + _AT_ONCE], shift) for k in range(0, count, _AT_ONCE)]
+        return np.concatenate(parts)
     rest = np.array(entries)  # contiguous: each entry of all matrices is one row
     n = len(rest)
     rest[range(n), range(n)] += shift

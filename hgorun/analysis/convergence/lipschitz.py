@@ -24,6 +24,7 @@ _MARGIN = 0.05  # of the width of a box around trajectories, on either side: the
 _PIECES = 1024  # of the time in which an input is enclosed
 _POINTS = 2000  # of a trajectory that slopes are evaluated at
 _INPUTS: Memo[tuple[np.ndarray, np.ndarray]] = Memo(16)  # between what those of a chart stay during a run
+_JUMPING: Memo[bool] = Memo(64)  # charts
 _JUMPS = {ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
 
 
@@ -193,4 +194,7 @@ def _between(signals: Enclosure, start: float, end: float) -> tuple[np.ndarray, 
 
 def _jumps(chart: Chart) -> bool:
     """Whether phi has an operation that jumps with the state."""
-    return any(node.op() in _JUMPS and ca.depends_on(node, chart.x) for node in operations([chart.field]))
+    return _JUMPING.get(
+        same(chart),
+        lambda: any(node.op() in _JUMPS and ca.depends_on(node, chart.x) for node in operations([chart.field])),
+    )

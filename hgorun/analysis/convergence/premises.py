@@ -15,12 +15,15 @@ from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz, slopes_m
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.reasons import RECALLS, NoValue, Outcome, outcome, require_innovation
 from hgorun.analysis.subject import Subject, once
+from hgorun.memo import Memo, same
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain, LocallyLinear, SettlingGain
 from hgorun.symbolic.forms import BlockForm, ChainForm
 
 _FINE = 0.5  # of the fastest time constant: the output grid shows a transient whose steps are shorter
 _MORE = 1.5  # than the bound on a transient without delay: that with one is a little larger
+_DYNAMICS: Memo[ErrorDynamics] = Memo(64)  # by observer and form
+_RATES: Memo[float] = Memo(128)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -49,8 +52,9 @@ class Premises:
 
 @once
 def dynamics_of(subject: Subject) -> ErrorDynamics:
-    """The error's matrices at theta = 1."""
-    return error_dynamics(subject.observer, subject.form)
+    """The error's matrices at theta = 1, which depend on no run."""
+    observer, form = subject.observer, subject.form
+    return _DYNAMICS.get((same(observer), same(form)), lambda: error_dynamics(observer, form))
 
 
 def theta_of(subject: Subject) -> float:
@@ -145,8 +149,19 @@ def _start(subject: Subject, chart: Chart) -> dict[str, np.ndarray]:
 
 def is_coarse(subject: Subject) -> bool:
     """Whether a transient fits between two points of the output grid."""
-    time, observer = subject.result.time, subject.observer
-    return bool(time.size < 2 or (time[1] - time[0]) * observer.error_rate(subject.form) > _FINE)
+    time = subject.result.time
+    return bool(time.size < 2 or (time[1] - time[0]) * _error_rate_of(subject) > _FINE)
+
+
+def _error_rate_of(subject: Subject) -> float:
+    observer, form = subject.observer, subject.form
+    return _RATES.get(("error", same(observer), same(form)), lambda: observer.error_rate(form))
+
+
+def fastest_rate_of(subject: Subject) -> float:
+    """How fast an observer's equations are, which depends on no run."""
+    observer, form = subject.observer, subject.form
+    return _RATES.get(("fastest", same(observer), same(form)), lambda: observer.fastest_rate(form))
 
 
 def _reach(dynamics: ErrorDynamics, start: Mapping[str, np.ndarray], theta: float, a: Amplitudes) -> np.ndarray:

@@ -13,6 +13,7 @@ from hgorun.analysis.convergence.premises import (
     Premises,
     dynamics_of,
     estimate_of,
+    fastest_rate_of,
     is_coarse,
     premises_of,
     require_linear,
@@ -42,6 +43,8 @@ class Theorem:
         The decay with late outputs.
     printed, sharp : (Envelope, ndarray of shape (n, 1))
         Of the scaled error, and what it is to each coordinate's; ``sharp`` with nothing given away.
+    equation : str
+        Of ``printed``, in Robles Magdaleno 2023.
     nominal_rate : float or None
         Decay without delay, noise and disturbance, where it has a closed form.
     """
@@ -50,6 +53,7 @@ class Theorem:
     delay: Halanay
     printed: tuple[Envelope, np.ndarray]
     sharp: tuple[Envelope, np.ndarray]
+    equation: str
     nominal_rate: float | None = None
 
 
@@ -84,7 +88,9 @@ def _constant_gain(subject: Subject, p: Premises) -> Theorem:
     delay, sharp = delay_of(subject), sharp_delay_of(subject)
     start = np.concatenate(list(p.start.values()))
     scale = 1 / dynamics.scale(theta)[: dynamics.n, None]
+    without_delay = "(3.34)" if _filtered(subject) else "(3.22)"
     return Theorem(
+        equation="(3.69)" if a.delay > 0 else without_delay,
         theta_bound=bounds.smallest_theta(lyapunov.beta, L.constant),
         delay=delay,
         printed=(envelope.printed(dynamics, delay, start, theta, a), scale),
@@ -123,13 +129,19 @@ def _links(subject: Subject) -> tuple[float, float]:
 
 def _time_varying_gain(subject: Subject, p: Premises, S: Gramian) -> Theorem:
     """Theorem 3.5.1."""
-    filtered = "filter" in subject.observer.roles(subject.form).values()
+    filtered = _filtered(subject)
     delay = time_varying.delayed(S, filtered, _links(subject)[0], p.lipschitz, p.theta)
     scale = p.theta ** -p.chart.positions.astype(float)
     filters = [values for name, values in p.start.items() if name != "xhat"]
     scaled = np.concatenate([*filters, scale * p.start["xhat"]])
     both = time_varying.envelope(S, filtered, delay, scaled, scale, p.theta, p.amplitudes), 1 / scale[:, None]
-    return Theorem(theta_bound=time_varying.smallest_theta(S, p.lipschitz), delay=delay, printed=both, sharp=both)
+    bound = time_varying.smallest_theta(S, p.lipschitz)
+    return Theorem(theta_bound=bound, delay=delay, printed=both, sharp=both, equation="(3.105)")
+
+
+def _filtered(subject: Subject) -> bool:
+    """Whether the innovation goes through a filter."""
+    return "filter" in subject.observer.roles(subject.form).values()
 
 
 @once
@@ -171,10 +183,8 @@ class BoundedTransient:
 def bounded_transient_of(subject: Subject) -> BoundedTransient:
     """The bounds on the output grid."""
     theorem, p = theorem_of(subject), premises_of(subject)
-    since = subject.result.time - subject.run.time.start
-    printed, sharp = (
-        (scale * course.at(since)[None] + _floor(subject)).T for course, scale in (theorem.printed, theorem.sharp)
-    )
+    since, floor = subject.result.time - subject.run.time.start, _floor(subject)
+    printed, sharp = ((scale * course.at(since)[None] + floor).T for course, scale in (theorem.printed, theorem.sharp))
     lacking, coarse = _lacking(subject), is_coarse(subject)
     if coarse and p.lipschitz.region != "saturation" and (p.reach is None or np.any(sharp[0] > p.reach)):
         lacking.append("the output grid is too coarse to show where the slopes of phi matter")
@@ -218,13 +228,14 @@ def transient_of(subject: Subject) -> Transient:
         course, scale = theorem.printed
         decay = np.exp(-theorem.nominal_rate * (time - time[0]))
         nominal = (scale * course.gain * course.start * decay).T
-    return Transient(names, time, error, bounded.printed, bounded.sharp, not bounded.lacking, nominal)
+    lacking, equation = bounded.lacking, theorem.equation
+    return Transient(names, time, error, bounded.printed, bounded.sharp, not lacking, nominal, equation, lacking)
 
 
 def _lacking(subject: Subject) -> list[str]:
     """What the theorem assumes and the run does not meet."""
     theorem, p = theorem_of(subject), premises_of(subject)
-    run, observer, late = subject.run, subject.observer, p.amplitudes.delay
+    run, late = subject.run, p.amplitudes.delay
     found = []
     if p.theta < theorem.theta_bound * (1 - 1e-9):
         found.append(f"theta = {p.theta:.4g} is below theta_bound = {theorem.theta_bound:.4g}")
@@ -241,7 +252,7 @@ def _lacking(subject: Subject) -> list[str]:
         found.append("the estimate is shown clipped, and the theorem is about what is behind it")
     if isinstance(subject.form, ChainForm) and not p.chart.identity and _clipped(subject):
         found.append("the estimate leaves its saturation, which is in x and not in z")
-    if not run.adaptive and observer.fastest_rate(subject.form) * run.step > 1:
+    if not run.adaptive and fastest_rate_of(subject) * run.step > 1:
         found.append(f"steps of {run.step:.3g} are too long for the observer's error to be followed")
     return found
 

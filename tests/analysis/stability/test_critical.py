@@ -120,6 +120,7 @@ def test_an_unstable_first_order_plant_in_closed_form() -> None:
     assert along(critical_delay, run, "o") == pytest.approx(1 / a - 1 / g, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "delay"),
     [
@@ -173,6 +174,7 @@ def test_two_chains_have_the_limit_of_the_slower_one() -> None:
     assert along(critical_period, run, "o") == pytest.approx(2.896, abs=6e-4)
 
 
+@pytest.mark.slow
 def test_a_time_varying_plant_against_its_own_run() -> None:
     """The small error's growth over [20, 60], from runs that sample a little below and above the limit."""
 
