@@ -232,10 +232,10 @@ def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
         (("contois",), "To start with the plant: hgorun init --plant contois"),
         (("--plant", "contos"), "--plant: no plant is called 'contos'. Did you mean `contois`?"),
         (("--plant", "contois", "--observer", "shgoo"), "no observer is called 'shgoo'. Did you mean `shgo`?"),
-        (("--plant", "contois", "-o", "my.csv"), "expected a file .yaml, found my.csv"),
+        (("--plant", "contois", "-o", "my.csv"), "ends in .yaml, such as my.yaml, found my.csv"),
         (("contois_te025", "--plant", "contois"), "copied as it is"),
         (("--ask", "--observer", "shgo"), "--observer goes with --plant"),
-        (("contois_te025", "-o", "my.yaml"), "a copy takes NAME and FOLDER"),
+        (("contois_te025", "-o", "my.yaml"), "keeps its name and takes a folder: hgorun init contois_te025 FOLDER"),
     ],
 )
 def test_what_does_not_go_together_is_refused(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
