@@ -1,17 +1,19 @@
 """The table of docs/qube.md on what a correction that flows costs, by Lyapunov's and Riccati's equations alone.
 
 A double integrator, x'' white noise of density 1, samples of variance r at every T = 1. Of an innovation e at a sample
-the standard observer has exp(-a t) e left after the time t, a = theta g_1, and b = theta^2 g_2.
+the standard observer has exp(-a t) e left after the time t, a = theta g_1, and b = theta^2 g_2. Those with filters are
+linear systems of the errors, of what is left of e, and of the filters.
 """
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.linalg import solve_discrete_are, solve_discrete_lyapunov
+from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
 from scipy.optimize import minimize_scalar
 
 PAGE = (Path(__file__).parents[1] / "docs" / "qube.md").read_text(encoding="utf-8")
@@ -20,7 +22,15 @@ POLES = {
     "-1, -1": (-1, -1),
     "Butterworth": (-np.sqrt(0.5) * (1 + 1j), -np.sqrt(0.5) * (1 - 1j)),
     "-0.65, -1.55": (-0.65, -1.55),
-    "-0.4, -2.5": (-0.4, -2.5),
+    "-0.5, -2": (-0.5, -2),
+    "-0.3, -3.3": (-0.3, -3.3),
+}
+FILTERED: dict[str, tuple[complex, ...] | float] = {  # poles of FHGO II, r = 1; delta of FHGO I
+    "FHGO II, -1, -1, -1": (-1, -1, -1),
+    "FHGO II, -0.35, -3 ± 3j": (-0.35, -3 + 3j, -3 - 3j),
+    "FHGO II, -0.3, -4 ± 4j": (-0.3, -4 + 4j, -4 - 4j),
+    "FHGO I, delta = 12": 12.0,
+    "FHGO I, delta = 100": 100.0,
 }
 C = np.array([[1.0, 0.0]])
 
@@ -56,17 +66,61 @@ def of_flow(a: float, b: float, r: float) -> np.ndarray:
     return mean_squares([A @ P @ A.T + N for A, N in map(step, BETWEEN)] + [P])
 
 
+def filtered(kind: tuple[complex, ...] | float, theta: float) -> np.ndarray:
+    """The flow of x_1 and x_2 (estimated minus true), of e, and of eta: (3.65)-(3.66) with r = 1, (2.36)-(2.39)."""
+    if isinstance(kind, tuple):  # eta' = theta (e - k_1 eta)
+        _, k_1, k_2, k_3 = np.real(np.poly(kind))
+        corrections, filters = [[-theta * k_2], [-(theta**2) * k_3]], [[-theta * k_1]]
+    else:  # K = (2, 1), of the stationary P
+        rate = kind * theta
+        corrections, filters = [[-2 * theta, 0], [0, -theta]], [[-rate, 0], [rate * theta, -rate]]
+    A = np.zeros((3 + len(filters), 3 + len(filters)))
+    A[0, 1] = 1
+    A[:2, 3:], A[2, 3:], A[3:, 3:] = corrections, corrections[0], filters
+    A[3, 2] = theta * (1 if isinstance(kind, tuple) else kind)
+    return A
+
+
+def of_filtered(A: np.ndarray, r: float) -> np.ndarray:
+    sample, noise, n = np.eye(len(A)), np.zeros_like(A), len(A)
+    sample[2], noise[2, 2] = np.eye(n)[0], r  # e = x_1 and the noise
+
+    def step(s: float) -> tuple[np.ndarray, np.ndarray]:
+        return expm(A * s), np.pad(moved(s)[1], (0, n - 2))  # the disturbance reaches nothing else before the sample
+
+    F, Q = step(1)
+    if np.max(np.abs(np.linalg.eigvals(F @ sample))) >= 1:
+        return np.full(3, np.inf)
+    P = solve_discrete_lyapunov(F @ sample, F @ noise @ F.T + Q)
+    after = sample @ P @ sample.T + noise
+    return mean_squares([F @ after @ F.T + Q for F, Q in map(step, BETWEEN)] + [P])
+
+
+def least(errors: Callable[[float, float], np.ndarray], r: float) -> np.ndarray:
+    """Errors over those of the filter, with the theta that is best for the angle between samples."""
+
+    def angle(log_theta: float) -> float:
+        return float(errors(np.exp(log_theta), r)[0])
+
+    start = min(np.arange(-1, 3, 0.1), key=angle)
+    found = minimize_scalar(angle, bounds=(start - 0.1, start + 0.1), method="bounded")
+    return np.sqrt(errors(np.exp(found.x), r) / of_filter(r))
+
+
+def cells_of(row: str) -> list[float]:
+    return [float(cell) for cell in re.findall(rf"^\| {re.escape(row)} \|(.*)\|$", PAGE, re.MULTILINE)[0].split("|")]
+
+
 @pytest.mark.parametrize("poles", POLES)
 def test_the_table(poles: str) -> None:
     _, g_1, g_2 = np.real(np.poly(POLES[poles]))
-    cells = [float(cell) for cell in re.findall(rf"^\| {poles} \|(.*)\|$", PAGE, re.MULTILINE)[0].split("|")]
     for place, r in enumerate((0.03, 0.3, 3)):
+        ratios = least(lambda theta, r: of_flow(theta * g_1, theta**2 * g_2, r), r)
+        np.testing.assert_allclose(ratios, cells_of(poles)[place::3], rtol=0, atol=0.006)
 
-        def angle(log_theta: float, r: float = r) -> float:
-            theta = np.exp(log_theta)
-            return float(of_flow(theta * g_1, theta**2 * g_2, r)[0])
 
-        start = min(np.arange(-1, 3, 0.1), key=angle)
-        theta = np.exp(minimize_scalar(angle, bounds=(start - 0.1, start + 0.1), method="bounded").x)
-        ratios = np.sqrt(of_flow(theta * g_1, theta**2 * g_2, r) / of_filter(r))
-        np.testing.assert_allclose(ratios, cells[place::3], rtol=0, atol=0.006)
+@pytest.mark.parametrize("kind", FILTERED)
+def test_the_table_of_filters(kind: str) -> None:
+    for place, r in enumerate((0.03, 0.3, 3)):
+        ratios = least(lambda theta, r: of_filtered(filtered(FILTERED[kind], theta), r), r)
+        np.testing.assert_allclose(ratios, cells_of(kind)[place::3], rtol=0, atol=0.006)

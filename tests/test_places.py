@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from hgorun.native.places import places_in
+from hgorun.native.places import places_in, since_last_in
 
 TIMES = 1e-3 * np.arange(1000)
 RANDOM = np.random.default_rng(0)
@@ -42,3 +42,14 @@ def test_places_are_those_that_a_search_finds(within: str, side: Literal["left",
     for name, sought in SOUGHT.items():
         expected = np.searchsorted(WITHIN[within], sought, side=side)
         np.testing.assert_array_equal(places_in(WITHIN[within], sought, side), expected, err_msg=name)
+
+
+@pytest.mark.parametrize("within", ["even", "jitter", "repeated", "one"])
+@pytest.mark.parametrize("sought", SOUGHT)
+def test_how_far_behind_the_last_one_each_is(within: str, sought: str) -> None:
+    ascending, found = WITHIN[within], since_last_in(WITHIN[within], SOUGHT[sought])
+    for one, since in zip(SOUGHT[sought][::50], found[::50], strict=True):
+        before = ascending[~(ascending > one)]  # no number is behind all
+        expected = one - before.max() if before.size else np.inf
+        assert since == expected or (np.isnan(one) and np.isnan(since))
+    assert found.size == SOUGHT[sought].size

@@ -51,7 +51,7 @@ def test_a_recording_that_was_not_used(config: str, period: float, shell: Shell)
         held_out = [one["holdout_rmse"][angle] for one in (ekf, *plain.values())]
         velocity = f"{angle}_dot"
         savgol = min(one["reference_rmse"][velocity] for label, one in plain.items() if label.startswith("SG"))
-        for own in (ours["SHGO"], ours["IMP"]):
+        for own in (ours["SHGO"], ours["FHGO2"], ours["IMP"]):
             assert own["holdout_rmse"][angle] < 1.05 * min(held_out)
             assert own["reference_rmse"][velocity] < 0.26 * savgol
             assert own["reference_rmse"][velocity] < 1.1 * ekf["reference_rmse"][velocity]

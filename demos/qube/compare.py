@@ -3,7 +3,8 @@
     python demos/qube/compare.py FOLDER
 
 FOLDER has run1.csv, run2.csv and run5.csv of the rotary pendulum. Baselines that know no model, in alpha.yaml and
-theta.yaml, are those that do best on the recording that was left out.
+theta.yaml, are those that do best on the recording that was left out. Errors of angles are in mrad, of velocities in
+rad/s.
 """
 
 from __future__ import annotations
@@ -82,16 +83,19 @@ def lines(logs: Path, run: str, folder: Path) -> Iterator[str]:
                 own = [ours[label][name] for label in OBSERVERS]
                 spline, savgol = best(theirs, "spline", name), best(theirs, "SG", name)
                 cells = [run.removesuffix(".csv"), f"{1 / period:.0f} Hz", f"{what} {angle}"]
-                cells += [f"{value:.4f}" for value in (*own, spline, savgol)]
-                shgo, *_, impulsive, ekf = own
-                cells += [f"{one:.2f}" for one in (shgo / ekf, impulsive / ekf, shgo / savgol, impulsive / savgol)]
+                cells += [
+                    f"{1e3 * value:.2f}" if what == "angle" else f"{value:.4f}" for value in (*own, spline, savgol)
+                ]
+                *observers, ekf = own
+                cells += [f"{one / ekf:.3f}" for one in observers] + [f"{max(observers) / savgol:.2f}"]
                 yield f"| {' | '.join(cells)} |"
 
 
 def main() -> None:
     if len(sys.argv) != 2:
         raise SystemExit(__doc__)
-    head = ["left out", "rate", "error of", *OBSERVERS, "spline", "SG", "SHGO/EKF", "IMP/EKF", "SHGO/SG", "IMP/SG"]
+    ratios = [f"{label}/EKF" for label in OBSERVERS[:-1]]
+    head = ["left out", "rate", "error of", *OBSERVERS, "spline", "SG", *ratios, "largest/SG"]
     print(f"| {' | '.join(head)} |\n|{'---|' * len(head)}")
     for run in RUNS:
         with TemporaryDirectory() as folder:

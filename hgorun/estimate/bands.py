@@ -12,8 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.native.places import places_in
-from hgorun.simulation.actions import last_of
+from hgorun.native.places import places_in, since_last_in
 from hgorun.symbolic.evaluate import Floats
 
 LEVEL = 0.95
@@ -117,8 +116,8 @@ def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool 
     before : bool
         Samples that become known just then do not count.
     """
-    if taken is available and taken.size and not before and times.size and times.min() >= taken[0]:
-        return np.asarray(times - taken[last_of(taken, times)])
+    if taken is available and taken.size and not before:  # in the order in which they were taken
+        return since_last_in(taken, times)
     known = places_in(available, times, "left" if before else "right")
     if taken is available and taken.size:  # in the order in which they were taken: the newest is the last
         last = taken[np.maximum(known, 1) - 1]

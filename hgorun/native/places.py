@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import partial
 from typing import Literal
 
 import numpy as np
 
-from hgorun.native.ir import Function
+from hgorun.native.ir import Function, hexadecimal
 from hgorun.native.passes import Passes
 
 _FEW = 64
@@ -30,17 +31,40 @@ def places_in(ascending: np.ndarray, sought: np.ndarray, side: Literal["left", "
     -------
     ndarray of int, shape (n,)
     """
-    doubles = ascending.dtype == float == sought.dtype and ascending.flags.c_contiguous and sought.flags.c_contiguous
-    if sought.size >= _FEW and doubles:
-        found = np.empty(sought.size, dtype=np.int64)
-        first = int(np.searchsorted(ascending, sought[0], side=side))
-        numbers = (ascending.size, sought.size, first, _WALKED * sought.size)
-        if _passes(side, (ascending, sought, found), numbers) == sought.size:
-            return found
+    found = np.empty(sought.size, dtype=np.int64)
+    if _walked(side, ascending, sought, found, side):
+        return found
     return np.asarray(np.searchsorted(ascending, sought, side=side))
 
 
-def _walk(before: str, f: Function) -> None:
+def since_last_in(ascending: np.ndarray, sought: np.ndarray) -> np.ndarray:
+    """How far behind the last ascending one that is not above it each sought one is; infinite below the first.
+
+    Parameters
+    ----------
+    ascending : ndarray, shape (N,), N > 0
+    sought : ndarray, shape (n,)
+    """
+    found = np.empty(sought.size)
+    if _walked("since", ascending, sought, found, "right"):
+        return found
+    places = np.searchsorted(ascending, sought, side="right")
+    return np.where(places > 0, sought - ascending[np.maximum(places, 1) - 1], np.inf)
+
+
+def _walked(
+    name: str, ascending: np.ndarray, sought: np.ndarray, found: np.ndarray, side: Literal["left", "right"]
+) -> bool:
+    """Whether machine code has found what is sought."""
+    doubles = ascending.dtype == float == sought.dtype and ascending.flags.c_contiguous and sought.flags.c_contiguous
+    if sought.size < _FEW or not doubles:
+        return False
+    first = int(np.searchsorted(ascending, sought[0], side=side))
+    numbers = (ascending.size, sought.size, first, _WALKED * sought.size)
+    return _passes(name, (ascending, sought, found), numbers) == sought.size
+
+
+def _walk(before: str, tell: Callable[[Function, str, str, str], str] | None, f: Function) -> None:
     """How many of the sought are found; fewer than all where they are too far apart, or one is no number."""
     ascending, sought, found = (f.word("%taken", i, "ptr") for i in range(3))
     size, count, first, far = (f.word("%taken", i) for i in range(3, 7))
@@ -62,10 +86,22 @@ def _walk(before: str, f: Function) -> None:
             f.leave_if(f.test("sge", here, size), after)
             f.leave_if(f.let(f"xor i1 {f.test(before, f.word(ascending, here, 'double'), one)}, true"), after)
             _step(f, f.scalar("add", here, "1"), place, left, given_up)
-        f.store(f.load(place, "i64"), f.at(found, k), "i64")
+        here = f.load(place, "i64")
+        if tell is None:
+            f.store(here, f.at(found, k), "i64")
+        else:
+            f.store(tell(f, ascending, here, one), f.at(found, k))
     f.do(f"ret i64 {count}")
     f.place(given_up)
     f.do("ret i64 -1")
+
+
+def _since(f: Function, ascending: str, here: str, one: str) -> str:
+    """How far behind the last one before a place one is."""
+    none = f.test("eq", here, "0")
+    last = f.let(f"select i1 {none}, i64 0, i64 {f.scalar('sub', here, '1')}")
+    behind = f.scalar("fsub", one, f.word(ascending, last, "double"))
+    return f.let(f"select i1 {none}, double {hexadecimal(float('inf'))}, double {behind}")
 
 
 def _step(f: Function, to: str, place: str, left: str, given_up: str) -> None:
@@ -75,4 +111,10 @@ def _step(f: Function, to: str, place: str, left: str, given_up: str) -> None:
     f.store(to, place, "i64")
 
 
-_passes = Passes({"left": partial(_walk, "olt"), "right": partial(_walk, "ole")})
+_passes = Passes(
+    {
+        "left": partial(_walk, "olt", None),
+        "right": partial(_walk, "ole", None),
+        "since": partial(_walk, "ole", _since),
+    }
+)

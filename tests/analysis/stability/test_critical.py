@@ -67,6 +67,7 @@ def decay(run: PreparedRun, label: str) -> float:
     return float(np.log(np.max(e[-quarter:]) / np.max(e[quarter : 2 * quarter])))
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_periods_of_three_integrators() -> None:
     """theta T_e, computed independently of this project."""
@@ -121,6 +122,7 @@ def test_an_unstable_first_order_plant_in_closed_form() -> None:
     assert along(critical_delay, run, "o") == pytest.approx(1 / a - 1 / g, rel=1e-9)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "delay"),
@@ -175,6 +177,7 @@ def test_two_chains_have_the_limit_of_the_slower_one() -> None:
     assert along(critical_period, run, "o") == pytest.approx(2.896, abs=6e-4)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_time_varying_plant_against_its_own_run() -> None:
     """The small error's growth over [20, 60], from runs that sample a little below and above the limit."""
