@@ -17,9 +17,9 @@ from inspect import Parameter, Signature, getdoc
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
-from typer.core import TyperCommand
+from typer.core import TyperCommand, TyperGroup
 
-from hgorun.commands import catalogue_options, ensemble_options, options
+from hgorun.commands import catalogue_options, ensemble_options, options, usage
 from hgorun.commands.mistaken import refuse_what_is_no_command
 from hgorun.errors import HgorunError, PluginError, PluginWarning, printable
 from hgorun.process import CLOSED_PIPE, INTERRUPTED, INTERRUPTION_SAID, TERMINATED, TERMINATION_SAID, say, silence
@@ -34,8 +34,22 @@ if TYPE_CHECKING:
 _TYPE = re.compile(r" <[^>]*>$")
 _NOT_OK = "a status is not ok, with --strict"
 
+
+class _Group(TyperGroup):
+    """The command line as a whole; what is wrong with its words is said as everything else is."""
+
+    def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
+        if not args:
+            return super().parse_args(ctx, args)  # which shows the help
+        try:
+            return super().parse_args(ctx, args)
+        except usage.UsageError as error:
+            raise usage.refused(error, ctx, _options_of_all) from None
+
+
 app = typer.Typer(
     name="hgorun",
+    cls=_Group,
     help="A test bench for high-gain observers: simulate, compare and check them from one YAML file.",
     no_args_is_help=True,
     context_settings={"help_option_names": ["-h", "--help"]},
@@ -59,6 +73,18 @@ def _main(
 
 class _Command(TyperCommand):
     """A command whose help has the names of what it takes alone: the types of newer versions of typer are Python's."""
+
+    def parse_args(self, ctx: Context, args: list[str]) -> list[str]:
+        if ctx.resilient_parsing:  # as Tab is pressed
+            return super().parse_args(ctx, args)
+        ctx.allow_extra_args = True
+        try:
+            rest = super().parse_args(ctx, args)
+        except usage.UsageError as error:
+            raise usage.refused(error, ctx, _options_of_all) from None
+        if rest:
+            raise usage.too_many(rest, ctx)
+        return rest
 
     def collect_usage_pieces(self, ctx: Context) -> list[str]:
         arguments = (param for param in self.get_params(ctx) if param.param_type_name == "argument")
@@ -255,7 +281,7 @@ def main() -> None:
     os.environ["MPLBACKEND"] = "agg"  # figures are files; a notebook's setting may name what is not installed here
     os.environ["PYDANTIC_DISABLE_PLUGINS"] = "__all__"  # looking for them takes longer than checking a configuration
     try:
-        refuse_what_is_no_command(sys.argv[1:])
+        refuse_what_is_no_command(sys.argv[1:], [str(one.name) for one in app.registered_commands])
         _called(sys.argv[1:])()
     except HgorunError as error:
         say(f"hgorun: {error}")
@@ -301,6 +327,12 @@ def _called(words: Sequence[str]) -> typer.Typer:
     one = copy(app)
     one.registered_commands = commands
     return one
+
+
+def _options_of_all() -> dict[str, list[str]]:
+    """Of every command."""
+    group = typer.main.get_command(app)
+    return {name: usage.options(command.params) for name, command in getattr(group, "commands", {}).items()}
 
 
 def _show_warnings() -> None:

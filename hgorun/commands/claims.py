@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from hgorun.commands.catalogue_options import Claims
 from hgorun.commands.figures import warn
@@ -36,6 +36,15 @@ def claims(options: Claims) -> int:
     return UNEXPECTED if options.strict and not all(v.as_expected for _, _, v in found) else 0
 
 
+def _expressions(verdict: Verdict, others: Sequence[str]) -> Iterator[str]:
+    """What the number is the value of, then the alternatives, with theirs where they have expressions of their own."""
+    own = [one.inequality.value for one in verdict.measured]
+    if own:
+        yield f"value: {own[0]}"
+    for text, expression in zip(others, own[1:], strict=True):
+        yield text if expression == own[0] else f"{text}; value: {expression}"
+
+
 def _text(found: Sequence[tuple[str, str, Verdict]]) -> str:
     lines: list[str] = []
     last = ""
@@ -46,7 +55,7 @@ def _text(found: Sequence[tuple[str, str, Verdict]]) -> str:
         surprise = "" if verdict.as_expected else f"  (expected: {verdict.claim.expected})"
         first, *others = verdict.texts
         lines += wrapped(f"{verdict.claim.id:>4}  {verdict.verdict:<11}  {first}{surprise}", "  ", then=" " * 8)
-        for words in (verdict.claim.claim, *others, verdict.reason):
+        for words in (verdict.claim.claim, *_expressions(verdict, others), verdict.reason):
             lines += wrapped(words, " " * 8)
     counts = {kind: sum(v.verdict == kind for _, _, v in found) for kind in VERDICTS}
     unexpected = sum(not v.as_expected for _, _, v in found)

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from hgorun.commands.drawn import tell_drawn
 from hgorun.commands.ensemble_options import Compare
 from hgorun.commands.inputs import configuration, is_result, may_be_ensemble
 from hgorun.commands.options import Configured
@@ -16,7 +17,6 @@ from hgorun.commands.outputs import (
     formats,
     refuse_other_kinds,
     there,
-    written,
 )
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import experiments_of, print_json, run_with_progress
@@ -75,8 +75,7 @@ def compare(options: Compare) -> int:
     if options.plots:
         before = there([] if options.output is None else [options.output])
         drawn = _draw(results, options, page)
-        if options.text and options.format == "text":
-            print(written(drawn, before))
+        tell_drawn(drawn, before, options)
     return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
 
 

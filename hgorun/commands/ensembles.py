@@ -9,6 +9,7 @@ from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from hgorun.commands.drawn import tell_drawn
 from hgorun.commands.ensemble_options import Compare, OfEnsembles, Report
 from hgorun.commands.options import Simulate
 from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, formats, refuse_other_kinds, there, written
@@ -57,8 +58,7 @@ def compare_ensembles(options: Compare) -> int:
     if options.plots:
         before = there([] if options.output is None else [options.output])
         drawn = [path for one in found for path in draw(one, options)]
-        if drawn and options.text and options.format == "text":
-            print(written(drawn, before))
+        tell_drawn(drawn, before, options)
     return NOT_OK if options.strict and not all(one.members.all_ok for one in found) else 0
 
 

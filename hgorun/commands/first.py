@@ -14,7 +14,7 @@ from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
 from hgorun.observers.base import OBSERVERS
 from hgorun.observers.capabilities import Switching
-from hgorun.plants.base import Input, Parameter, Plant, Start, units_of
+from hgorun.plants.base import PLANTS, Input, Parameter, Plant, Start, units_of
 
 _POINTS = 1000  # of the output grid, at least
 _WIDTH = 100
@@ -172,7 +172,9 @@ def with_observers(start: Start, types: Sequence[str]) -> Start:
             cls = OBSERVERS.find(name)
         except KeyError:
             hint = nearest(name, OBSERVERS.names())
-            raise ConfigError(f"no observer is called {name!r}.{hint} See hgorun list observers") from None
+            plant = f" It is a plant: --plant {name}" if name in PLANTS.names() else ""
+            advice = plant or f"{hint} See hgorun list observers"
+            raise ConfigError(f"--observer: no observer is called {name!r}.{advice}") from None
         known = next((keys for keys in start.observers.values() if keys["type"] == name), None)
         example = {**cls.example(tuple(start.initial)), **start.told.get(name, {})}
         gain = cls.model_fields.get("theta")

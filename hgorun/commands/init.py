@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hgorun.commands.catalogue_options import Init
 from hgorun.commands.first import first_of
+from hgorun.commands.other_names import in_its_place
 from hgorun.commands.questions import ask
 from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
 from hgorun.commands.trial import FOLLOWS, Found, followed
@@ -23,6 +24,7 @@ from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 
 _DEFAULT = "contois_te025"
+_ELSEWHERE = "hgorun init NAME FOLDER copies it elsewhere"
 
 
 def init(options: Init) -> int:
@@ -42,9 +44,16 @@ def init(options: Init) -> int:
         if options.ask and options.observers:
             raise ConfigError("--observer goes with --plant; --ask asks for observers")
         return _first(options)
-    if options.output is not None or options.observers:
-        raise ConfigError("--output and --observer go with --plant; a copy takes NAME and FOLDER")
     name = options.name or _DEFAULT
+    if options.observers:
+        chosen = " ".join(f"--observer {one}" for one in options.observers)
+        raise ConfigError(f"--observer goes with --plant: hgorun init --plant NAME {chosen}")
+    if options.output is not None:
+        raise ConfigError(
+            f"--output goes with --plant: hgorun init --plant NAME -o {options.output}; a copy of an experiment keeps "
+            f"its name and takes a folder: hgorun init {name} FOLDER"
+        )
+    _refuse_no_folder(name, options.folder)
     if name in examples():
         return _example(name, options)
     return _experiment(name, options)
@@ -56,8 +65,8 @@ def _first(options: Init) -> int:
         try:
             plant = PLANTS.find(options.plant)
         except KeyError:
-            hint = nearest(options.plant, PLANTS.names())
-            raise ConfigError(f"--plant: no plant is called {options.plant!r}.{hint} See hgorun list plants") from None
+            hint = in_its_place(options.plant) or f"{nearest(options.plant, PLANTS.names())} See hgorun list plants"
+            raise ConfigError(f"--plant: no plant is called {options.plant!r}.{hint}") from None
         found = Found(0, first_of(options.plant, plant))
         if options.observers:
             found = _fitting(options.plant, plant, options.observers)
@@ -65,9 +74,15 @@ def _first(options: Init) -> int:
         found = _answered()
     target = options.output or Path(f"{found.first.name}.yaml")
     if target.suffix.lower() not in (".yaml", ".yml"):
-        raise ConfigError(f"--output: expected a file .yaml, found {target}")
+        right = target / f"{found.first.name}.yaml" if target.is_dir() else target.with_suffix(".yaml")
+        raise ConfigError(f"--output: expected a file whose name ends in .yaml, such as {right}, found {target}")
     schema = _schema_for(target.parent, beside=options.schema)
-    _write([(target, with_schema(found.first.text(str(target)), schema.address))], schema, force=options.force)
+    _write(
+        [(target, with_schema(found.first.text(str(target)), schema.address))],
+        schema,
+        "-o FILE names another one",
+        force=options.force,
+    )
     if found.error > FOLLOWS:
         print(f"note: an estimate misses its state by {found.error:.0%} of what that moves through: try other gains")
     _try(target)
@@ -118,15 +133,21 @@ def _experiment(name: str, options: Init) -> int:
     if not matches:
         known = [*shipped, *(Path(p).name for p in shipped), *examples()]
         _refuse_files(name)
-        plant = f" To start with the plant: hgorun init --plant {name}" if name in PLANTS.names() else ""
-        raise ConfigError(
-            f"no experiment is called {name!r}.{nearest(name, known)}{plant or ' See hgorun list experiments'}"
-        )
+        hint = in_its_place(name) or f"{nearest(name, known)} See hgorun list experiments"
+        raise ConfigError(f"no experiment is called {name!r}.{hint}")
     schema = _schema_for(folder, beside=options.schema)
     copies = [(folder / file.name, with_schema(text, schema.address)) for file, text in _with_bases(matches[0])]
-    _write(copies, schema, force=options.force)
+    _write(copies, schema, _ELSEWHERE, force=options.force)
     print(f"try: hgorun simulate {folder / matches[0].name}")
     return 0
+
+
+def _refuse_no_folder(name: str, folder: Path | None) -> None:
+    """Where a copy cannot go, since the place is that of a file, or called as one."""
+    if folder is not None and (
+        folder.is_file() or (folder.suffix.lower() in (".yaml", ".yml") and not folder.exists())
+    ):
+        raise ConfigError(f"expected a folder behind {name}, found {folder}: a copy keeps its name")
 
 
 def _refuse_files(name: str) -> None:
@@ -147,7 +168,7 @@ def _example(name: str, options: Init) -> int:
     copies = [(folder / file.name, file.read_text(encoding="utf-8")) for file in files]
     schema = _schema_for(folder, beside=options.schema)
     made = [(path, with_schema(text, schema.address) if path.suffix == ".yaml" else text) for path, text in copies]
-    _write(made, schema, force=options.force)
+    _write(made, schema, _ELSEWHERE, force=options.force)
     print(f"try: hgorun estimate {folder / files[0].name}")
     return 0
 
@@ -160,11 +181,13 @@ class _Schema:
     new: tuple[Path, str] | None = None
 
 
-def _write(copies: Sequence[tuple[Path, str]], schema: _Schema, *, force: bool) -> None:
-    """Write the schema and texts, none of them where another text is in the way."""
+def _write(copies: Sequence[tuple[Path, str]], schema: _Schema, another: str, *, force: bool) -> None:
+    """Write the schema and texts, none of them where another text is in the way; ``another`` says how to avoid that."""
     for target, text in copies:
         if target.exists() and not force and (target.is_dir() or target.read_bytes() != text.encode()):
-            raise ConfigError(f"{target} exists and differs; --force overwrites it")
+            if target.is_dir():
+                raise ConfigError(f"{target} is a folder, and a file is to be written there")
+            raise ConfigError(f"{target} exists and differs; --force overwrites it, {another}")
     if schema.new is not None:
         write_text(*schema.new)
         print(f"written: {schema.new[0]} (for editors)")

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 
+from hgorun.config.nearest import nearest
 from hgorun.errors import ConfigError, printable
 
 # What commands are called elsewhere.
@@ -49,7 +50,7 @@ def _refuse_keys(words: Sequence[str]) -> None:
             )
 
 
-def refuse_what_is_no_command(words: Sequence[str]) -> None:
+def refuse_what_is_no_command(words: Sequence[str], commands: Collection[str]) -> None:
     """Where a file or another program's word stands in the place of a command, say what would be right.
 
     Raises
@@ -65,4 +66,7 @@ def refuse_what_is_no_command(words: Sequence[str]) -> None:
         raise ConfigError(f"a command comes first: hgorun simulate {printable(first)}")
     if suffix in (".h5", ".nc", ".hdf5"):
         raise ConfigError(f"a command comes first: hgorun compare {printable(first)}")
+    if first and not first.startswith("-") and first not in commands:
+        hint = nearest(first, commands)
+        raise ConfigError(f"there is no command {printable(first)!r}.{hint} hgorun -h lists them")
     _refuse_keys(words)

@@ -151,7 +151,12 @@ class Estimate(Configured, Drawing):
     ] = field(default_factory=list)
     every: Annotated[
         float | None,
-        typer.Option("--every", metavar="STEP", help="With a stream: print estimates at multiples of this time."),
+        typer.Option(
+            "--every",
+            parser=not_negative("--every"),
+            metavar="STEP",
+            help="With a stream: print estimates at multiples of this time.",
+        ),
     ] = None
     checkpoint: Annotated[
         Path | None,

@@ -16,6 +16,7 @@ MAX_POINTS = 8_000  # two for every half a pixel of the widest panel
 _PARTS, _TURNS, _FILLED = 400, 2.0, 0.03
 # How far, in units of the truth's range, an estimate widens a panel: alone, beside others, diverged.
 _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
+_BAND = 0.25  # of a panel: so much higher it is made for a band
 _ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error
 _WILD = 100.0  # in the same units: larger ones would hide the rest
 _STEADY = 0.01  # of the points of a line's second half: so many beyond a bound are no transient
@@ -165,6 +166,21 @@ def limits_about(
                 low = min(low, max(v.low, floor - times * scale))
                 high = max(high, min(v.high, ceiling + times * scale))
     return _with_margin(low, high)
+
+
+def with_bands(limits: tuple[float, float] | None, edges: Sequence[np.ndarray]) -> tuple[float, float] | None:
+    """Limits of a panel that hold its bands, too, on a side where that takes little: wider ones are cut with a mark."""
+    points = [values for values in edges if values.size]
+    if limits is None or not points:
+        return limits
+    low, high = limits
+    room = _BAND * (high - low)
+    lowest, highest = min(float(v.min()) for v in points), max(float(v.max()) for v in points)
+    margin = 0.02 * (high - low)
+    return (
+        lowest - margin if low - room <= lowest < low + margin else low,
+        highest + margin if high - margin < highest <= high + room else high,
+    )
 
 
 def error_limits(healthy: Sequence[np.ndarray], lost: Sequence[np.ndarray]) -> tuple[float, float] | None:

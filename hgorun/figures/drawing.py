@@ -70,8 +70,11 @@ def comparison(results: ResultData | Sequence[ResultData], page: Page = LIGHT) -
             draw_magnitude(right, scene, name)
             for ax in (left, right):
                 time_axis(ax, several, span_of(several))
-        axes[0].set_title("driven plants" if closed else "states and estimates")
-        axes[1].set_title(paragraph(window_words("error", several), page.width / columns))
+        titled = axes if columns == 1 else axes[:2]  # below each other each has its own, else the columns have
+        for ax in titled[::2]:
+            ax.set_title("driven plants" if closed else "states and estimates")
+        for ax in titled[1::2]:
+            ax.set_title(paragraph(window_words("error", several), page.width / columns))
         title = several[0].title if len(several) == 1 else None
         return on_page(finished(figure, axes, columns, title, grow=True, cuts=True), page.style)
 

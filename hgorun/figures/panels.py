@@ -27,9 +27,10 @@ def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> N
     truths = _truths(ax, scene, {run: Curve(r.time, r.x[:, r.states.index(name)]) for run, r in simulated.items()})
     known = own if samples else {run: r for run, r in own.items() if r.recorded is not None}
     measured = _samples(ax, scene, {run: r.outputs_of(name) for run, r in known.items()})
-    truths += draw_bands(ax, scene, name) + draw_unseen(ax, scene, name)
+    bands = draw_bands(ax, scene, name)
+    truths += draw_unseen(ax, scene, name)
     healthy, lost = _estimates(ax, scene, name, lambda actor, xhat, k: xhat)
-    _limit(ax, data.state_limits(truths + measured, healthy, lost))
+    _limit(ax, data.with_bands(data.state_limits(truths + measured, healthy, lost), bands))
     both = rf"${symbol(name)},\ {symbol(name, hat=True)}$" if scene.actors else f"${symbol(name)}$"
     ax.set_ylabel(both + _unit(scene, name))
 

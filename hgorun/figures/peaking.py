@@ -35,7 +35,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
     zero so often that they would hide each other. A bound that falls is above that where it is above the error.
 
     Where the run does not meet what the theorem assumes the bound's nominal decay is dotted, which bounds nothing
-    there. Observers that compute in other coordinates have rows of their own.
+    there. Observers that compute in other coordinates have rows of their own; the caption names those without a bound.
 
     Parameters
     ----------
@@ -48,7 +48,9 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
     -------
     matplotlib.figure.Figure
     """
-    actors = [a for a in cast([result]) if a.label in transients]
+    everyone = cast([result])
+    actors = [a for a in everyone if a.label in transients]
+    others = [a.label for a in everyone if a.label not in transients]
     names = list(dict.fromkeys(name for a in actors for name in transients[a.label].names))
     points = points_in_window(result)
     look = looks([actors], texts(actors, {}))
@@ -80,7 +82,10 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
             ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))
             ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$" + unit(result.units.get(name, "")))
-        return on_page(finished(figure, axes, 1, _TITLE.format(window_words("error", [result])), grow=True), page.style)
+        title = _TITLE.format(window_words("error", [result]))
+        if others:
+            title += f"; not drawn, having no bound: {', '.join(others)}"
+        return on_page(finished(figure, axes, 1, title, grow=True), page.style)
 
 
 def _limits(drawn: list[np.ndarray]) -> tuple[float, float]:

@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
 
 def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
-    """The band of every estimate that has one; nothing that a panel has to be wide enough for."""
+    """The band of every estimate that has one; the edges of those drawn."""
+    edges: list[np.ndarray] = []
     for actor in scene.actors:
         assessed, result = actor.observer.assessed, actor.result
         if assessed is None or state not in result.states:
@@ -28,7 +29,8 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
         if np.any(np.isfinite(lower)):
             colour = scene.looks[actor.order].colour
             ax.fill_between(result.time, lower, upper, color=colour, alpha=0.18, linewidth=0, zorder=1.2)
-    return []
+            edges += [lower[np.isfinite(lower)], upper[np.isfinite(upper)]]
+    return edges
 
 
 def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv as csv_module
 import io
+import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -145,7 +146,7 @@ def _windows(result: Result) -> str:
     for metric in shown:
         groups.setdefault(metric.window, []).append(metric.name)
     parts = [
-        f"{', '.join(names)}: {windows[window][0]:g} to {windows[window][1]:g} {unit}".rstrip()
+        f"{', '.join(names)}: {_rounded(*windows[window])} {unit}".rstrip()
         for window, names in groups.items()
         if window in windows
     ]
@@ -154,6 +155,12 @@ def _windows(result: Result) -> str:
             with called("metric", metric.name, "told"):
                 parts.append(f"{metric.name}: {metric.told(windows[metric.setting], unit)}")
     return "; ".join(parts)
+
+
+def _rounded(start: float, end: float) -> str:
+    """A window as people write it: to a thousandth of its length, or better."""
+    decimals = 3 - math.floor(math.log10(end - start)) if end > start else 6
+    return " to ".join(f"{round(time, max(decimals, 0)):.12g}" for time in (start, end))
 
 
 def _without_motion(rows: Sequence[Row]) -> str:

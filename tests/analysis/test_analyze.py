@@ -65,6 +65,7 @@ def analysis(tmp_path_factory: pytest.TempPathFactory) -> Analysis:
     return hgorun.analyze(hgorun.load(path))
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_table_and_figure(shell: Shell) -> None:
     code, out, err = shell("analyze", "vdp.yaml", "-v")
@@ -77,6 +78,7 @@ def test_table_and_figure(shell: Shell) -> None:
     assert "written: results/vdp-analysis.png, results/vdp-analysis.pdf" in out
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_json_and_nothing_else(shell: Shell) -> None:
     code, out, err = shell("analyze", "vdp.yaml", "--json", "-o", "there")
@@ -102,6 +104,7 @@ def test_json_and_nothing_else(shell: Shell) -> None:
     assert "below theta_bound" in found["observers"]["slow"]["reasons"]["peaking_bound"]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_options(shell: Shell) -> None:
     assert shell("analyze", "vdp.yaml", "--quiet", "--no-plots") == (0, "", "")
@@ -139,6 +142,7 @@ def test_a_plant_that_diverges_is_not_analysed(shell: Shell) -> None:
     assert "diverged" in err
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_an_observer_that_diverges_is_a_finding(shell: Shell) -> None:
     late = ["--set", "measurement.sampling.period=0.5", "--set", "solver.divergence=10"]
@@ -149,6 +153,7 @@ def test_an_observer_that_diverges_is_a_finding(shell: Shell) -> None:
     assert "the observer diverged" in found["reasons"]["peaking_bound"]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_search(shell: Shell) -> None:
     """x_2' = 0.8 x_2 grows: the smallest theta lies far below the bound."""
@@ -194,6 +199,7 @@ def test_compare_has_what_is_predicted(shell: Shell) -> None:
     assert "beta theta" in out
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
     figure = peaking(analysis.result, analysis.transients)
@@ -341,6 +347,7 @@ def test_a_gain_that_is_not_hurwitz_has_no_bounds() -> None:
     assert not made.transients["SHGO"].holds
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_before_the_first_sample_nothing_is_promised() -> None:
     made = hgorun.analyze(Experiment({"time": {"end": 1, "output_step": 0.01}, **EVERYTHING["academic"]}))

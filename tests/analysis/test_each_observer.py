@@ -91,6 +91,7 @@ def smallest_delay() -> float:
     return min(found)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_limits_of_an_observer_beside_one_with_gains() -> None:
     T: Block = {"type": "treangle", "theta": 3, "gains": [2.2, 1.9, 2.1, 0.9]}
@@ -101,6 +102,7 @@ def test_limits_of_an_observer_beside_one_with_gains() -> None:
     assert values["delay_critical"] == pytest.approx(0.88756, rel=1e-4)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "gains"),
@@ -184,6 +186,7 @@ def amplitude(theta: float, omega: float) -> np.ndarray:
     return np.asarray(np.abs(np.linalg.solve(1j * omega * np.eye(2) - matrix, G)))
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_the_error_decides_what_has_a_steady_state_not_its_gain() -> None:
     measurement = {"noise": sinusoid(0.1, OMEGA)}
@@ -224,6 +227,7 @@ def test_theta_bound_with_slopes_scaled_with_theta() -> None:
     assert number(found, "theta_bound") == pytest.approx(scipy.optimize.brentq(excess, 1, 1e4), rel=1e-6)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(("measurement", "words"), [({}, ""), ({"jitter": 0.01}, "out"), ({"dropout": 0.3}, "out")])
 def test_limits_of_samples_that_get_lost_are_of_regular_ones(measurement: dict[str, float], words: str) -> None:

@@ -18,6 +18,7 @@ def test_every_observer_takes_part_or_has_a_reason() -> None:
     assert taking | absent(asked.blocks).keys() == set(OBSERVERS.names())
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_every_contestant_takes_a_plant() -> None:
     asked = load_benchmark(folder() / "benchmark" / "benchmark.yaml")

@@ -103,6 +103,7 @@ def test_what_does_not_take_a_scenario_says_why(tmp_path: Path) -> None:
     assert sampled.score is not None
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_only_what_is_new_is_carried_out(done: tuple[Path, Benchmark], monkeypatch: pytest.MonkeyPatch) -> None:
     folder, _ = done

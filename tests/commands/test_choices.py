@@ -67,6 +67,7 @@ def test_a_result_file_cannot_be_changed(shell: Shell) -> None:
         assert "not to result files" in err
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "pdf"])
 def test_a_comparison_is_drawn_where_it_is_asked_for(suffix: str, shell: Shell) -> None:
@@ -74,6 +75,7 @@ def test_a_comparison_is_drawn_where_it_is_asked_for(suffix: str, shell: Shell) 
     assert {p.name for p in (shell.folder / "there").iterdir()} == {f"mine.{suffix}"}
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_table_for_a_program_has_no_further_line(shell: Shell) -> None:
     code, out, _ = shell("compare", "base.yaml", "--format", "csv")
@@ -96,6 +98,7 @@ def test_metrics_and_findings_are_shown_like_the_rest(shell: Shell) -> None:
         assert out.split() == " ".join(f"{key}: {value}" for key, value in described.items()).split()
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_report_of_ones_own_figures(shell: Shell) -> None:
     code, out, _ = shell("figures", "figures.yaml", "--report", "-o", "drawn")

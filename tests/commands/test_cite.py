@@ -47,6 +47,7 @@ def test_what_two_observers_use_and_nothing_else(shell: Shell) -> None:
     assert "cited" not in found["gelb1974"]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_base_is_cited_for_what_is_made_of_it(shell: Shell) -> None:
     """Files of a sweep and of tuning, a result, and the collected file of a sweep."""
@@ -135,6 +136,7 @@ def test_what_is_wrong_is_refused(shell: Shell) -> None:
     assert shell("cite", "two.yaml", "--run", "none")[0] == 2
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_configuration_of_recorded_data_needs_no_data(shell: Shell) -> None:
     assert shell("init", "fermentation", "f")[0] == 0

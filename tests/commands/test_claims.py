@@ -39,7 +39,8 @@ def test_verdicts_are_printed_with_their_numbers(study: Path, capsys: pytest.Cap
     assert lines[0] == "study"
     assert lines[1].startswith("     1  confirmed    0.")
     assert lines[2] == "        The error is small."
-    assert lines[3].startswith("     2  refuted      0.")
+    assert lines[3] == "        value: rmse('A', x1)"
+    assert lines[4].startswith("     2  refuted      0.")
     assert lines[-1] == "2 claims: 1 confirmed, 1 refuted"
     assert max(map(len, lines)) <= 100
     assert err.startswith("hgorun: study: study: observer B inaccurate at t=")
@@ -67,10 +68,11 @@ def test_what_depends_and_what_cannot_be_decided(study: Path, capsys: pytest.Cap
     study.write_text(STUDY.replace("EXPECTED", "refuted") + MORE)
     assert claims(Claims(names=[str(study)], strict=True)) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert lines[6].startswith("     3  depends      ")
-    assert lines[8].startswith("        or ")
-    assert lines[8].endswith("(< 10 is claimed), confirmed: at the end")
-    assert lines[9:12] == [
+    assert lines[8].startswith("     3  depends      ")
+    assert lines[9:11] == ["        It is small.", "        value: sup('A', x1)"]
+    assert lines[11].startswith("        or ")
+    assert lines[11].endswith("(< 10 is claimed), confirmed: at the end; value: sup('A', x1, 2.9, 3)")
+    assert lines[12:15] == [
         "     4  undecidable  not measured",
         "        It vanishes.",
         "        It is about a limit.",

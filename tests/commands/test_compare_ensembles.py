@@ -35,6 +35,7 @@ def test_statistics_of_an_ensemble(shell: Shell) -> None:
     assert [p["at"] for p in found["points"]] == [{THETA: 2.0}, {THETA: 4.0}, {THETA: 8.0}]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_figures_and_tables_are_written(shell: Shell) -> None:
     code, out, _ = shell("compare", "a.sweep.h5", "-o", "figures")
@@ -63,6 +64,7 @@ def test_all_members_together(shell: Shell) -> None:
     assert "S: 1 diverged" in out
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
@@ -94,12 +96,14 @@ def test_single_runs_are_not_compared_with_ensembles(shell: Shell) -> None:
     assert "for ensembles" in err
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_strict(shell: Shell) -> None:
     assert shell("compare", "a.sweep.h5", "--strict", "-q", "--no-plots")[0] == 3
     assert shell("compare", "a.sweep.h5", "--strict", "-q", "--no-plots", "--at", "theta=2")[0] == 0
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_an_ensemble_without_observers(shell: Shell) -> None:
     """Of the plant alone there are trajectories, and nothing to compare."""

@@ -45,6 +45,7 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_recording_becomes_a_result_with_scores_and_a_figure(shell: Shell) -> None:
     code, out, err = shell("estimate", "pendulum.yaml", "--holdout", "a=5", "--export-csv", "out.csv")
@@ -157,6 +158,7 @@ def test_a_stream_gives_a_line_as_soon_as_it_is_known(shell: Shell, monkeypatch:
     assert [repr(last["a"]), repr(last["b"])] == out[-1].split(",")[2:4]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_what_a_stream_leaves_undone_is_told(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     of_file = (
@@ -256,6 +258,7 @@ def test_a_file_that_is_held_out_is_on_the_clock_of_the_log(shell: Shell, log: s
     assert message in err
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("of", [io.StringIO, bytes_of])
 @pytest.mark.parametrize("resent", [True, False])

@@ -75,6 +75,7 @@ BIOREACTOR = config(
 )
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("command", "given", "where"),

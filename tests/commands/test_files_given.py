@@ -28,6 +28,7 @@ def test_a_result_that_is_replaced_is_told(shell: Shell) -> None:
     assert again.endswith("written: results/a.h5 (replaced), b.csv\n")
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_files_of_one_name_are_called_alike_by_simulate_and_compare(shell: Shell) -> None:
     (shell.folder / "b").mkdir()
@@ -71,6 +72,7 @@ def test_a_file_here_comes_before_an_experiment_that_is_called_alike(shell: Shel
     assert {"simulate": "contois_te025.h5", "figures": "f: results/", "claims": "1 claims: "}[command] in out
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_ensembles_that_compare_leaves_out_are_told(shell: Shell) -> None:
     runs = "runs: {one: {}, many: {seeds: 2}}\n"

@@ -29,6 +29,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_plant_gives_a_commented_configuration_that_runs(shell: Shell) -> None:
     code, out, _ = shell("init", "--plant", "contois", "-o", "my.yaml")
@@ -55,6 +56,7 @@ def test_a_plant_gives_a_commented_configuration_that_runs(shell: Shell) -> None
     assert shell("init", "--plant", "contois", "-o", "my.yaml", "--force")[0] == 0
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLANTS.names())
 def test_every_plant_has_one_whose_observers_follow_it(name: str, tmp_path: Path) -> None:
@@ -88,6 +90,7 @@ def follows(plant: str, observer: str, folder: Path) -> bool:
     return one.type == observer and result.status == "ok" and near
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "observer"),
@@ -209,6 +212,7 @@ def test_the_schema_beside_a_file_is_kept(shell: Shell) -> None:
     assert json.loads((shell.folder / "hgorun.schema.json").read_text())["$defs"]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
     code, out, _ = shell("init", "fermentation")
@@ -232,10 +236,10 @@ def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
         (("contois",), "To start with the plant: hgorun init --plant contois"),
         (("--plant", "contos"), "--plant: no plant is called 'contos'. Did you mean `contois`?"),
         (("--plant", "contois", "--observer", "shgoo"), "no observer is called 'shgoo'. Did you mean `shgo`?"),
-        (("--plant", "contois", "-o", "my.csv"), "expected a file .yaml, found my.csv"),
+        (("--plant", "contois", "-o", "my.csv"), "ends in .yaml, such as my.yaml, found my.csv"),
         (("contois_te025", "--plant", "contois"), "copied as it is"),
         (("--ask", "--observer", "shgo"), "--observer goes with --plant"),
-        (("contois_te025", "-o", "my.yaml"), "a copy takes NAME and FOLDER"),
+        (("contois_te025", "-o", "my.yaml"), "keeps its name and takes a folder: hgorun init contois_te025 FOLDER"),
     ],
 )
 def test_what_does_not_go_together_is_refused(shell: Shell, arguments: tuple[str, ...], words: str) -> None:
@@ -249,3 +253,45 @@ def test_a_plant_of_your_own_that_does_not_run_is_written_and_told(
     answers(monkeypatch, "own", "", "", "", "", "-x1", "-x2", *[""] * 5, "", "", "", "shgo")  # x1 says nothing of x2
     code, _, err = shell("init", "--ask", "-o", "a.yaml")
     assert (code, "a.yaml is written, but does not run yet: a.yaml:" in err) == (1, True), err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        ("--plant shgo", "no plant is called 'shgo'. It is an observer: hgorun init --plant NAME --observer shgo"),
+        ("--plant contois_te025", "no plant is called 'contois_te025'. It is an experiment: hgorun init contois_te025"),
+        ("--plant fermentation", "no plant is called 'fermentation'. It is an experiment: hgorun init fermentation"),
+        (
+            "--plant contois --observer van_der_pol",
+            "--observer: no observer is called 'van_der_pol'. It is a plant: --plant",
+        ),
+        ("shgo", "no experiment is called 'shgo'. It is an observer: hgorun init --plant NAME --observer shgo"),
+        ("lee2016", "It is a folder of experiments, of which init copies one: lee2016/stochastic_approximation"),
+        ("--observer shgo", "--observer goes with --plant: hgorun init --plant NAME --observer shgo"),
+        (
+            "-o new.yaml",
+            "--output goes with --plant: hgorun init --plant NAME -o new.yaml; a copy of an experiment keeps",
+        ),
+        ("--plant contois -o x.txt", "expected a file whose name ends in .yaml, such as x.yaml, found x.txt"),
+        (
+            "--plant contois -o there",
+            "expected a file whose name ends in .yaml, such as there/contois.yaml, found there",
+        ),
+        ("contois_te025 new.yaml", "expected a folder behind contois_te025, found new.yaml: a copy keeps its name"),
+        ("contois_te025 file", "expected a folder behind contois_te025, found file: a copy keeps its name"),
+        (
+            "--plant contois -o old.yaml",
+            "old.yaml exists and differs; --force overwrites it, -o FILE names another one",
+        ),
+        ("--plant contois -o dir.yaml", "dir.yaml is a folder, and a file is to be written there"),
+    ],
+)
+def test_a_mistake_is_told_with_what_would_be_right(shell: Shell, words: str, said: str) -> None:
+    for name in ("there", "dir.yaml"):
+        (shell.folder / name).mkdir()
+    for name in ("file", "old.yaml"):
+        (shell.folder / name).write_text("")
+    before = sorted(shell.folder.iterdir())
+    code, out, err = shell("init", *words.split())
+    assert (code, out, said in err) == (2, "", True), err
+    assert sorted(shell.folder.iterdir()) == before

@@ -89,6 +89,7 @@ def file(result: hgorun.Result, tmp_path: Path) -> Path:
     return result.save(tmp_path / "everything.h5")
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_result_is_made_again(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out = told(capsys, file)
@@ -111,6 +112,7 @@ def test_a_check_writes_nothing(file: Path, capsys: pytest.CaptureFixture[str]) 
     assert list(file.parent.iterdir()) == [file]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_what_is_not_the_same_is_named(
     result: hgorun.Result, tmp_path: Path, capsys: pytest.CaptureFixture[str]
@@ -183,6 +185,7 @@ def test_a_file_without_digests_is_refused(file: Path) -> None:
         rerun(Rerun(file=file, check=True))
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_the_resolved_configuration_is_the_same_again(file: Path, result: hgorun.Result) -> None:
     rerun(Rerun(file=file, quiet=True))

@@ -34,6 +34,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_ensembles_are_carried_out_beside_the_single_runs(shell: Shell) -> None:
     code, out, err = shell("simulate", "s.yaml", "--json")
@@ -49,6 +50,7 @@ def test_ensembles_are_carried_out_beside_the_single_runs(shell: Shell) -> None:
     assert [p["at"] for p in gains["points"]] == [{"observers.SHGO.theta": theta} for theta in (2.0, 4.0, 5.0)]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_members_are_those_of_the_study(shell: Shell) -> None:
     shell("simulate", "s.yaml", "-q")
@@ -71,6 +73,7 @@ def test_what_is_there_of_another_configuration_is_replaced(shell: Shell) -> Non
     np.testing.assert_array_equal(first[:, 0], second[:, 0])
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_statistics_are_printed(shell: Shell) -> None:
     code, out, _ = shell("simulate", "s.yaml")
@@ -80,6 +83,7 @@ def test_statistics_are_printed(shell: Shell) -> None:
     assert "written: results/s/many.sweep.h5" in out
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_one_ensemble_can_have_a_file_of_its_own(shell: Shell) -> None:
     (shell.folder / "s.yaml").write_text(FILE.replace("  one: {}\n", "").partition("  gains")[0])
@@ -90,6 +94,7 @@ def test_one_ensemble_can_have_a_file_of_its_own(shell: Shell) -> None:
     assert "all runs are ensembles: many" in err
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_trajectories_of_another_horizon_each_are_not_kept(shell: Shell) -> None:
     (shell.folder / "s.yaml").write_text(FILE.replace("observers.SHGO.theta: 1/eps", "time.end: 1/eps"))
@@ -97,6 +102,7 @@ def test_trajectories_of_another_horizon_each_are_not_kept(shell: Shell) -> None
     assert shell("simulate", "s.yaml", "-q") == (0, "", "")
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_mistyped_path_of_vary_is_wrong_input(shell: Shell) -> None:
     code, _, err = shell("simulate", "s.yaml", "--run", "one")

@@ -39,6 +39,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_sweep_is_carried_out_and_collected(shell: Shell) -> None:
     assert shell("sweep", "s.yaml") == (
@@ -64,6 +65,7 @@ def test_a_sweep_is_carried_out_and_collected(shell: Shell) -> None:
     assert (code, json.loads(out)["members"]) == (0, 12)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_output_names_the_file_or_the_folder_around(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "-q", "-o", "x.h5")[0] == 0
@@ -76,6 +78,7 @@ def test_output_names_the_file_or_the_folder_around(shell: Shell) -> None:
     assert (code, "--output: expected a file" in err) == (2, True)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_parts_are_merged_to_the_same_file(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "-q")[0] == 0
@@ -114,6 +117,7 @@ def test_folders_of_different_sweeps_are_not_merged(shell: Shell) -> None:
     assert not (shell.folder / "both").exists()
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_change_is_refused_with_the_difference(shell: Shell) -> None:
     shell("sweep", "s.yaml", "-q")
@@ -152,6 +156,7 @@ def test_a_text_that_a_key_cannot_have_is_refused_before_anything_runs(shell: Sh
     assert not (shell.folder / "results").exists()
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_base_that_is_refused_is_said_as_of_a_single_run(shell: Shell) -> None:
     (shell.folder / "base.yaml").write_text(
@@ -166,6 +171,7 @@ def test_a_base_that_is_refused_is_said_as_of_a_single_run(shell: Shell) -> None
     assert shell("sweep", "s.yaml", "-q")[0] == 0  # one of the members can be carried out
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_sweep_all_of_whose_members_fail_has_failed(shell: Shell) -> None:
     (shell.folder / "base.yaml").write_text(
@@ -241,6 +247,7 @@ runs:
 )
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_ensembles_of_a_study_are_sweeps(shell: Shell) -> None:
     (shell.folder / "study.yaml").write_text(STUDY)
@@ -274,6 +281,7 @@ def test_beginning_anew_names_a_folder_that_is_in_the_way(shell: Shell) -> None:
     assert (code, "s.sweep.h5: cannot be removed: " in err) == (2, True)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_block_that_nobody_has_written_is_refused_by_every_command(shell: Shell) -> None:
     shell("sweep", "s.yaml", "-o", "out", "-q")

@@ -71,6 +71,7 @@ def test_the_model_is_found_with_the_gain(shell: Shell, logs: list[str]) -> None
     assert written["plant"]["parameters"]["k"] == pytest.approx(one["gains"]["plant.parameters.k"], rel=1e-5)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_the_score_of_two_recordings_is_their_root_mean_square(shell: Shell) -> None:
     changed(shell, "gains", {"observers.*.theta": {"log": [2, 2.0000001]}})
@@ -82,6 +83,7 @@ def test_the_score_of_two_recordings_is_their_root_mean_square(shell: Shell) -> 
     assert values[2] == pytest.approx(np.sqrt((values[0] ** 2 + values[1] ** 2) / 2), rel=1e-6)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_innovations_of_all_outputs(shell: Shell) -> None:
     changed(shell, "minimise", "innovation_rms(o, *)")

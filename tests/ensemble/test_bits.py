@@ -96,6 +96,7 @@ def alone(base: Experiment, members: Members, i: int, block: Block) -> None:
         assert np.array_equal(block.integration_error[i], errors, equal_nan=True)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize("axes", AXES)
@@ -107,6 +108,7 @@ def test_given_steps(measured: str, axes: str) -> None:
         alone(base, members, i, block)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("axes", ["seed", "theta", "lost and refused", "parameter"])
 @pytest.mark.parametrize("measured", ["held", "multiplicative"])
@@ -117,6 +119,7 @@ def test_automatic_steps(measured: str, axes: str) -> None:
         alone(base, members, i, block)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("root", [False, True])
 @pytest.mark.parametrize("step", [0.01, None])
@@ -140,6 +143,7 @@ def test_members_whose_plant_or_estimate_is_lost(step: float | None, root: bool)
         alone(base, members, i, block)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "observers", "more"),
@@ -187,6 +191,7 @@ def test_kinds_of_runs(plant: dict[str, Any], observers: dict[str, Any], more: d
         alone(base, members, i, block)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_what_is_narrow_in_a_state() -> None:
     """A force within a thousandth of a position, which some of the members pass."""
@@ -198,6 +203,7 @@ def test_what_is_narrow_in_a_state() -> None:
         alone(base, members, i, block)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_two_hundred_members_at_random() -> None:
     base = van_der_pol(MEASURED["sampled"], 0.02)

@@ -89,6 +89,7 @@ def test_a_collected_file_is_told_from_a_result(tmp_path: Path) -> None:
     assert not is_sweep(tmp_path)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("change", "message"),

@@ -57,6 +57,7 @@ def test_van_der_pol(solver: dict[str, Any], measured: str, axes: str, singles: 
     assert not singles
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_members_that_fail_do_not_disturb_the_others(singles: list[int]) -> None:
     """Plants that are infinite after a while, and estimates that are lost."""

@@ -34,6 +34,7 @@ def test_a_call_gives_the_members_with_labels(tmp_path: Path, monkeypatch: pytes
     assert labelled["rmse"].mean("seed").sizes["observers.SHGO.theta"] == 4
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_call_with_a_file_goes_on_where_it_was(tmp_path: Path) -> None:
     output = tmp_path / "a.sweep.h5"

@@ -18,6 +18,7 @@ AXES = {"observers.SHGO.theta": [2.0, -1.0, 5.0], "seed": {"count": 2}}  # a gai
 TEXTS = ["std('SHGO', x2)", "rmse('FHGO', x1, 0.1, 0.4)", "largest('small', x1)", "difference('SHGO', 'FHGO', x2)"]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_they_are_those_of_every_member_alone(tmp_path: Path) -> None:
     place = Place.of(tmp_path / "small.sweep.h5")

@@ -55,6 +55,7 @@ def by_blocks(order: list[tuple[int, int]]) -> Executor:
     return run
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_member_has_the_bits_that_it_has_alone(tmp_path: Path) -> None:
     of = small(trajectories="all")
@@ -113,6 +114,7 @@ def test_blocks_decide_nothing(
     assert len(files) == 1
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_processes_give_the_same_file(tmp_path: Path) -> None:
     of = small(trajectories={"every": 5})
@@ -124,6 +126,7 @@ def test_processes_give_the_same_file(tmp_path: Path) -> None:
     assert (tmp_path / "a.h5").read_bytes() == undisturbed(tmp_path, of)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_xarray_opens_the_file_with_the_axes_as_dimensions(tmp_path: Path) -> None:
     import xarray
@@ -198,6 +201,7 @@ def test_the_worst_members_are_followed(tmp_path: Path) -> None:
     assert found.trajectories.member.tolist() == np.argsort(-largest)[:2].tolist()
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_damaged_blocks_are_made_anew(tmp_path: Path) -> None:
     of = small()
@@ -234,6 +238,7 @@ def _wrong_status(path: Path) -> None:
         file["status"][...] = 99
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", [_flipped, _zeros, _no_status, _wrong_status])
 def test_a_damaged_collected_file_is_collected_again(tmp_path: Path, damage: Callable[[Path], None]) -> None:
@@ -291,6 +296,7 @@ def test_parts_are_all_members_once() -> None:
             Part.read(text)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_parts_in_several_folders_are_merged(tmp_path: Path) -> None:
     of = small()

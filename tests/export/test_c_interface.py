@@ -206,6 +206,7 @@ def test_many_samples_keep_their_digits(compiled: dict[str, Compiled]) -> None:
     assert np.max(np.abs(own - found.estimates["O"])) <= 1e-12
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("options", [("-O0",), ("-O2", "-ffp-contract=off")], ids=["O0", "O2"])

@@ -63,6 +63,7 @@ def compare(own: list[np.ndarray], theirs: np.ndarray) -> None:
     assert np.max(np.abs(np.array(own) - theirs)) <= 1e-12 * scale
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", ["0", "0.12", "0.1 + 0.05*sin(3*t)"])
 def test_held_outputs(delay: str, tmp_path: Path) -> None:

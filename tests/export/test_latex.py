@@ -96,6 +96,7 @@ def assert_typeset(text: str) -> None:
     assert text.count("{") == text.count("}")
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*CASES, "ekf", "deadbeat", "two outputs"])
 def test_every_line_can_be_typeset(name: str) -> None:

@@ -219,6 +219,7 @@ def test_trajectories_that_were_not_kept_are_not_drawn() -> None:
         bands(replace(made(), trajectories=None))
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_an_ensemble_has_the_figures_that_it_has_numbers_for(tmp_path: Path) -> None:
     members = made()

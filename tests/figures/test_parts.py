@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 from examples import chain, inline, simulated
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from hgorun import Result
 from hgorun.figures import data
 from hgorun.figures.bode import bode_figure
 from hgorun.figures.data import Curve
 from hgorun.figures.drawing import comparison
+from hgorun.figures.page import Page
 from hgorun.figures.panels import _dense
 from hgorun.figures.peaking import peaking
 from hgorun.figures.style import TRUTH
@@ -87,6 +89,33 @@ def test_peaking_of_observers_in_different_coordinates(result: Result) -> None:
     figure = peaking(result, transients)
     drawn = [[line.get_label() for line in ax.lines] for ax in figure.axes]
     assert drawn == [["A", "A: bound"], ["A", "A: bound"], ["B", "B: bound"]]
+
+
+def words_of(figure: Figure) -> str:
+    return " ".join(text.get_text() for text in figure.findobj(Text)).replace("\n", " ")
+
+
+def test_observers_that_the_figure_of_bounds_leaves_out_are_named(result: Result) -> None:
+    both = {label: bounded(("x1", "x2"), result.time) for label in ("A", "B")}
+    assert "not drawn" not in words_of(peaking(result, both))
+    assert "not drawn, having no bound: B" in words_of(peaking(result, {"A": both["A"]}))
+
+
+@pytest.mark.parametrize(("width", "titled"), [("two", 2), ("one", 4)])
+def test_panels_below_each_other_have_titles_of_their_own(result: Result, width: str, titled: int) -> None:
+    titles = [ax.get_title(loc="left") or ax.get_title() for ax in comparison(result, Page.named(width, "dark")).axes]
+    assert len(titles) == 4
+    assert [t for t in titles if t][::2] == ["states and estimates"] * (titled // 2)
+    assert len([t for t in titles if t]) == titled
+
+
+def test_a_panel_holds_a_band_that_takes_little_room() -> None:
+    limits = (0.0, 10.0)
+    assert data.with_bands(limits, []) == limits
+    assert data.with_bands(limits, [np.array([1.0, 9.0])]) == limits
+    assert data.with_bands(limits, [np.array([-2.0, 12.0]), np.zeros(0)]) == pytest.approx((-2.2, 12.2))
+    assert data.with_bands(limits, [np.array([-2.6, 11.0])]) == pytest.approx((0.0, 11.2))  # cut below, with a mark
+    assert data.with_bands(None, [np.array([1.0])]) is None
 
 
 def test_a_response_that_is_zero_has_no_limits_of_its_own(result: Result) -> None:

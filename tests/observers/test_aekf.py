@@ -74,6 +74,7 @@ def test_theta_grows_and_returns_and_stays_inside(run: Result) -> None:
     assert np.max(np.abs(run.observers["K"].xhat[200:] - run.x[200:])) < 0.1
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_started_at_the_truth_it_is_the_kalman_filter() -> None:
     """No noise, no cost, theta at 1; with beta m = 600 exactly."""

@@ -59,6 +59,7 @@ def test_trajectory_computed_elsewhere() -> None:
     np.testing.assert_allclose(result.time[np.flatnonzero(np.diff(mode(found))) + 1], SWITCHES, atol=1e-9)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [NOISE, SAMPLED, {**NOISE, "delay": 0.13}])
 def test_every_mode_is_the_observer_alone(measurement: Block) -> None:
@@ -75,6 +76,7 @@ def test_every_mode_is_the_observer_alone(measurement: Block) -> None:
     assert len(set(mode(found))) > 1
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [{}, NOISE, SAMPLED, LATE])
 @pytest.mark.parametrize("change", [{"thetas": [2]}, {"eps": 1e-9}, {"thetas": [2, 2, 2]}])
@@ -123,6 +125,7 @@ def test_it_takes_plants_that_are_no_chains_and_several_outputs() -> None:
         assert np.max(np.abs(result.observers["B"].xhat[-1] / result.x[-1] - 1)) < 1e-4
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [NOISE, SAMPLED, LATE])
 def test_lanes(measurement: Block) -> None:

@@ -51,6 +51,7 @@ def test_no_certificate_for_the_constants_in_print() -> None:
     assert np.min([np.linalg.eigvalsh(M)[:, 0] for M in conditions], axis=0).max() < -1e-3
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("gains", [(3, 3, 1), (4, 6, 4, 1)])
 def test_certificates_of_higher_order(gains: tuple[float, ...]) -> None:

@@ -101,6 +101,7 @@ def test_what_noise_does_computed_elsewhere() -> None:
     np.testing.assert_allclose(found["m 3"], [3.3e-3, 7.0e-3], rtol=3e-2)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_samples_have_a_map_of_their_own() -> None:
     """Exact for a linear plant, however long the period; a recursion in numpy for the other one."""
@@ -120,6 +121,7 @@ def test_samples_have_a_map_of_their_own() -> None:
     assert np.all(rms(found)["K"] < [1e-3, 1e-2])  # what is left of the start
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_plant_that_escapes_backwards_is_clipped_on_request() -> None:
     block: Block = {"type": "kkl", "box": {"x1": [-2.5, 2.5], "x2": [-4, 4]}, "degree": 3, "points": 200}
@@ -129,6 +131,7 @@ def test_a_plant_that_escapes_backwards_is_clipped_on_request() -> None:
     assert np.all(rms(result)["K"] < [0.3, 0.9])
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_ridge_keeps_coefficients_small_and_the_analysis_says_what_that_costs() -> None:
     made = experiment(DUFFING, {"free": KKL, "ridge": {**KKL, "ridge": 1e-6}}, end=2, step=0.01)

@@ -73,12 +73,14 @@ def difference(result: hgorun.Result) -> float:
     return float(max(gap)) / float(np.abs(estimate).max())
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_fixed_is_the_plain_loop(fixed: hgorun.Result) -> None:
     assert fixed.measurements.time.size == 200_001
     assert difference(fixed) < 1e-9
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_sa_is_the_plain_loop(sa: hgorun.Result) -> None:
     """The steps are those of the paper: t_k = sum of a(j)."""

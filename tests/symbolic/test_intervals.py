@@ -38,6 +38,7 @@ def function(text: str) -> ca.Function:
     return ca.Function("f", [x], [parse(text, names=("x", "y")).symbol({"x": x[0], "y": x[1]})])
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("text", TEXTS)
 @given(st.tuples(corner, corner, corner, corner))

@@ -158,6 +158,9 @@ def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
             f"the delay of {timing.told(delay, 4)} needs periods beyond the longest that is tried, "
             f"{timing.told(longest)}"
         )
+    if timing.period is not None and growth(system, shortest, delay) >= 0:  # down to the one in use, if it can be tried
+        shortest = max(min(shortest, timing.period), delay / _MAX_WAITING)
+        shortest = max(shortest, 0.0 if system.constant else (system.times[-1] - system.times[0]) / MAX_PERIODS)
     return _search(timing, system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
 
 
@@ -212,7 +215,10 @@ def _search(
     precision = _PRECISION[0 if system.constant else 1]
     low = shortest
     if rate(low) >= 0:
-        raise NoValue(f"unstable at every {what} down to {timing.told(low)}")
+        used = timing.period if what == "period" else timing.delay
+        shorter = used is not None and 0 < used < low * (1 - 1e-9)
+        untold = f"; the one in use, {timing.told(used, 4)}, is shorter, and is not tried" if used and shorter else ""
+        raise NoValue(f"unstable already at the shortest {what} that is tried, {timing.told(low)}{untold}")
     high = low * ratio
     while rate(high) < 0:
         low, high = high, high * ratio

@@ -137,6 +137,7 @@ def test_contois_in_the_thesis() -> None:
         assert said(of)["theta_bound"] > said(of)["theta"]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_triangular_charts_know_their_coordinates() -> None:
     made = Experiment(

@@ -80,6 +80,7 @@ def test_unbroken_links_in_closed_form(academic: tuple[PreparedRun, Result]) -> 
     assert found.reference == pytest.approx(np.linalg.eigvalsh(W)[0], rel=1e-4)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("horizon", [None, 1.0, 3.0])
 def test_what_it_promises_for_the_observers_own_matrix(

@@ -32,6 +32,7 @@ def compared(found: Experiment) -> tuple[np.ndarray, np.ndarray]:
     return deviation, (noisy.observers["o"].xhat - noise_free.observers["o"].xhat)[inside]
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "measurement",

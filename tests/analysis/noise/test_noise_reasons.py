@@ -39,6 +39,7 @@ LATE_IN_PART = {"noise": sinusoid(0.1, 5), "phases": [{"until": 3}, {"until": 6,
 TWO = inline({"x1": "-x1 + 0.1*x2", "x2": "-x2"}, ["x1", "x2"])
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("measurement", "along", "words"),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from examples import ACADEMIC, VAN_DER_POL, Block, chain, experiment, inline
 
+import hgorun
 from hgorun.analysis.linear.error_system import error_system
 from hgorun.analysis.linear.nominal import nominal
 from hgorun.analysis.reasons import NoValue
@@ -66,6 +67,7 @@ def decay(run: PreparedRun, label: str) -> float:
     return float(np.log(np.max(e[-quarter:]) / np.max(e[quarter : 2 * quarter])))
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_periods_of_three_integrators() -> None:
     """theta T_e, computed independently of this project."""
@@ -120,6 +122,7 @@ def test_an_unstable_first_order_plant_in_closed_form() -> None:
     assert along(critical_delay, run, "o") == pytest.approx(1 / a - 1 / g, rel=1e-9)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "delay"),
@@ -140,7 +143,7 @@ def test_runs_beside_the_critical_period(block: dict[str, Any], delay: float) ->
         return prepared({"o": block_}, end=end, measurement={"sampling": {"period": period}, "delay": delay})
 
     if delay == 2.0:  # later than the observer bears at any period
-        with pytest.raises(NoValue, match="unstable at every period"):
+        with pytest.raises(NoValue, match="unstable already at the shortest period that is tried"):
             chain_period(at(0.5), "o")
         return
     T = chain_period(at(0.5), "o")
@@ -174,6 +177,7 @@ def test_two_chains_have_the_limit_of_the_slower_one() -> None:
     assert along(critical_period, run, "o") == pytest.approx(2.896, abs=6e-4)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_time_varying_plant_against_its_own_run() -> None:
     """The small error's growth over [20, 60], from runs that sample a little below and above the limit."""
@@ -255,3 +259,12 @@ def test_an_error_that_does_not_move_near_the_truth_has_no_limit(limit: Callable
         run = prepared({"it": {"type": "dead_zone", "theta": 1}})
         with pytest.raises(NoValue, match="the linearised error does not move"):
             limit(timing_of(run), chain_system(run, "it"))
+
+
+def test_a_period_shorter_than_those_of_the_search_is_tried_where_it_is_in_use() -> None:
+    """The search begins at a fifth of 1/theta, here 0.5; the observer is too slow for its plant at any period."""
+    plant = inline({"x1": "x2 + 0.6*x1*cos(t)", "x2": "0.8*x2 + 0.5*sin(x1)"}, "x1", start=0.1)
+    block: Block = {"type": "shgo", "theta": 0.4}
+    made = experiment(plant, {"S": block}, end=20, measurement={"sampling": {"period": 0.05}})
+    reasons = hgorun.analyze(made).observers["S"].reasons
+    assert reasons["period_critical"] == "unstable already at the shortest period that is tried, 0.05 s"

@@ -1,0 +1,64 @@
+"""What is wrong with the words of a command line is said in the words of all other messages."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+from hgorun.version import __version__
+
+SMALL = """
+time: {end: 1, output_step: 0.1}
+plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}
+observers: {S: {type: shgo, theta: 2}}
+"""
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    (tmp_path / "a.yaml").write_text(SMALL)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (
+            "compare a.yaml --plot",
+            "there is no option --plot. Did you mean `--plots`? hgorun compare -h lists the options",
+        ),
+        ("compare a.yaml --no-plot", "there is no option --no-plot. Did you mean `--no-plots`?"),
+        ("simulate a.yaml --no-plots", "there is no option --no-plots. Of estimate, compare,"),
+        ("simulate a.yaml --plot", "there is no option --plot. Of estimate, compare,"),
+        ("simulate a.yaml -x", "there is no option -x. hgorun simulate -h lists the options"),
+        ("--verion", "there is no option --verion. Did you mean `--version`? hgorun -h lists the options"),
+        ("compare a.yaml --plots=yes", "--plots is a switch, which takes no value; --no-plots is its opposite"),
+        ("simulate a.yaml --json=1", "--json is a switch, which takes no value"),
+        ("simulate a.yaml --seed", "--seed: a value is missing: --seed INTEGER"),
+        ("simulate a.yaml -o", "-o: a value is missing: -o PATH"),
+        ("estimate a.yaml --every x", "--every: expected a number of at least 0, found x"),
+        ("simulate", "CONFIG... is missing: hgorun simulate CONFIG..."),
+        ("analyze a.yaml b.yaml", "b.yaml is one word too many: hgorun analyze CONFIG"),
+        ("simulat a.yaml", "there is no command 'simulat'. Did you mean `simulate`? hgorun -h lists them"),
+    ],
+)
+def test_one_line_says_what_would_be_right(shell: Shell, words: str, said: str) -> None:
+    code, out, err = shell(*words.split())
+    assert (code, out, err.count("\n")) == (2, "", 1), err
+    assert err.startswith(f"hgorun: {said}"), err
+
+
+def test_help_and_version_are_no_mistakes(shell: Shell) -> None:
+    assert shell("--version")[:2] == (0, f"{__version__}\n")
+    assert shell("simulate", "-h")[1].startswith("Usage: ")
+    assert "Commands:" in "".join(shell()[1:])
+
+
+def test_figures_beside_a_table_for_programs_are_told(shell: Shell) -> None:
+    code, out, err = shell("compare", "a.yaml", "--format", "csv")
+    assert (code, "written" in out) == (0, False)
+    assert err == "hgorun: written: results/a-comparison.png, results/a-comparison.pdf (--no-plots draws none)\n"
+    assert shell("compare", "a.yaml", "--format", "latex", "--no-plots")[2] == ""
+    assert shell("compare", "a.yaml", "--format", "csv", "-q")[1:] == ("", "")
