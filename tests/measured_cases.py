@@ -1,4 +1,4 @@
-"""What coverage need not measure: slow tests that are not marked ``measured``, and cases that run what others have run.
+"""What coverage need not measure: slow tests that are not marked ``measured``, and of ``measured_once`` all cases but the first.
 
 A traced interpreter is two or three times slower, in the libraries that are called as well. Drawings and pages are not
 traced: matplotlib and bokeh run nothing of this package there.
@@ -10,7 +10,7 @@ import functools
 import os
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, nullcontext
 from typing import ParamSpec, TypeVar
 
 import coverage
@@ -27,35 +27,23 @@ R = TypeVar("R")
 
 
 class Measured:
-    """Which tests coverage measures: those that are not slow, or are marked ``measured``, and of their cases the first
-    ones, until a case runs nothing that was not measured before."""
+    """Which tests coverage measures: those that are not slow, or are marked ``measured``."""
 
     def __init__(self) -> None:
-        self._exhausted = set[str]()
+        self._seen = set[str]()
 
     @contextmanager
     def of(self, item: pytest.Item) -> Iterator[None]:
-        test, _, case = item.nodeid.partition("[")
-        if not _is_wanted(item) or test in self._exhausted:
-            with unmeasured():
-                yield
-            return
-        before = _measured()
-        yield
-        if case and (before == _measured() or item.get_closest_marker("measured_once") is not None):
-            self._exhausted.add(test)
+        test = item.nodeid.partition("[")[0]
+        further = test in self._seen and item.get_closest_marker("measured_once") is not None
+        self._seen.add(test)
+        with nullcontext() if _is_wanted(item) and not further else unmeasured():
+            yield
 
 
 def _is_wanted(item: pytest.Item) -> bool:
     marks = {mark.name for mark in item.iter_markers()}
     return "unmeasured" not in marks and ("slow" not in marks or "measured" in marks)
-
-
-def _measured() -> int:
-    """How many branches this process has been seen to take."""
-    measuring = coverage.Coverage.current()
-    collector = None if measuring is None else measuring._collector
-    return 0 if collector is None else sum(map(len, collector.data.values()))
 
 
 @contextmanager

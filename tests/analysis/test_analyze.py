@@ -308,6 +308,7 @@ EVERYTHING: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EVERYTHING)
 def test_every_family_is_analysed(name: str) -> None:

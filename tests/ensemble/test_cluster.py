@@ -55,6 +55,7 @@ def processes(tmp_path: Path) -> Iterator[tuple[str, list[subprocess.Popen[bytes
             process.wait()
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore")  # of a library, when a worker dies
 def test_a_killed_worker_costs_its_block_only(

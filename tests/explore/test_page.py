@@ -54,6 +54,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_the_page_needs_nothing_but_itself(shell: Shell) -> None:
     code, out, err = shell("report", "a.sweep.h5", "-o", "page.html")

@@ -21,6 +21,7 @@ def of(**keys: object) -> Block:
     return {"type": "aekf", "theta_1": 3, "m": 0.02, "copies": 5, **keys}
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("cls", "block"),

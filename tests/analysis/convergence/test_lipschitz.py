@@ -124,6 +124,7 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
     assert np.all(own[np.tril_indices(2)] >= 0.2 * met[np.tril_indices(2)])
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_contois_in_the_thesis() -> None:
     """z1' = z2 - D z1: the slope mu of the dilution, and a bound for the other row."""
