@@ -1,4 +1,4 @@
-"""What coverage need not measure: slow tests that are not marked ``measured``, and of ``measured_once`` all cases but the first.
+"""What coverage need not measure: slow tests not marked ``measured``, and of ``measured_once`` all cases but the first.
 
 A traced interpreter is two or three times slower, in the libraries that are called as well. Drawings and pages are not
 traced: matplotlib and bokeh run nothing of this package there.
