@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
 
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Export
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
 from hgorun.config.reading import read_source
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, SimulationError
 from hgorun.export.c_code import Real
 from hgorun.export.c_files import c_files
-from hgorun.export.c_header import bytes_of, costs
+from hgorun.export.c_header import LARGE, bytes_of, costs
 from hgorun.export.c_source import Source
 from hgorun.export.fmu_templates import VERSIONS, Version
 from hgorun.export.observer import Exported
-from hgorun.export.prepared import Wanted, exported, exported_estimate
+from hgorun.export.prepared import Wanted, exported, exported_estimate, only
 from hgorun.files import remove_leftovers, written_whole
 from hgorun.process import say
 from hgorun.simulation.simulate import prepare
@@ -40,8 +42,7 @@ def export(options: Export) -> int:
         raise ConfigError("--fmu: a unit has C inside; leave out --lang")
     if not in_c and (options.single or options.late or options.inputs_given):
         raise ConfigError("--float, --late and --inputs-given are for --lang c; equations have symbols for the inputs")
-    labels = tuple(options.observers)
-    wanted = Wanted(labels=labels, late=options.late, inputs_given=options.inputs_given, steps=in_c)
+    wanted = Wanted(late=options.late, inputs_given=options.inputs_given, steps=in_c)
     name, observers = _observers(options, wanted)
     contents = {observer.label: _contents(observer, options) for observer in observers}
     folder = options.output or RESULTS / options.config.stem
@@ -50,16 +51,50 @@ def export(options: Export) -> int:
         for file, content in files.items():
             with written_whole(folder / file) as part:
                 part.write_bytes(content)
+    if in_c:
+        _warn(name, observers, options)
     if options.json:
         told = {o.label: _told(o, [folder / name for name in contents[o.label]], options) for o in observers}
         print(json.dumps({"name": name, "observers": told}, indent=2))
     elif options.text:
         for observer in observers:
             print(f"{observer.label} ({observer.design.observer.type})")
-            for name, cost in costs(_source(observer, options)).items() if in_c else ():
-                print(f"  {name}: at most {cost}")
+            for line in _costs(observer, options) if in_c else ():
+                print(f"  {line}")
             print("  written: " + ", ".join(str(folder / name) for name in contents[observer.label]))
     return 0
+
+
+def _costs(observer: Exported, options: Export) -> Iterator[str]:
+    """What the code of an observer takes."""
+    source = _source(observer, options)
+    if observer.flows:
+        yield f"method: {observer.method.name}, no step longer than {observer.step:.6g} {observer.unit}"
+    for name, cost in costs(source).items():
+        yield f"{name}: at most {cost}"
+    steps = f", of which {observer.pieces} steps of history take the most" if observer.pieces else ""
+    yield f"memory: {bytes_of(source)} bytes{steps}"
+
+
+def _warn(name: str, observers: Sequence[Exported], options: Export) -> None:
+    """What is said on stderr of observers that are lost in this very run, or take much memory."""
+    for observer in observers:
+        try:
+            verdict = observer.verdict()
+        except SimulationError as error:
+            say(f"hgorun: {name}: what becomes of the exported observers in this run is not known: {error}")
+            break
+        if verdict.lost:
+            others = [f"--observer {quote(other.label)}" for other in observers if other is not observer]
+            alone = f"; to export the others, with steps of their own: {' '.join(others)}" if others else ""
+            say(f"hgorun: {name}: the exported observer {observer.label} {verdict.sentence(observer.unit)}{alone}")
+    for observer in observers:
+        size = bytes_of(_source(observer, options))
+        if size > LARGE and not options.fmu:
+            say(
+                f"hgorun: {name}: hgo_{observer.name}_observer takes {size} bytes, more than many a stack: declare it "
+                "static; longer steps (solver.step) or less lateness make its history shorter"
+            )
 
 
 def _observers(options: Export, wanted: Wanted) -> tuple[str, list[Exported]]:
@@ -67,7 +102,7 @@ def _observers(options: Export, wanted: Wanted) -> tuple[str, list[Exported]]:
     _, source = read_source(options.config, options.overrides, seed=options.seed)
     if not isinstance(source.data, dict) or "data" not in source.data:
         experiment = load(options.config, options.overrides, seed=options.seed, run=options.run)
-        return experiment.name, exported(prepare(experiment), wanted)
+        return experiment.name, exported(prepare(only(experiment, options.observers)), wanted)
     from hgorun.commands.estimate import one_run
     from hgorun.estimate.completed import completed
     from hgorun.estimate.log import log_of
@@ -77,7 +112,8 @@ def _observers(options: Export, wanted: Wanted) -> tuple[str, list[Exported]]:
     log = log_of(source, options.config)
     with source.located():
         recording = log.read()
-    prepared = prepare_estimate(completed(source, recording, name, ""), recording)
+    experiment = only(completed(source, recording, name, ""), options.observers)
+    prepared = prepare_estimate(experiment, recording)
     if prepared.gated:
         say(f"hgorun: {name}: gates are not exported: the exported observers take every sample that they are told")
     return name, exported_estimate(prepared, wanted)

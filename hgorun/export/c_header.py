@@ -10,6 +10,7 @@ from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
 from hgorun.version import __version__
 
+LARGE = 100_000  # bytes that may be too many for a stack
 _SMALLEST = 1024  # steps that a prediction may take at least
 
 
@@ -197,6 +198,8 @@ def _described(source: Source) -> Iterator[str]:
     for name, cost in found.items():
         yield f"  {name + ':':<9} {cost}"
     yield f"Memory: {bytes_of(source)} bytes, in one structure without pointers: memcpy keeps and restores it."
+    if bytes_of(source) > LARGE:
+        yield "Declare it static: so much memory does not fit on every stack."
 
 
 def header(source: Source) -> str:
@@ -256,7 +259,7 @@ def _types(source: Source) -> Iterator[str]:
         yield "typedef struct {\n    double from;\n    double to;"
         yield from (f"    {real} {name}[{size}];" for name in ("s0", "r0", "s1", "r1"))
         yield f"}} {p}piece;\n"
-    yield "/* all that the observer knows: to be copied whole, not to be written to */"
+    yield "/* all that the observer knows: to be copied whole, not to be written to; static where the stack is small */"
     yield "typedef struct {"
     yield from map(str, members(source))
     yield f"}} {p}observer;\n"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,6 +15,7 @@ from hgorun.export.names import identifier
 from hgorun.export.operations import Operations
 from hgorun.observers.base import ContinuousObserver, CorrectedObserver
 from hgorun.plants.build import BuiltPlant
+from hgorun.result.status import Verdict
 from hgorun.simulation.design import Design
 from hgorun.simulation.observer_block import ObserverBlock
 
@@ -52,6 +54,9 @@ class Exported:
         rate(t, z, w) and what else is evaluated between samples; w as :attr:`places` says.
     jump : Operations or None
         What z becomes at a sample, with w of the engine's layout :attr:`held`.
+    verdict : callable
+        What becomes of it in the run, with times on the clock of the configuration; the run is carried out for it
+        unless its steps have been found so.
     """
 
     run: str
@@ -72,6 +77,7 @@ class Exported:
     equations: Operations
     jump: Operations | None
     held: Held
+    verdict: Callable[[], Verdict]
 
     @property
     def name(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import shlex
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,24 +11,23 @@ import numpy as np
 from hgorun.config.nearest import nearest
 from hgorun.engine.memory import history_pieces
 from hgorun.engine.methods import METHODS, Method
-from hgorun.engine.plan import Plan
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.export.equations import Equations, Output, equations_of, outputs_of
 from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
+from hgorun.export.steps import Integrated, OfData, OfRun, Steps
 from hgorun.observers.base import ContinuousObserver, CorrectedObserver, DecidedObserver
 from hgorun.observers.capabilities import NotExported
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
-from hgorun.simulation.checks import longest_step
-from hgorun.simulation.passes import Pass, as_given, plan_of
+from hgorun.result.status import Verdict
+from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.truth import Recording
 
 _OUTPUTS = 32
-_ADVICE = "give a fixed one, as in solver: {method: rk4, step: 0.01}"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -37,8 +36,6 @@ class Wanted:
 
     Attributes
     ----------
-    labels : tuple of str
-        The observers; all of them where it is empty.
     late : float
         How late samples may be known; the longest delay of the configuration where that is more.
     inputs_given : bool
@@ -47,28 +44,30 @@ class Wanted:
         Whether it is integrated where it is exported to: otherwise any method will do.
     """
 
-    labels: tuple[str, ...] = ()
     late: float = 0.0
     inputs_given: bool = False
     steps: bool = True
 
 
-@dataclass(frozen=True, eq=False, repr=False)
-class _Steps:
-    """How a run is integrated.
+def only(experiment: Experiment, labels: Collection[str]) -> Experiment:
+    """The same experiment with the chosen observers alone, or with all of them where none is chosen.
 
-    Attributes
-    ----------
-    method : str
-    step : float
-        The longest step.
-    plan : callable
-        The tables of the run with these steps.
+    Steps, and with them the length of a history, follow from the observers of a run: from those that are exported.
+
+    Raises
+    ------
+    ConfigError
+        Where no observer is called so.
     """
-
-    method: str
-    step: float
-    plan: Callable[[], Plan]
+    known = list(experiment.observers)
+    for label in labels:
+        if label not in known:
+            near = nearest(label, known)
+            raise ConfigError(f"--observer: no observer is called {label!r}.{near} Known: {', '.join(known)}")
+    others = [label for label in known if labels and label not in labels]
+    if not others or experiment.closed:  # a closed loop is refused as a whole
+        return experiment
+    return experiment.varied({f"observers.{label}": None for label in others})
 
 
 def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
@@ -84,7 +83,7 @@ def exported(run: PreparedRun, wanted: Wanted | None = None) -> list[Exported]:
         run.experiment.require_open("an exported observer is told its inputs, or computes them from the time")
     model = run.plant.model
     told = tuple(range(len(model.inputs))) if wanted.inputs_given else ()
-    return _all(run, wanted, told, lambda: _steps(run))
+    return _all(run, wanted, told, OfRun(run))
 
 
 def exported_estimate(prepared: PreparedEstimate, wanted: Wanted | None = None) -> list[Exported]:
@@ -99,20 +98,22 @@ def exported_estimate(prepared: PreparedEstimate, wanted: Wanted | None = None) 
     truth = run.structure.groups[0].truth
     assert isinstance(truth, Recording)
     told = tuple(range(len(run.plant.model.inputs))) if wanted.inputs_given else truth.recorded
-    return _all(run, wanted, told, lambda: _steps_of_data(prepared))
+    return _all(run, wanted, told, OfData(prepared))
 
 
-def _all(run: PreparedRun, wanted: Wanted, told: tuple[int, ...], find: Callable[[], _Steps]) -> list[Exported]:
-    labels = _labels(run, wanted.labels)
+def _all(run: PreparedRun, wanted: Wanted, told: tuple[int, ...], integrated: Integrated) -> list[Exported]:
+    labels = _labels(run)
     with run.experiment.located():
         flows = any(isinstance(run.experiment.observers[label], ContinuousObserver) for label in labels)
-        steps = find() if flows and wanted.steps else None
-        return [
-            _or_others(run, label, labels, lambda one: _exported(run, one, steps, wanted, told)) for label in labels
-        ]
+        steps = integrated.steps if flows and wanted.steps else None
+
+        def one(label: str) -> Exported:
+            return _exported(run, label, steps, wanted, told, verdict=lambda: integrated.verdicts[label])
+
+        return [_or_others(label, labels, one) for label in labels]
 
 
-def _or_others(run: PreparedRun, label: str, labels: Sequence[str], export: Callable[[str], Exported]) -> Exported:
+def _or_others(label: str, labels: Sequence[str], export: Callable[[str], Exported]) -> Exported:
     """An exported observer, or why there is none, and how to export those beside it for which there is one."""
     try:
         return export(label)
@@ -132,13 +133,8 @@ def _can(export: Callable[[str], Exported], label: str) -> bool:
     return True
 
 
-def _labels(run: PreparedRun, chosen: Iterable[str]) -> list[str]:
-    known = list(run.experiment.observers)
-    for label in chosen:
-        if label not in known:
-            near = nearest(label, known)
-            raise ConfigError(f"--observer: no observer is called {label!r}.{near} Known: {', '.join(known)}")
-    labels = [label for label in known if not chosen or label in chosen]
+def _labels(run: PreparedRun) -> list[str]:
+    labels = list(run.experiment.observers)
     if not labels:
         raise ConfigError("there is no observer to export")
     if len(run.plant.model.outputs) > _OUTPUTS:
@@ -153,56 +149,14 @@ def _labels(run: PreparedRun, chosen: Iterable[str]) -> list[str]:
     return labels
 
 
-def _steps(run: PreparedRun) -> _Steps:
-    """The method and the fixed step of a run: those of the configuration, or those that error control has found.
-
-    Raises
-    ------
-    Problem
-        Where steps are not fixed, or the method solves equations in each of them.
-    """
-    solver = run.solver
-    _check_method(solver.method)
-    if solver.adaptive:
-        raise Problem(("solver", "rtol"), f"the number of steps between two samples has no bound with rtol; {_ADVICE}")
-    how = as_given(run)
-    if solver.controlled:
-        from hgorun.simulation.control import controlled
-
-        found = controlled(run).integration
-        if found.step is None or found.method is None:
-            message = (
-                f"no fixed step reaches the accuracy {solver.accuracy:g} in this run (where a right-hand side "
-                "jumps, as with sign, none may): give one, as in solver: {method: rk4, step: 0.01}; hgorun simulate "
-                "--check-step tells its error"
-            )
-            raise Problem(("solver", "step"), message)
-        how = Pass(method=found.method, step=found.step)  # type: ignore[arg-type]  # one of the methods
-    return _Steps(how.method, longest_step(run, how.step), lambda: plan_of(run, how)[0])
-
-
-def _steps_of_data(prepared: PreparedEstimate) -> _Steps:
-    """Those of an estimate of recorded data."""
-    solver, grid = prepared.run.solver, np.array([0.0, prepared.run.span])
-    _check_method(solver.method)
-    step = prepared.run.step
-    if solver.controlled:
-        from hgorun.estimate.carrying import carry_out
-
-        step = carry_out(prepared, grid).step
-    return _Steps(prepared.method, step, lambda: prepared.plan(grid, step))
-
-
-def _check_method(method: str) -> None:
-    if method == "rodas5p":
-        raise Problem(
-            ("solver", "method"),
-            "rodas5p solves linear equations in every step; exported observers take explicit steps: choose euler, rk4 "
-            "or dopri5",
-        )
-
-
-def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted, told: tuple[int, ...]) -> Exported:
+def _exported(
+    run: PreparedRun,
+    label: str,
+    steps: Steps | None,
+    wanted: Wanted,
+    told: tuple[int, ...],
+    verdict: Callable[[], Verdict],
+) -> Exported:
     experiment, plant = run.experiment, run.plant
     design = experiment.designs[label]
     path = "observers", label
@@ -255,6 +209,7 @@ def _exported(run: PreparedRun, label: str, steps: _Steps | None, wanted: Wanted
         equations=found.flow,
         jump=found.jump,
         held=found.held,
+        verdict=verdict,
     )
 
 
@@ -282,7 +237,7 @@ def _lateness(run: PreparedRun, output: int) -> float:
     return late if late > 1e-12 * run.span else 0.0
 
 
-def _pieces(run: PreparedRun, steps: _Steps, outputs: tuple[Output, ...], lateness: float) -> int:
+def _pieces(run: PreparedRun, steps: Steps, outputs: tuple[Output, ...], lateness: float) -> int:
     """Steps of history that reach back far enough."""
     if not any(output.remembered for output in outputs):
         return 0

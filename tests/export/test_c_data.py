@@ -99,6 +99,9 @@ def test_the_command(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyte
     code, _, err = shell("export", "config.yaml", "--set", "data.outputs.a={column: position, gate: 4}", "-q")
     assert code == 0
     assert "gates are not exported" in err
+    shell("export", "config.yaml", "--set", "solver={}", "--set", "observers.R.theta=60", "--observer", "F", "-o", "a")
+    shell("export", "config.yaml", "--set", "solver={}", "--set", "observers.R=null", "-o", "b")
+    assert Path("a/F.h").read_bytes() == Path("b/F.h").read_bytes()
     code, _, err = shell("export", "config.yaml", "--set", "solver.method=rodas5p")
     assert (code, "rodas5p solves linear equations" in err) == (2, True)
 

@@ -18,7 +18,7 @@ from hgorun.export.c_files import c_files
 from hgorun.export.c_header import bytes_of, costs, max_steps
 from hgorun.export.c_source import Source
 from hgorun.export.names import identifier
-from hgorun.export.prepared import Wanted, exported
+from hgorun.export.prepared import Wanted, exported, only
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
@@ -281,9 +281,9 @@ def test_what_is_refused(reason: str) -> None:
 
 def test_labels_that_are_one_name() -> None:
     blocks = {"A b": {"type": "shgo", "theta": 2}, "a-b": {"type": "shgo", "theta": 2}}
-    run = prepare(experiment(chain(2, "-x1"), blocks, step=0.01))
+    both = experiment(chain(2, "-x1"), blocks, step=0.01)
     with pytest.raises(ConfigError, match="same files"):
-        exported(run)
-    assert [o.label for o in exported(run, Wanted(labels=("a-b",)))] == ["a-b"]
+        exported(prepare(both))
+    assert [o.label for o in exported(prepare(only(both, ["a-b"])))] == ["a-b"]
     with pytest.raises(ConfigError, match="no observer is called 'c'"):
-        exported(run, Wanted(labels=("c",)))
+        only(both, ["c"])

@@ -117,3 +117,42 @@ def test_one_that_is_not_exported_names_the_way_to_export_the_others(shell: Shel
     assert code == 0
     _, _, err = shell("export", "mixed.yaml", "--observer", "K")
     assert "to export the others" not in err
+
+
+LOST = """
+time: {end: 2, output_step: 0.1}
+plant: {states: [x1, x2], dynamics: {x1: x2, x2: -x1 + x2**3/10}, output: x1, initial: {x1: 0.5, x2: 0}}
+measurement: {sampling: {period: 0.1}, delay: 0.2}
+observers:
+  S: {type: shgo, theta: 2}
+  lost: {type: shgo, theta: 30, initial: {x2: 50}}
+"""
+
+
+def test_steps_and_history_follow_from_the_exported_observers_alone(shell: Shell, tmp_path: Path) -> None:
+    """The files are those of the configuration without the other one, which escapes in finite time at any step."""
+    (tmp_path / "run.yaml").write_text(LOST)
+    assert "no fixed step reaches" in shell("export", "run.yaml")[2]
+    beside = shell("export", "run.yaml", "--observer", "S", "-o", "a")
+    alone = shell("export", "run.yaml", "--set", "observers.lost=null", "-o", "b")
+    assert (beside[0], beside[1], beside[2]) == (0, alone[1].replace("b/S", "a/S"), "")
+    assert Path("a/S.h").read_bytes() == Path("b/S.h").read_bytes()
+
+
+def test_divergence_and_much_memory_are_told(shell: Shell, tmp_path: Path) -> None:
+    (tmp_path / "run.yaml").write_text(LOST)
+    code, _, err = shell("export", "run.yaml", "--set", "solver={method: rk4, step: 0.1}")
+    assert (code, err.count("\n")) == (0, 1)
+    assert "run: the exported observer lost diverged at t=" in err
+    assert err.endswith("to export the others, with steps of their own: --observer S\n")
+    _, out, err = shell("export", "tank.yaml", "--late", "10", "--set", "solver.step=0.001")
+    (size,) = re.findall(r"memory: (\d+) bytes, of which \d+ steps of history", out)
+    assert 10_000 * 6 * 8 <= int(size) < 40_000 * 6 * 8  # 10 h of steps with two times and four numbers each
+    assert f"hgo_FHGO_observer takes {size} bytes, more than many a stack: declare it static" in err
+    assert "Declare it static" in Path("results/tank/FHGO.h").read_text()
+
+
+def test_a_run_that_cannot_be_followed_is_exported_nevertheless(shell: Shell, tmp_path: Path) -> None:
+    (tmp_path / "run.yaml").write_text(LOST.replace("x1: 0.5, x2: 0}", "x1: 0.5, x2: 9}"))
+    code, _, err = shell("export", "run.yaml", "--set", "solver={method: rk4, step: 0.1}", "--observer", "S")
+    assert (code, "what becomes of the exported observers in this run is not known" in err) == (0, True)
