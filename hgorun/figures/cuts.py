@@ -22,7 +22,7 @@ _ARROWS = {"top": "↑", "bottom": "↓"}
 
 @dataclass(frozen=True)
 class Cut:
-    """Where a line leaves a panel furthest.
+    """Where a line, or a band, leaves a panel furthest.
 
     Attributes
     ----------
@@ -30,45 +30,48 @@ class Cut:
     x, value : float
         The place on the horizontal axis, and the value there.
     colour : str
+    band : bool
     """
 
     side: Literal["top", "bottom"]
     x: float
     value: float
     colour: str
+    band: bool = False
 
     @property
     def text(self) -> str:
-        return f"{self.value:.3g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-").replace("-", "−")
+        number = f"{self.value:.3g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-").replace("-", "−")
+        return f"{number} (band)" if self.band else number
 
 
 def cuts(ax: Axes) -> list[Cut]:
-    """Of all lines and bands of one colour the furthest beyond each edge, the furthest first.
+    """Of all lines of one colour, or of its bands if no line leaves, the furthest beyond each edge, the furthest first.
 
     A logarithmic axis has no lower edge that a peak could pass: errors that are small for a moment leave it.
     """
     found: dict[tuple[str, str], Cut] = {}
-    for x, y, colour in _drawn(ax):
-        for one in _of_points(ax, x, y, colour):
+    for x, y, colour, band in _drawn(ax):
+        for one in _of_points(ax, x, y, colour, band=band):
             known = found.get((one.side, one.colour))
-            if known is None or abs(one.value) > abs(known.value):
+            if known is None or (known.band, abs(one.value)) > (band, abs(known.value)):
                 found[one.side, one.colour] = one
     return sorted(found.values(), key=lambda one: -abs(one.value))
 
 
-def _drawn(ax: Axes) -> Iterator[tuple[np.ndarray, np.ndarray, str]]:
+def _drawn(ax: Axes) -> Iterator[tuple[np.ndarray, np.ndarray, str, bool]]:
     """The points of lines and the corners of bands, but of those across the panel, such as the line at zero."""
     for line in ax.lines:
         if line.get_transform() == ax.transData:
             x, y = np.array(line.get_data(), dtype=float)
-            yield x, y, to_hex(line.get_color())
+            yield x, y, to_hex(line.get_color()), False
     for band in ax.collections:
         if isinstance(band, PolyCollection) and band.get_transform() == ax.transData and band.get_paths():
             x, y = np.concatenate([path.vertices for path in band.get_paths()]).T
-            yield x, y, to_hex(np.asarray(band.get_facecolor())[0])
+            yield x, y, to_hex(np.asarray(band.get_facecolor())[0]), True
 
 
-def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> list[Cut]:
+def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str, *, band: bool) -> list[Cut]:
     (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
     seen = (x >= left) & (x <= right) & np.isfinite(y)
     x, y = x[seen], y[seen]
@@ -77,9 +80,9 @@ def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str) -> list[Cut]
     logarithmic = ax.get_yscale() == "log"
     room = high * ((high / low) ** _UNSEEN - 1) if logarithmic else _UNSEEN * (high - low)
     top, bottom = int(np.argmax(y)), int(np.argmin(y))
-    found = [Cut("top", float(x[top]), float(y[top]), colour)] if y[top] > high + room else []
+    found = [Cut("top", float(x[top]), float(y[top]), colour, band)] if y[top] > high + room else []
     if not logarithmic and y[bottom] < low - room:
-        found.append(Cut("bottom", float(x[bottom]), float(y[bottom]), colour))
+        found.append(Cut("bottom", float(x[bottom]), float(y[bottom]), colour, band))
     return found
 
 

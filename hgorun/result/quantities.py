@@ -18,6 +18,7 @@ from hgorun.result.closed import ClosedLoop
 from hgorun.result.data import PLANT
 from hgorun.result.measure import measure
 from hgorun.result.metrics.base import METRICS, all_metrics
+from hgorun.result.metrics.smoothness import HF, nothing_moves
 from hgorun.result.result import Result
 from hgorun.result.windows import MetricSettings, points_in
 
@@ -156,7 +157,8 @@ def _metric(quantity: Quantity, results: Mapping[str, Result]) -> float:
     result, x, xhat = _column(quantity, results)
     stored = result.observers[str(quantity.of[0][1])].metrics
     if quantity.window is None and quantity.function in stored:
-        return float(stored[quantity.function][result.states.index(str(quantity.state))])
+        value = float(stored[quantity.function][result.states.index(str(quantity.state))])
+        return np.nan if quantity.function == HF.name and value == 0 and without_mean(result) else value
     steady, transient = (quantity.window or tuple(result.windows[key]) for key in ("steady", "transient"))
     settings = MetricSettings(steady, transient, float(result.windows["average"]), float(result.windows["settling"]))
     asked = METRICS.find(quantity.function)
@@ -165,6 +167,16 @@ def _metric(quantity: Quantity, results: Mapping[str, Result]) -> float:
     rows = _before_divergence(result.time, xhat, steady[1]) if asked.window != "run" else slice(None)
     x, xhat = x[rows, None], xhat[rows, None]
     return float(measure(result.time[rows], x, {"": xhat}, settings, [asked])[""][asked.name][0])
+
+
+def without_mean(result: Result) -> bool:
+    """Whether hf is 0 of every estimate because its moving mean is of one point, and not of a finer ``record``."""
+    if result.time.size < 2 or "average" not in result.windows:
+        return False
+    found = [o.metrics[HF.name] for o in result.observers.values() if HF.name in o.metrics]
+    if any(np.any(values[np.isfinite(values)]) for values in found):
+        return False
+    return nothing_moves(float(result.windows["average"]), float(result.time[1] - result.time[0]))
 
 
 def _before_divergence(time: np.ndarray, xhat: np.ndarray, end: float) -> slice:

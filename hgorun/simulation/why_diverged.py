@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 
@@ -46,17 +48,9 @@ def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
     is singular, and no step brings it across.
     """
     block = run.observers[j]
-    form = block.form
-    if not isinstance(form, ChosenChains) or block.canonical or form.map == "chain":
+    along = determinants(run, block)
+    if along is None:
         return None
-    if sum(form.chains) != form.plant.n:  # corrected by least squares
-        return None
-    x, p = form.plant.x, form.plant.p
-    determinant = ca.Function("det", [x, p], [ca.det(form.jacobian)])
-
-    def along(states: Floats) -> Floats:
-        return evaluate(determinant, states, run.plant.parameters)[0].ravel()
-
     estimate = _finite(_estimate(block, raw))
     truth = raw.rows[: len(estimate) + 1, run.structure.truths[j], 0]
     for states in (estimate, truth):
@@ -75,6 +69,18 @@ def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
         return _singular_at(run, when)
     far = np.max(np.abs(closer)) > _EXPLODED * max(np.max(np.abs(estimate[:1])), np.max(np.abs(truth)))
     return None if far or abs(values[-1]) > _NEARLY * abs(values[0]) else _singular_at(run, lost)
+
+
+def determinants(run: PreparedRun, block: ObserverBlock) -> Callable[[Floats], Floats] | None:
+    """The determinant of J at states, shape (N, n) to (N,); None of an observer that does not invert J."""
+    form = block.form
+    if not isinstance(form, ChosenChains) or block.canonical or form.map == "chain":
+        return None
+    if sum(form.chains) != form.plant.n:  # corrected by least squares
+        return None
+    x, p = form.plant.x, form.plant.p
+    determinant = ca.Function("det", [x, p], [ca.det(form.jacobian)])
+    return lambda states: evaluate(determinant, states, run.plant.parameters)[0].ravel()
 
 
 def _too_fast(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:

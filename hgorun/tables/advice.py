@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from hgorun.analysis.excitation.branches import on_another_branch
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Analysis, Findings
 from hgorun.analysis.stability.critical import Timing, timing_of
@@ -128,6 +129,12 @@ def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | No
     if isinstance(subject.observer, KalmanFilter):
         yield "to change: Q against R, larger for a faster estimate, smaller for less noise"
     if not isinstance(theta, (int, float)):
+        return
+    if on_another_branch(subject):
+        yield (
+            "to change: its initial estimate, for one nearer to the truth. Between the two J is singular: no gain "
+            "brings the estimate across, as what is measured looks the same on both sides"
+        )
         return
     if _unstable(found, timing):
         yield f"to change: measure more often and sooner, or a smaller {key}: the error grows as it is"

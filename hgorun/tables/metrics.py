@@ -11,6 +11,8 @@ from typing import Any
 from hgorun.errors import called
 from hgorun.files import json_value
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.smoothness import HF
+from hgorun.result.quantities import without_mean
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.result.status import Verdict
@@ -153,7 +155,10 @@ def _windows(result: Result) -> str:
     for metric in sorted(shown, key=lambda m: m.setting or ""):
         if metric.setting and metric.setting in windows:
             with called("metric", metric.name, "told"):
-                parts.append(f"{metric.name}: {metric.told(windows[metric.setting], unit)}")
+                told = metric.told(windows[metric.setting], unit)
+            if metric is HF and without_mean(result):
+                told += ", no longer than a step, so that hf is 0 whatever the error is: set metrics.average"
+            parts.append(f"{metric.name}: {told}")
     return "; ".join(parts)
 
 

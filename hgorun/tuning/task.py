@@ -16,8 +16,11 @@ from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.smoothness import HF, nothing_moves
 from hgorun.result.quantities import Quantity
+from hgorun.result.windows import MetricSettings
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.grid import metric_step
 from hgorun.study.sentences import Sentence, read_sentence
 
 Floats = NDArray[np.float64]
@@ -209,6 +212,13 @@ def _check(quantity: Quantity, experiment: Experiment, place: KeyPath) -> None:
     known = all_metrics(closed=experiment.closed)
     if quantity.function not in known or quantity.window is not None:
         raise Problem(place, f"{quantity}: only metrics without a window can be tuned: {', '.join(known)}")
+    blocks = experiment.blocks
+    average, step = MetricSettings.of(blocks.metrics, blocks.time).average, metric_step(blocks.time, blocks.metrics)
+    if quantity.function == HF.name and nothing_moves(average, step):
+        told = (
+            f"{quantity}: hf is 0 for all gains, as its moving mean of {average:g} is no longer than a step of {step:g}"
+        )
+        raise Problem(place, f"{told}: set metrics.average to more, or time.output_step to less")
     if label not in experiment.observers:
         near = nearest(label or "", experiment.observers)
         raise Problem(place, f"no observer is called {label!r}.{near} Known: {', '.join(experiment.observers)}")

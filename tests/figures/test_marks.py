@@ -67,7 +67,9 @@ def test_a_band_that_is_cut_has_an_arrow_with_its_value() -> None:
     ax.fill_between(t, -t, 3.0 * t, color="#0072B2", alpha=0.2, linewidth=0)
     ax.fill_between(t, 0.2 * t, 0.3 * t, color="#E69F00", alpha=0.2, linewidth=0)
     ax.set(xlim=(0, 1), ylim=(-2, 2))
-    assert [(one.side, one.text, one.colour) for one in cuts(ax)] == [("top", "3", "#0072b2")]
+    assert [(one.side, one.text, one.colour) for one in cuts(ax)] == [("top", "3 (band)", "#0072b2")]
+    ax.plot(t, 2.5 * t, color="#0072B2")  # what is estimated says more than how uncertain it is
+    assert [(one.side, one.text, one.colour) for one in cuts(ax)] == [("top", "2.5", "#0072b2")]
 
 
 def test_every_panel_with_limits_of_its_own_says_what_it_leaves_out(result: Result) -> None:

@@ -12,7 +12,7 @@ def _high_frequency(estimates: Estimates) -> np.ndarray:
     e, points = estimates.error, odd_points(estimates.settings.average, estimates.step)
     if len(e) < points:
         return np.full(e.shape[1:], np.nan)
-    if points == 1:  # the mean is the point itself
+    if nothing_moves(estimates.settings.average, estimates.step):  # the mean is the point itself
         return np.zeros(e.shape[1:])
     total = np.zeros((len(e) + 1, *e.shape[1:]))
     np.cumsum(e, axis=0, out=total[1:])
@@ -24,6 +24,11 @@ def _high_frequency(estimates: Estimates) -> np.ndarray:
 def odd_points(length: float, step: float) -> int:
     """The odd number of points that spans about a length."""
     return 2 * round(length / step / 2) + 1 if step > 0 else 1
+
+
+def nothing_moves(average: float, step: float) -> bool:
+    """Whether a moving mean is of one point, so that hf is 0 whatever the error is."""
+    return odd_points(average, step) == 1
 
 
 def _total_variation(estimates: Estimates) -> np.ndarray:
