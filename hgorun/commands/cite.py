@@ -28,7 +28,7 @@ from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import PLANTS
 from hgorun.registry import Registry
 from hgorun.result.reading import read
-from hgorun.study.loading import load, load_study
+from hgorun.study.loading import load_runs
 from hgorun.study.split import split
 from hgorun.study.sweep_file import load_sweep
 from hgorun.tables.layout import wrapped
@@ -161,9 +161,7 @@ def _runs(path: Path, run: str | None) -> list[Source]:
         sought = {"tune": data["tune"]}
         return [replace(one, data=one.data | sought) for one in _runs(path.parent / blocks.base, run or blocks.run)]
     if "data" not in data:
-        if run is not None:
-            return [load(path, run=run).source]
-        return [one.experiment.source for one in load_study(path).runs.values()]
+        return [one.source for one in load_runs(path, run)]
     parts = split(source) if "runs" in data else {path.stem: (source, {})}
     if run is not None and run not in parts:
         raise ConfigError(f"--run: the file has no run {run!r}; its runs: {', '.join(parts)}", file=str(path))

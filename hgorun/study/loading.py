@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from hgorun.config.expressions import nearest
@@ -12,7 +13,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.check import check_figures_of
-from hgorun.study.study import Study, study_of
+from hgorun.study.study import Run, Study, study_of
 
 
 def load(
@@ -52,7 +53,10 @@ def load(
         experiment = Experiment(source, name=Path(path).stem, text=text)
         check_figures_of(experiment)  # what is wrong is said before anything runs
         return experiment
-    runs = study_of(source, Path(path).stem, text).runs
+    return _one_of(study_of(source, Path(path).stem, text).runs, run, source)
+
+
+def _one_of(runs: Mapping[str, Run], run: str | None, source: Source) -> Experiment:
     if run is not None and run in runs:
         return runs[run].experiment
     file, line = source.where(("runs",))
@@ -86,6 +90,22 @@ def load_study(path: str | Path, overrides: Sequence[str] = (), *, seed: int | N
     """
     text, source = _read(path, overrides, seed)
     return study_of(source, Path(path).stem, text)
+
+
+def load_runs(path: str | Path, run: str | None = None) -> list[Experiment]:
+    """The runs of a file, or one of them, whatever its claims say: for what measures nothing.
+
+    Raises
+    ------
+    ConfigError
+        As of :func:`load`.
+    """
+    text, source = _read(path, (), None)
+    if not isinstance(source.data, dict) or "runs" not in source.data:
+        return [load(path, run=run)]
+    own = replace(source, data={key: part for key, part in source.data.items() if key != "claims"})
+    runs = study_of(own, Path(path).stem, text).runs
+    return [one.experiment for one in runs.values()] if run is None else [_one_of(runs, run, source)]
 
 
 def _read(path: str | Path, overrides: Sequence[str], seed: int | None) -> tuple[str, Source]:

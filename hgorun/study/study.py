@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -49,6 +49,12 @@ class Run:
     def single(self) -> bool:
         """Whether it is one run, whose trajectories are kept."""
         return not self.ensemble.kind
+
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """Of its observers, as far as these are a mapping; what is wrong with them is said elsewhere."""
+        observers = self.source.data.get("observers") if isinstance(self.source.data, dict) else None
+        return tuple(map(str, observers)) if isinstance(observers, dict) else ()
 
     @cached_property
     def base(self) -> Experiment:
@@ -206,7 +212,8 @@ def study_of(source: Source, name: str, text: str) -> Study:
     else:
         runs = {name: Run(name, source, text)}
     with source.located():
-        sentences = tuple(_sentences(i, claim, tuple(runs)) for i, claim in enumerate(blocks.claims))
+        labels = dict.fromkeys(label for run in runs.values() for label in run.labels)
+        sentences = tuple(_sentences(i, claim, tuple(runs), labels) for i, claim in enumerate(blocks.claims))
     seen: set[str] = set()
     for i, claim in enumerate(blocks.claims):
         if claim.id in seen:
@@ -243,11 +250,11 @@ def places_of(number: int, claim: Claim) -> list[tuple[str | int, ...]]:
     return [("claims", number, "value"), *others] if claim.value else []
 
 
-def _sentences(number: int, claim: Claim, runs: tuple[str, ...]) -> tuple[Sentence, ...]:
+def _sentences(number: int, claim: Claim, runs: tuple[str, ...], labels: Collection[str]) -> tuple[Sentence, ...]:
     found = []
     for one, place in zip(claim.inequalities, places_of(number, claim), strict=True):
         try:
-            found.append(read_sentence(one.value, runs))
+            found.append(read_sentence(one.value, runs, labels))
         except ExpressionError as error:
             raise Problem(place, str(error)) from error
     return tuple(found)

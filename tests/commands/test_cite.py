@@ -188,3 +188,15 @@ def test_the_page_of_gaps_counts_what_was_looked_up() -> None:
     gaps = (Path(__file__).parents[2] / "docs" / "gaps.md").read_text()
     assert f"Of the {len(articles)} articles" in gaps
     assert f"{sum(entry.verified for entry in articles)} have a DOI" in gaps
+
+
+def test_claims_are_not_needed(shell: Shell) -> None:
+    """Neither of a file with one run nor of one with several, of which one may be chosen."""
+    claims = 'claims: [{id: "1", claim: Small., value: "rmse(nothing", below: 1}]\n'
+    (shell.folder / "one.yaml").write_text(TWO + claims)
+    (shell.folder / "several.yaml").write_text(TWO + claims + "runs: {a: {}, b: {observers: {B: {window: 7}}}}\n")
+    assert shell("cite", "one.yaml", "--bibtex")[0] == 0
+    assert "savitzky1964" in parsed(shell("cite", "several.yaml", "--bibtex")[1])
+    assert "savitzky1964" in parsed(shell("cite", "several.yaml", "--run", "b", "--bibtex")[1])
+    assert "no run is called 'c'" in shell("cite", "several.yaml", "--run", "c")[2]
+    assert "the file has no runs" in shell("cite", "one.yaml", "--run", "c")[2]

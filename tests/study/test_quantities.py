@@ -82,7 +82,8 @@ def test_values(results: dict[str, hgorun.Result], text: str, expected: object) 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("rmse(A, x1)", "expected quantities"),
+        ("rmse(A, x1)", "'A' is no observer's label"),
+        ("2*x1", "expected quantities"),
         ("rms('noisy/A', x1)", "no quantity is called 'rms'"),
         ("rmse('A', x1)", "several runs"),
         ("rmse('noisy/A')", "needs a state"),
@@ -97,6 +98,44 @@ def test_values(results: dict[str, hgorun.Result], text: str, expected: object) 
 def test_wrong_text_is_refused(text: str, words: str) -> None:
     with pytest.raises(ExpressionError, match=None) as caught:
         read_sentence(text, ("noisy", "quiet"))
+    assert words in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("bare", "quoted"),
+    [
+        ("rmse(A, x1)/rmse('B b', x1)", "rmse('A', x1)/rmse('B b', x1)"),
+        ("2*rmse( A ,x1, 2, 3)", "2*rmse('A', x1, 2, 3)"),
+        ("difference(A, C, x1) + ni('B b', C, x1)", "difference('A', 'C', x1) + ni('B b', 'C', x1)"),
+        ("difference(A, x1, x2)", "difference('A', 'x1', x2)"),  # an observer may be called as a state
+        ("largest(x1) - cost(plant)", "largest(x1) - cost('plant')"),
+        ('rmse("B b", x1)', "rmse('B b', x1)"),
+        ("rmse('say \"C\"', x1)", "rmse('say \"C\"', x1)"),
+    ],
+)
+def test_labels_without_quotes(bare: str, quoted: str) -> None:
+    labels = ["A", "B b", "C", "x1", 'say "C"']
+    found, right = read_sentence(bare, ("only",), labels), read_sentence(quoted, ("only",))
+    assert found.quantities == right.quantities
+    values = {str(q): 1.5 + i for i, q in enumerate(found.quantities)}
+    assert found.value(values) == right.value(values)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("rmse(leeky, x1)", "'leeky' is no observer's label"),
+        ("rmse(leeky, x1)", "rmse('leeky', ...). Did you mean `leaky`? Known: leaky, B b"),
+        ("rmse(r/leaky, x1)", "stand in quotes: rmse('r/leaky', ...)"),
+        ("2*rmse(B b, x1)", "stand in quotes: rmse('B b', ...). Known: leaky"),
+        ("difference(leaky, B b, x1)", "stand in quotes: difference('leaky', 'B b', ...)"),
+        ("rmse(x1)", "'x1' is no observer's label"),
+        ("difference(leaky, x1)", "takes 2 name"),
+    ],
+)
+def test_what_is_no_label_is_named(text: str, words: str) -> None:
+    with pytest.raises(ExpressionError) as caught:
+        read_sentence(text, ("only",), ["leaky", "B b"])
     assert words in str(caught.value)
 
 
