@@ -52,13 +52,13 @@ def _text(found: Sequence[tuple[str, str, Verdict]]) -> str:
         if group != last:
             lines += ["", group] if last else [group]
             last = group
-        surprise = "" if verdict.as_expected else f"  (expected: {verdict.claim.expected})"
+        surprise = "" if not verdict.surprising else f"  (expected: {verdict.claim.expected})"
         first, *others = verdict.texts
         lines += wrapped(f"{verdict.claim.id:>4}  {verdict.verdict:<11}  {first}{surprise}", "  ", then=" " * 8)
         for words in (verdict.claim.claim, *_expressions(verdict, others), verdict.reason):
             lines += wrapped(words, " " * 8)
     counts = {kind: sum(v.verdict == kind for _, _, v in found) for kind in VERDICTS}
-    unexpected = sum(not v.as_expected for _, _, v in found)
+    unexpected = sum(v.surprising for _, _, v in found)
     summary = ", ".join(f"{count} {kind}" for kind, count in counts.items() if count)
     surprises = f"; {unexpected} not as expected" if unexpected else ""
     lines += ["", *wrapped(f"{len(found)} claims: {summary}{surprises}")]

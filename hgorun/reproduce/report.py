@@ -88,7 +88,7 @@ def _claims(made: Sequence[tuple[Work, Outcome]]) -> Iterator[str]:
         note = "".join(f" *{words.strip()}*" for words in (v.reason, v.claim.note) if words)
         expressions = [f" `{one.inequality.value}`" for one in v.measured] or [""]
         number = "; ".join(text + expression for text, expression in zip(v.texts, expressions, strict=True))
-        verdict = f"**{v.verdict}**" + ("" if v.as_expected else f" (expected: {v.claim.expected})")
+        verdict = f"**{v.verdict}**" + (f" (expected: {v.claim.expected})" if v.surprising else "")
         yield _row(v.claim.id, f"{v.claim.claim}{note}", v.claim.source, number, verdict)
 
 

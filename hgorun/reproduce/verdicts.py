@@ -11,7 +11,7 @@ from hgorun.study.verdict import Verdict, judge
 def verdicts_of(work: Work, outcome: Outcome) -> list[Verdict]:
     """The verdict on each claim measured, in the order of the file."""
     return [
-        judge(claim, outcome.values[claim.id], _lost(work.study, i, outcome))
+        judge(claim, outcome.values[claim.id], _lost(work.study, i, outcome), work.study.drawn(i))
         for i, claim in enumerate(work.study.claims)
         if claim.id in outcome.values
     ]

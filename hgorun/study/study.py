@@ -14,6 +14,7 @@ from hgorun.config.types import SEEDS
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Place, Source
 from hgorun.errors import ConfigError, Problem
+from hgorun.noise.base import RandomNoise
 from hgorun.result.quantities import Quantity
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.sentences import Sentence, read_sentence
@@ -55,6 +56,12 @@ class Run:
         """Of its observers, as far as these are a mapping; what is wrong with them is said elsewhere."""
         observers = self.source.data.get("observers") if isinstance(self.source.data, dict) else None
         return tuple(map(str, observers)) if isinstance(observers, dict) else ()
+
+    @cached_property
+    def drawn(self) -> bool:
+        """Whether its numbers change with the seed: of noise, or of when samples are taken."""
+        stretches = (s for output in self.experiment.stretches for s in output)
+        return any(s.sampled_by_chance or any(isinstance(n, RandomNoise) for n in s.noise) for s in stretches)
 
     @cached_property
     def base(self) -> Experiment:
@@ -156,6 +163,11 @@ class Study:
     def quantities(self, claim: int) -> tuple[Quantity, ...]:
         """All that has to be measured for a claim, without doubles."""
         return tuple(dict.fromkeys(q for sentence in self.sentences[claim] for q in sentence.quantities))
+
+    def drawn(self, claim: int) -> tuple[bool, ...]:
+        """Of each of its values, whether a run that it is measured on is random; the analysis is not."""
+        measured = [[q for q in sentence.quantities if q.function != "analysis"] for sentence in self.sentences[claim]]
+        return tuple(any(self.runs[run].drawn for q in own for run, _ in q.of) for own in measured)
 
     def runs_of(self, figure: str) -> list[str]:
         """Names of the runs that a figure shows."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -38,6 +38,8 @@ class Measured:
         95 % confidence interval of the mean (Student's t); None where nothing is random or the mean is not finite.
     members : int
         How many values the mean is of.
+    drawn : bool
+        Whether random numbers decide it; of one member, those of one seed.
     """
 
     inequality: Inequality
@@ -45,6 +47,7 @@ class Measured:
     value: float
     interval: tuple[float, float] | None
     members: int
+    drawn: bool = False
 
     @property
     def threshold(self) -> tuple[str, float | list[float]]:
@@ -64,6 +67,8 @@ class Measured:
             value += f" [{low:.4g}, {high:.4g}]"
         if self.members > 1:
             value += f" of {self.members}"
+        elif self.drawn:
+            value += " of one seed"
         if isinstance(threshold, list):
             return f"{value} ({threshold[0]:g} to {threshold[1]:g} is claimed)"
         return f"{value} ({relation} {threshold:g} is claimed)"
@@ -107,8 +112,14 @@ class Verdict:
 
     @property
     def as_expected(self) -> bool:
-        """Whether it is the verdict that the file states."""
+        """Whether it is the verdict that the file states, or confirmed where it states none."""
         return self.verdict == self.claim.expected
+
+    @property
+    def surprising(self) -> bool:
+        """Whether the file states another one; without ``expect`` it states none."""
+        stated = bool(self.claim.undecidable) or "expect" in self.claim.model_fields_set
+        return stated and not self.as_expected
 
     @property
     def texts(self) -> list[str]:
@@ -143,7 +154,9 @@ class Verdict:
         }
 
 
-def judge(claim: Claim, values: Sequence[Sequence[float]], lost: Sequence[str] = ()) -> Verdict:
+def judge(
+    claim: Claim, values: Sequence[Sequence[float]], lost: Sequence[str] = (), drawn: Sequence[bool] = ()
+) -> Verdict:
     """The verdict on a claim.
 
     Parameters
@@ -154,8 +167,12 @@ def judge(claim: Claim, values: Sequence[Sequence[float]], lost: Sequence[str] =
         where there is none.
     lost : sequence of str
         In words, which observers that it is about have diverged.
+    drawn : sequence of bool
+        Of each, whether random numbers decide it; nothing where none does.
     """
-    measured = tuple(measure(one, numbers) for one, numbers in zip(claim.inequalities, values, strict=True))
+    random = drawn or [False] * len(values)
+    each = zip(claim.inequalities, values, random, strict=True)
+    measured = tuple(replace(measure(one, numbers), drawn=by_chance) for one, numbers, by_chance in each)
     if claim.undecidable:
         return Verdict(claim, UNDECIDABLE, measured, claim.undecidable)
     verdict = _together({m.verdict for m in measured})

@@ -82,3 +82,25 @@ def test_what_depends_and_what_cannot_be_decided(study: Path, capsys: pytest.Cap
     *_, third, fourth = json.loads(capsys.readouterr().out)
     assert (third["verdict"], third["alternatives"][0]["verdict"]) == ("depends", "confirmed")
     assert (fourth["verdict"], fourth["value"], fourth["undecidable"]) == ("undecidable", None, "It is about a limit.")
+
+
+@pytest.mark.parametrize(
+    ("measurement", "of_one_seed"),
+    [
+        ("{noise: [{type: gaussian, std: 0.1}], sampling: {period: 0.1}}", True),
+        ("{sampling: {period: 0.1, jitter: 0.02}}", True),
+        ("{noise: [{type: sinusoids, terms: [{amplitude: 0.1, omega: 3}]}], sampling: {period: 0.1}}", False),
+    ],
+)
+def test_a_number_of_one_seed_is_called_so(
+    study: Path, capsys: pytest.CaptureFixture[str], measurement: str, of_one_seed: bool
+) -> None:
+    """Whatever is random; that the claim should hold is not stated, so that it does not is no surprise."""
+    text = STUDY.replace(", expect: EXPECTED", "").replace(", B: {type: shgo, theta: 2000}", "")
+    study.write_text(text + f"measurement: {measurement}\n")
+    assert claims(Claims(names=[str(study)], strict=True)) == 3
+    lines = capsys.readouterr().out.splitlines()
+    assert (" of one seed (> 10 is claimed)" in lines[4]) == of_one_seed
+    assert lines[4].startswith("     2  refuted      0.")
+    assert lines[4].endswith(" (> 10 is claimed)")
+    assert lines[-1] == "2 claims: 1 confirmed, 1 refuted"
