@@ -7,6 +7,7 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
+import yaml
 
 from hgorun.data.units import converted, is_time, is_unit
 from hgorun.errors import Problem
@@ -33,11 +34,12 @@ def convertible_in_name(name: str, wanted: str) -> str:
 
     What stands in brackets may as well be a tag, a place or a remark, and a letter that is a unit of something else.
     """
-    said = unit_in_name(name)
-    for unit in (said, _TEMPERATURES.get(said, said)):
-        if _same_kind(unit, wanted):
-            return unit
-    return ""
+    return _convertible(unit_in_name(name), wanted) or ""
+
+
+def _convertible(said: str, wanted: str) -> str | None:
+    """A unit as it is meant, where numbers of it can be converted to another; else None."""
+    return next((unit for unit in (said, _TEMPERATURES.get(said, said)) if _same_kind(unit, wanted)), None)
 
 
 def _same_kind(unit: str, other: str) -> bool:
@@ -96,14 +98,18 @@ class AnotherUnit:
             return f"{says}, the configuration unit: {self.said}, which is taken; is it {found}?"
         if not is_unit(found):
             return f"{says}, which is not a known unit, {self.who} {wanted}: taken as they are"
-        if not _same_kind(found, wanted):
+        meant = _convertible(found, wanted)
+        if not is_unit(wanted):
+            converts = "which cannot be converted to a unit that is not known"
+        elif meant is None or (is_time(found) and not is_time(wanted)):
             converts = "which is of another kind"
         else:
-            converts = f"{{column: {json.dumps(self.column, ensure_ascii=False)}, unit: {_plain(found)}}} converts"
+            converts = f"{{column: {json.dumps(self.column, ensure_ascii=False)}, unit: {_plain(meant)}}} converts"
         says, as_they_are = f"{says} in {self.file}, {self.who} {wanted}", f"unit: {_plain(wanted)}"
         raise ValueError(f"{says}: {converts}, {as_they_are} takes the numbers as they are")
 
 
 def _plain(unit: str) -> str:
     """A unit as YAML reads it."""
-    return unit if unit[:1].isalnum() or unit[:1] == "°" else json.dumps(unit, ensure_ascii=False)
+    plain = (unit[:1].isalpha() or unit[:1] == "°") and yaml.safe_load(unit) == unit
+    return unit if plain or unit[:2] == "1/" else json.dumps(unit, ensure_ascii=False)

@@ -47,6 +47,14 @@ _PREFIXES = ("", "n", "u", "µ", "m", "c", "d", "k", "M", "G")
 # pint calculates with what it is given: no powers of powers, and few digits
 _FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
+NO_UNIT = ("-", "1", "")
+"""How it is written that numbers have no unit."""
+_NAMES = {"°C": "degC", "°F": "degF", "rev": "turn", "Celsius": "degC", "degrees_C": "degC", "Fahrenheit": "degF"}
+_TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
+_RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
+_TURNS = ("turn", "hertz", "revolutions_per_minute", "revolutions_per_second", "cycle")
+_ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade")
 
 
 def seconds(unit: str, path: KeyPath) -> Fraction:
@@ -87,17 +95,37 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     registry = _registry()
     target = _parsed(registry, wanted, path)
     found = _parsed(registry, unit, path, target)
+    if _turns_alone(found, target):
+        message = f"{unit} cannot be converted to the model's {wanted}: one counts turns, and the other does not say"
+        raise Problem(path, f"{message} what it counts; {wanted} takes the numbers as they are")
     try:
-        return np.asarray(registry.Quantity(values, found).to(target).magnitude, dtype=float)
+        numbers = np.asarray(registry.Quantity(values, found).to(target).magnitude, dtype=float)
+        cycles = _exponents(found, ("hertz",)) - _exponents(target, ("hertz",))
+        return numbers * (2 * np.pi) ** cycles if cycles else numbers
     except DimensionalityError:
         message = f"{unit} cannot be converted to the model's {wanted}: it is of another kind.{_meant(unit, target)}"
         raise Problem(path, message) from None
 
 
+def _exponents(unit: pint.Unit, names: tuple[str, ...]) -> int:
+    """Of what units with these names, or with a prefix before them, are raised to, the sum."""
+    return sum(int(power) for name, power in unit._units.items() if name.endswith(names))
+
+
+def _turns_alone(unit: pint.Unit, other: pint.Unit) -> bool:
+    """Whether one counts turns and the other neither turns nor angles: 1/min is rpm to some, and 2 pi less to others.
+
+    To pint a turn is 2 pi and a hertz 1/s, as if it were a radian a second.
+    """
+    turns = [_exponents(one, _TURNS) for one in (unit, other)]
+    angles = [_exponents(one, (*_TURNS, *_ANGLES)) for one in (unit, other)]
+    return any(turns) and angles[0] != angles[1]
+
+
 def not_known(unit: str) -> str:
     """That a unit is not known, with what may be meant; empty where it is, or says that there is none."""
     factors = re.split(r"[*/ ()]+", re.sub(r"(\*\*|\^) *-?\d", "", unit))
-    if unit == "-" or all(not one or one.isdigit() or _is_plain(one) for one in factors):
+    if unit in NO_UNIT or all(not one or one.isdigit() or _is_plain(one) for one in factors):
         return ""  # without pint, which takes longer to import than many a run takes
     try:
         _parsed(_registry(), unit, ())
@@ -148,14 +176,29 @@ def _registry() -> pint.UnitRegistry[float]:
 
 def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted: pint.Unit | None = None) -> pint.Unit:
     """A unit; of one that is not known it is said what may be meant, if the kind that is wanted is known."""
-    if not _UNIT.fullmatch(text):
+    if text in NO_UNIT:
+        return registry.Unit("dimensionless")
+    written = _usual(text)
+    if not _UNIT.fullmatch(written):
         raise Problem(path, f"{text!r} cannot be a unit{_meant(text, wanted, '.')}")
     try:
-        return registry.Unit(text.replace("°C", "degC").replace("°F", "degF"))
+        return registry.Unit(written)
     except Exception:  # whatever its parser stumbles over
         meant = _meant(text, wanted)
         hint = f".{meant}" if meant else "; without the key the numbers are taken as they are"
         raise Problem(path, f"{text!r} is not a known unit{hint}") from None
+
+
+def _usual(text: str) -> str:
+    """A unit as pint reads it: ``m3``, ``L-1``, ``·`` and ``s⁻¹`` are usual, too."""
+
+    def raised(match: re.Match[str]) -> str:
+        name, power = match.groups()
+        return f"{name}^{power.translate(_RAISED)}" if _is_plain(name) else match[0]
+
+    for name, meant in _NAMES.items():
+        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", meant, text)
+    return _POWER.sub(raised, text.translate(_TIMES))
 
 
 def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
