@@ -123,7 +123,7 @@ def test_options(shell: Shell) -> None:
         (["nowhere.yaml"], "nowhere.yaml"),
         (["vdp.yaml", "--set", "observers.SHGO.thetta=1"], "theta"),
         (["vdp.yaml", "--set", "observers.SHGO.theta=-1"], "theta"),
-        (["result.h5"], "result file"),
+        (["result.h5"], "there is no such file"),
         (["vdp.yaml", "-o", "vdp.yaml"], "or a folder"),
     ],
 )

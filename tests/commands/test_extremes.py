@@ -88,7 +88,7 @@ BIOREACTOR = config(
         ("simulate", config(time__start=-1e13, time__end=-1e13 + 1), "time.start"),
         ("simulate", config(time__start=1e16, time__end=1e16 + 100), "time.end"),
         ("simulate", BIOREACTOR, "plant.initial: the point (eta1 = -1, eta2 = 1) has no image"),
-        ("simulate", config(measurement__sampling={"period": 0.25, "offset": 5}), "measurement.sampling: no sample"),
+        ("simulate", config(measurement__sampling={"period": 0.25, "offset": 5}), "sampling.offset: no sample"),
         ("simulate", config(measurement__sampling={"period": 0.25, "dropout": 1}), "measurement.sampling: no sample"),
         ("simulate", config(measurement__sampling={"times": [7]}), "measurement.sampling.times: no sample"),
         (
