@@ -159,7 +159,7 @@ def test_a_run_without_an_accurate_fixed_step_is_exported_with_a_given_one(
 ) -> None:
     """As where a right-hand side jumps; a run in which no step is enough takes long to find that out."""
     none = SimpleNamespace(integration=SimpleNamespace(step=None, method=None))
-    monkeypatch.setattr("hgorun.simulation.control.controlled", lambda run: none)
+    monkeypatch.setattr("hgorun.export.steps.controlled", lambda run: none)
     (shell.folder / "c.yaml").write_text(CONFIG.replace("{method: rk4, step: 0.01}", "{accuracy: 1e-5}"))
     code, _, err = shell("export", "c.yaml")
     assert (code, "solver.step: no fixed step reaches the accuracy 1e-05 in this run" in err) == (2, True), err
