@@ -107,9 +107,9 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
         raise Problem(path, message) from None
 
 
-def _exponents(unit: pint.Unit, names: tuple[str, ...]) -> int:
+def _exponents(unit: pint.Unit, names: tuple[str, ...]) -> float:
     """Of what units with these names, or with a prefix before them, are raised to, the sum."""
-    return sum(int(power) for name, power in unit._units.items() if name.endswith(names))
+    return sum(float(Fraction(str(power))) for name, power in unit._units.items() if name.endswith(names))
 
 
 def _turns_alone(unit: pint.Unit, other: pint.Unit) -> bool:

@@ -179,6 +179,7 @@ def test_a_search_without_a_border_says_so() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.measured
 def test_compare_has_what_is_predicted(shell: Shell) -> None:
     code, out, _ = shell("compare", "--analyze", "--no-plots", "vdp.yaml")
     assert code == 0

@@ -403,6 +403,7 @@ def test_there_are_enough_cases() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("content", [b"", b"not hdf5", b"\x89HDF\r\n\x1a\n" + bytes(100)])
+@pytest.mark.measured
 def test_a_wrong_result_file_is_refused(
     content: bytes, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

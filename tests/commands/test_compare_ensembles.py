@@ -119,6 +119,7 @@ def test_an_ensemble_without_observers(shell: Shell) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 2])
+@pytest.mark.measured
 def test_few_members(shell: Shell, size: int) -> None:
     values = np.ones((size, 2, 1))
     status = np.full((size, 2), 2)

@@ -170,6 +170,7 @@ def test_numbers_that_do_not_fit_are_refused(result: hgorun.Result, tmp_path: Pa
         (lambda f: (f.attrs.modify("config_resolved", "x: ["), f.attrs.__delitem__("sha256")), "config_resolved:1"),
     ],
 )
+@pytest.mark.measured
 def test_files_that_are_not_sound_are_refused(change: Callable[[h5py.File], object], message: str, file: Path) -> None:
     with h5py.File(file, "r+") as f:
         change(f)

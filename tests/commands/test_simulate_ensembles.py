@@ -64,6 +64,7 @@ def test_members_are_those_of_the_study(shell: Shell) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.measured
 def test_what_is_there_of_another_configuration_is_replaced(shell: Shell) -> None:
     shell("simulate", "s.yaml", "-q")
     first = hgorun.read_sweep("results/s/many.sweep.h5").metrics["rmse"]

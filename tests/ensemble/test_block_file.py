@@ -95,6 +95,7 @@ def _put(store: Store, content: bytes, members: str = "0000000000-0000000004") -
         (_attribute("fingerprint", "x"), "fingerprint of another one"),
     ],
 )
+@pytest.mark.measured
 def test_a_wrong_block_is_refused_by_name(tmp_path: Path, change: Callable[[h5py.File], None], words: str) -> None:
     store = Store.opened(tmp_path / "a.sweep", small(trajectories="all"))
     name = _put(store, _changed(store.manifest.fingerprint, change))

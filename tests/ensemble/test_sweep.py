@@ -71,6 +71,7 @@ def test_a_member_has_the_bits_that_it_has_alone(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", ["none", {"every": 5}, {"worst": 3, "by": "rmse", "observer": "SHGO", "state": "x2"}])
+@pytest.mark.measured
 def test_the_file_does_not_tell_how_it_came_about(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: str | dict[str, Any]
 ) -> None:
@@ -96,6 +97,7 @@ def test_the_file_does_not_tell_how_it_came_about(
     ],
     ids=["automatic steps", "divergence", "random times", "delays"],
 )
+@pytest.mark.measured
 def test_blocks_decide_nothing(
     tmp_path: Path, measurement: dict[str, Any], step: float | None, axes: dict[str, Any]
 ) -> None:

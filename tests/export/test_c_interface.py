@@ -115,6 +115,7 @@ def test_inputs_that_are_told_to_an_observer_that_jumps(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RUNS)
+@pytest.mark.measured
 def test_numbers(name: str, compiled: dict[str, Compiled]) -> None:
     run = RUNS[name]
     found = driven(run)

@@ -111,6 +111,7 @@ def test_every_line_can_be_typeset(name: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.measured
 def test_every_family_can_be_typeset(tmp_path: Path) -> None:
     for name in set(OBSERVERS.names()) - {"aekf", "bank", "kkl", "mhe", "predictor_chain", "switched"}:  # not exported
         cls = OBSERVERS.find(name)

@@ -389,6 +389,7 @@ def test_estimates_that_are_close_are_shown_whole(result: Result, compared: Any)
     ],
     ids=["none", "exact", "lost at once", "constant", "no units"],
 )
+@pytest.mark.measured
 def test_degenerate_results_are_drawn(result: Result, make: Callable[[Result], Result]) -> None:
     made = make(result)
     assert len(comparison(made).axes) == 4
