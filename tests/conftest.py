@@ -14,7 +14,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy
 
 from chosen_cases import ALL_CASES, few_of_a_file, in_turn, one_case, one_in, waits
 from hypothesis import HealthCheck, settings
-from measured_cases import Measured, leave_out_drawings
+from measured_cases import Measured, is_wanted, leave_out_drawings
 from measured_forks import measure_forks
 
 MEASURED = pytest.StashKey[Measured]()
@@ -57,7 +57,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     if len(kept) < len(items):
         names = {item.nodeid for item in kept}
         config.hook.pytest_deselected(items=[item for item in items if item.nodeid not in names])
-        items[:] = kept
+    # what is kept for all of a process, compiled functions above all, is made where it is measured
+    items[:] = sorted(kept, key=lambda item: not is_wanted(item))
 
 
 @pytest.hookimpl(wrapper=True)

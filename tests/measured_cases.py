@@ -37,11 +37,12 @@ class Measured:
         test = item.nodeid.partition("[")[0]
         further = test in self._seen and item.get_closest_marker("measured_once") is not None
         self._seen.add(test)
-        with nullcontext() if _is_wanted(item) and not further else unmeasured():
+        with nullcontext() if is_wanted(item) and not further else unmeasured():
             yield
 
 
-def _is_wanted(item: pytest.Item) -> bool:
+def is_wanted(item: pytest.Item) -> bool:
+    """Whether a test is not slow, or marked ``measured``."""
     marks = {mark.name for mark in item.iter_markers()}
     return "unmeasured" not in marks and ("slow" not in marks or "measured" in marks)
 
