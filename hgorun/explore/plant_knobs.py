@@ -43,8 +43,9 @@ def _initial(experiment: Experiment) -> Iterator[Knob]:
     units = units_of(experiment.plant.block)
     for name, found in zip(experiment.plant.model.states, experiment.plant.initial, strict=True):
         path, value = f"plant.initial.{name}", float(found)
-        ends = sorted((0.0, _MOST_FACTOR * value)) if value else (-1.0, 1.0)
-        yield Knob(path, f"initial {name}", GROUP, "linear", *ends, value, (Target(path),), units.get(name, ""))
+        far = _MOST_FACTOR * value
+        low, high = (min(0.0, far), max(0.0, far)) if value else (-1.0, 1.0)
+        yield Knob(path, f"initial {name}", GROUP, "linear", low, high, value, (Target(path),), units.get(name, ""))
 
 
 def _inputs(experiment: Experiment) -> Iterator[Knob]:
