@@ -503,9 +503,11 @@ def test_gains_by_a_reference_and_at_the_end_of_a_range(shell: Shell) -> None:
     file = shell.folder / "pendulum.yaml"
     given = CONFIG.replace("observers:", "  reference: {a: angle}\nobservers:")
     file.write_text(given + TUNE.format(goal="reference_rmse(o, a)").replace("8]", "0.5]"))
-    code, out, err = shell("tune", "pendulum.yaml")
+    code, out, err = shell("tune", "pendulum.yaml", "--set", "tune.budget=150")
     assert code == 0
     assert "reference_rmse a: search" in out
+    assert " of 150\n" in out
+    assert "o: the search ended before its budget" in out
     assert "theta = 0.5 is at an end of its range" in err
     # on its logarithmic scale a number is in the middle of a range of which it is a thousandth
     file.write_text(given + TUNE.format(goal="reference_rmse(o, a)").replace("8]", "1e5]"))
