@@ -61,15 +61,15 @@ class Checkpoint:
         try:
             head, rest = data[len(_MAGIC) :].split(b"\n", 1)
             told = json.loads(head)
-            for name, wanted in settings.items():
-                found = told.get(name, wanted)  # older ones do not tell
-                if found != wanted:
-                    raise ConfigError(
-                        f"the checkpoint was made with {name} {_said(found)}, and this estimator has {_said(wanted)}: "
-                        f"give it the same {name}, or begin anew"
-                    )
-            if told["of"] != identity:
+            others = {name: told.get(name, wanted) for name, wanted in settings.items()}  # older ones do not tell
+            others = {name: found for name, found in others.items() if found != settings[name]}
+            if told["of"] != identity and others.keys() <= {"gates"}:  # it follows from the others
                 raise ConfigError("the checkpoint is of another configuration")
+            for name, found in others.items():
+                raise ConfigError(
+                    f"the checkpoint was made with {name} {_said(found)}, and this estimator has "
+                    f"{_said(settings[name])}: give it the same {name}, or begin anew"
+                )
             size = int(told["notes"])
             with np.load(io.BytesIO(rest[size:]), allow_pickle=False) as arrays:
                 numbers = {name: np.array(arrays[name], dtype=float) for name in arrays.files}
