@@ -84,7 +84,7 @@ class Analysis:
         return columns
 
     def as_json(self, file: str | None = None) -> dict[str, Any]:
-        """``{"name", "file", "observers": {label: {key: value, "reasons": {key: text}, "remarks": [text]}}}``;
+        """``{"name", "file", "units", "observers": {label: {key: value, "reasons": {key: text}, "remarks": [text]}}}``;
         an observer with constant gain has ``"coordinates": {"map", "chains": {output: length}}`` besides.
 
         Complex numbers are [re, im]; numbers that are not finite are text.
@@ -98,7 +98,8 @@ class Analysis:
             taken = self.result.observers[label].coordinates
             if taken is not None:
                 observers[label]["coordinates"] = {"map": taken.map, "chains": dict(taken.chains)}
-        return {"name": self.name, "file": file, "observers": observers}
+        units = {"units": dict(self.result.units)} if any(self.result.units.values()) else {}
+        return {"name": self.name, "file": file, **units, "observers": observers}
 
 
 def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *, search: bool = False) -> Analysis:

@@ -42,6 +42,7 @@ class Entry:
     group: str
     score: Score | None = None
     refused: str = ""
+    time_unit: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,7 +130,7 @@ class _Cell:
     def entry(self, label: str, one: Contestant, folder: Path, threads: int) -> Entry:
         """An entry, from its file where there is one that says how it has come about."""
         one = one.on(self.plant)
-        entry = Entry(self.plant, self.scenario, label, one.group)
+        entry = Entry(self.plant, self.scenario, label, one.group, time_unit=self.base.blocks.time.unit)
         if one.scenarios and self.scenario not in one.scenarios:
             return replace(entry, refused=f"made for {', '.join(one.scenarios)} only")
         try:

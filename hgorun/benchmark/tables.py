@@ -28,6 +28,7 @@ COLUMNS = (
     "steady",
     "peak",
     "converged",
+    "time_unit",
     "lost",
     "operations",
     "at_samples",
@@ -69,6 +70,7 @@ def table(entries: Sequence[Entry]) -> str:
             "observer": entry.label,
             "group": entry.group,
             "refused": entry.refused,
+            "time_unit": entry.time_unit,
         }
         if (score := entry.score) is not None:
             low, high = remade(resampled(score)) if score.lost < len(score.total) else (math.inf, math.inf)

@@ -20,6 +20,8 @@ from hgorun.files import write_text
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.process import say
 from hgorun.progress import shown
+from hgorun.result.metrics.base import unit_of
+from hgorun.study.sentences import Sentence
 from hgorun.tables import tuning as tables
 from hgorun.tables.tuning import TunedTable
 from hgorun.tables.uncertain import uncertain
@@ -127,6 +129,7 @@ def _draw(found: Sequence[Evidence], path: Path) -> list[Path]:
                 type=block.type if block is not None else "",
                 filter_order=block.r if isinstance(block, FilterOrder) else None,
                 paths=tuple(gain.path for gain in one.task.gains),
+                time=one.task.base.blocks.time.unit,
                 logarithmic=tuple(gain.range.log is not None for gain in one.task.gains),
                 gains=trials.gains[trials.complete],
                 goals=trials.means[trials.complete][:, :count],
@@ -146,13 +149,22 @@ def _names(found: Sequence[Evidence]) -> list[str]:
     from hgorun.tables.typeset import words
 
     task = found[0].task
-    units = {"time": task.base.blocks.time.unit, **task.base.plant.units}
     names = []
     for text, sentence in task.goals:
         quantity = sentence.quantities[0]
-        label = quantity_label(quantity.function, str(quantity.state), units)
+        label = quantity_label(quantity.function, str(quantity.state), _units(task))
         names.append(label if is_plain(sentence) else words(text))
     return names
+
+
+def _units(task: Task) -> dict[str, str]:
+    return {"time": task.base.blocks.time.unit, **task.base.plant.units}
+
+
+def _unit(sentence: Sentence, task: Task) -> str:
+    """What a quantity is measured in; of an expression of several it is not known."""
+    quantity = sentence.quantities[0]
+    return unit_of(quantity.function, str(quantity.state), _units(task)) if is_plain(sentence) else ""
 
 
 def _table(one: Evidence) -> TunedTable:
@@ -176,4 +188,6 @@ def _table(one: Evidence) -> TunedTable:
         ended=one.found.ended,
         seeds=len(task.seeds),
         held_out_seeds=len(task.held_out),
+        units=tuple(_unit(sentence, task) for sentence in task.sentences),
+        time=task.base.blocks.time.unit,
     )

@@ -18,6 +18,7 @@ from hgorun.figures.page import NARROW, TWO
 from hgorun.figures.scaling import measured_on, quantities
 from hgorun.figures.style import LARGEST_NUMBER
 from hgorun.result.metrics.base import unit_of
+from hgorun.tables.axis_names import TIMES
 from hgorun.tables.typeset import symbol, unit, words
 
 if TYPE_CHECKING:
@@ -26,7 +27,6 @@ if TYPE_CHECKING:
 WIDTH, PANEL_WIDTH = TWO, 2.4  # inches: of a figure, and of a panel at least
 MOST_STATES = 6  # side by side
 _BINS = 16  # of an axis with more values than can be told apart
-TIMES = ("period", "delay", "jitter", "start", "end", "step", "output_step")
 _LOGARITHMIC = 5.0  # an axis whose values span more is logarithmic
 
 

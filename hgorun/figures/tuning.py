@@ -60,6 +60,8 @@ class Tuned:
         Means of the front on held-out seeds, and half the widths of their 95 % intervals.
     chosen : int
         The knee or the minimum, in the front.
+    time : str
+        The unit of time.
     """
 
     label: str
@@ -74,6 +76,7 @@ class Tuned:
     front: Floats
     half: Floats
     chosen: int
+    time: str = ""
 
 
 def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
@@ -165,4 +168,4 @@ def _against(ax: Axes, one: Tuned, k: int, look: Look) -> None:
     seen = np.append(values[values <= np.quantile(values, 0.9)] if values.size else values, ends)
     if seen.size:
         ax.set_ylim(limits(float(seen.min()), float(seen.max()), logarithmic=logarithmic))
-    ax.set_xlabel(axis_label(one.paths[k]))
+    ax.set_xlabel(axis_label(one.paths[k], one.time))

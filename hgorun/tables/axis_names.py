@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any
 
 from hgorun.ensemble.collected import shown
+from hgorun.tables.typeset import printable, time_unit
 
+TIMES = ("period", "delay", "jitter", "offset", "start", "end", "step", "output_step")
+"""Keys, at the end of a path, whose values are times."""
 _LONG = 40  # columns; names of points that are longer have only the values
 _MOST_DIGITS = 17
 
@@ -34,6 +38,16 @@ def _whose(axis: str) -> str:
     return f"{end} of {'.'.join(owner)}" if owner else end
 
 
+def time_of(axis: str, units: Mapping[str, str]) -> str:
+    """The unit of an axis whose values are times; empty for others, and where the unit is not known."""
+    return time_unit(units) if _end(axis) in TIMES else ""
+
+
+def bracketed(unit: str) -> str:
+    """A unit behind a name: ``" [h]"``; nothing without one."""
+    return f" [{printable(unit)}]" if unit else ""
+
+
 def names_of_values(values: Iterable[Any]) -> dict[Any, str]:
     """Values of an axis as tables show them, each with so many digits as tell them all apart."""
     known = list(dict.fromkeys(values))
@@ -45,7 +59,9 @@ def names_of_values(values: Iterable[Any]) -> dict[Any, str]:
     return dict(zip(known, found, strict=True))
 
 
-def names_of_points(points: Sequence[Mapping[str, Any]], axes: Sequence[str]) -> tuple[str, list[str]]:
+def names_of_points(
+    points: Sequence[Mapping[str, Any]], axes: Sequence[str], units: Mapping[str, str] = MappingProxyType({})
+) -> tuple[str, list[str]]:
     """What is said above a table with a row for each point, and what its rows are called.
 
     Parameters
@@ -53,6 +69,8 @@ def names_of_points(points: Sequence[Mapping[str, Any]], axes: Sequence[str]) ->
     points : sequence of mapping of str to value
         Values on the axes.
     axes : sequence of str
+    units : mapping of str to str
+        That of ``time`` stands beside times.
 
     Returns
     -------
@@ -61,7 +79,12 @@ def names_of_points(points: Sequence[Mapping[str, Any]], axes: Sequence[str]) ->
     """
     values = {axis: names_of_values(point[axis] for point in points) for axis in axes}
     short = {axis: short_axis(axis, axes) for axis in axes}
-    full = [", ".join(f"{short[axis]} = {values[axis][point[axis]]}" for axis in axes) for point in points]
+    time = {axis: time_of(axis, units) for axis in axes}
+    full = [
+        ", ".join(f"{short[axis]} = {values[axis][point[axis]]} {time[axis]}".rstrip() for axis in axes)
+        for point in points
+    ]
     if max(map(len, full), default=0) <= _LONG:
         return "", full
-    return ", ".join(short.values()), [", ".join(values[axis][point[axis]] for axis in axes) for point in points]
+    above = ", ".join(name + bracketed(time[axis]) for axis, name in short.items())
+    return above, [", ".join(values[axis][point[axis]] for axis in axes) for point in points]

@@ -10,8 +10,8 @@ from typing import Any
 from hgorun.ensemble.collected import Collected, levels, shown
 from hgorun.ensemble.points import points
 from hgorun.ensemble.statistics import Difference, Statistics, Summary, statistics
-from hgorun.result.metrics.base import all_metrics
-from hgorun.tables.axis_names import names_of_points, short_axis
+from hgorun.result.metrics.base import all_metrics, unit_of
+from hgorun.tables.axis_names import bracketed, names_of_points, short_axis, time_of
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.rows import NEVER
 from hgorun.tables.typeset import printable
@@ -105,7 +105,10 @@ def summary(one: Compared) -> list[str]:
     count = f"{len(members)} members"
     if members.planned > len(members):
         count += f" of {members.planned}"
-    axes = [f"{axis} {_span(levels(values))}" for axis, values in members.axes.items()]
+    axes = [
+        f"{axis} {_span(levels(values))} {time_of(axis, members.units)}".rstrip()
+        for axis, values in members.axes.items()
+    ]
     lines = [": ".join(printable(part) for part in (members.name, members.title) if part), "; ".join([count, *axes])]
     for label, statuses in members.counts.items():
         others = ", ".join(f"{n} {status}" for status, n in statuses.items() if status != "ok")
@@ -151,14 +154,14 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
             columns += [["±", *(_half(s) for s in own.values())], ["sem", *(_cell(s.sem) for s in own.values())]]
         for name in ("q05", "q25", "median", "q75", "q95"):
             columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
-        for block in packed(list(own), [[column] for column in columns], title=metric):
+        for block in packed(list(own), [[column] for column in columns], title=metric + _unit_of(metric, one)):
             lines += ["", *block]
     lines += ["", *wrapped(_NEVER)] if part.never else []
     lines += ["", *wrapped(_cut(part))] if part.cut else []
     lines += ["", *wrapped(_NOTE if part.independent else _POOLED_NOTE)]
     if part.differences and pairs:
         columns_of: dict[tuple[str, str], list[str]] = {}
-        rows = list(dict.fromkeys(f"{d.metric} {d.state}" for d in part.differences))
+        rows = list(dict.fromkeys(_named(d.metric, d.state, one) for d in part.differences))
         for d in part.differences:
             decided = part.has_none(d.metric, d.state, d.a, d.b)
             columns_of.setdefault((d.a, d.b), []).append("- " if decided else _difference(d))
@@ -166,6 +169,17 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
             lines += ["", *block]
         lines += ["", *wrapped(_PAIRS if part.independent else "differences of means")]
     return lines
+
+
+def _named(metric: str, state: str, one: Compared) -> str:
+    """A metric of a state, with its unit where that is known."""
+    return f"{metric} {state}" + bracketed(unit_of(metric, state, one.members.units))
+
+
+def _unit_of(metric: str, one: Compared) -> str:
+    """The unit of a metric, where it is known and that of all states."""
+    found = {unit_of(metric, state, one.members.units) for state in one.members.states}
+    return bracketed(found.pop()) if len(found) == 1 else ""
 
 
 def _cut(part: Statistics) -> str:
@@ -190,12 +204,12 @@ def _difference(d: Difference) -> str:
 
 def _by_point(one: Compared) -> list[str]:
     lines: list[str] = []
-    above, rows = names_of_points([part.at for part in one.points], one.by)
+    above, rows = names_of_points([part.at for part in one.points], one.by, one.members.units)
     lines += ["", *wrapped(f"rows: {above}")] if above else []
     observers = one.members.observers
     for metric, state in dict.fromkeys((metric, state) for _, metric, state in one.whole.summaries):
         columns = [[label, *(_mean_at(part, label, metric, state) for part in one.points)] for label in observers]
-        for block in packed(rows, [[column] for column in columns], title=f"{metric} {state}"):
+        for block in packed(rows, [[column] for column in columns], title=_named(metric, state, one)):
             lines += ["", *block]
     what = "mean ± 95 % interval" if any(part.independent for part in one.parts) else "mean"
     return [*lines, "", *wrapped(f"{what}; in brackets the number of members without numbers")]

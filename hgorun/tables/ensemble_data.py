@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.statistics import Difference, Statistics
 from hgorun.files import json_value
+from hgorun.result.metrics.base import unit_of
 from hgorun.tables.ensemble import NUMBERS, Compared
 
 _MOST_VALUES = 1000  # of an axis, one by one
@@ -30,6 +31,7 @@ def as_json(found: Compared) -> dict[str, Any]:
         ci95, p, p_holm}]}``, and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is
         divided.
         ``pooled`` are the axes for which members are no independent draws; then intervals and p are not known.
+        ``units: {"time" or name: unit}`` where some are known.
         Numbers that are not finite are text, those that are not known null. An axis with more than a thousand values
         is ``{first, last, count}``.
     """
@@ -42,6 +44,7 @@ def as_json(found: Compared) -> dict[str, Any]:
         "planned": members.planned,
         "axes": {axis: _levels(values) for axis, values in members.axes.items()},
     }
+    whole |= {"units": dict(members.units)} if members.units else {}
     whole |= _json_of(found.whole, members)
     if found.by:
         whole["points"] = [{"at": part.at, "members": part.members, **_json_of(part, members)} for part in found.points]
@@ -85,19 +88,22 @@ def _unknown(value: Any) -> bool:
 def csv(found: Sequence[Compared]) -> str:
     """One metric of one observer and state a line, differences between observers after them as ``a - b``.
 
-    Values have all their digits; what is not known is empty.
+    Values have all their digits; what is not known is empty. The unit is that of the metric, the unit of time that of
+    axes such as a period.
     """
     axes = list(dict.fromkeys(axis for one in found for axis in one.by))
     buffer = io.StringIO()
     writer = csv_module.writer(buffer, lineterminator="\n")
     numbers = [*NUMBERS, "ci95_low", "ci95_high", "n", "failed", "p", "p_holm"]
-    writer.writerow(["name", *axes, "observer", "state", "metric", *numbers])
+    writer.writerow(["name", *axes, "observer", "state", "metric", *numbers, "unit", "time_unit"])
     for one in found:
         for part in one.parts:
             start = [one.members.name, *(part.at.get(axis, "") for axis in axes)]
             for observer, metric, state, values in _rows(part):
                 cells = [_exact(values.get(name)) for name in numbers]
-                writer.writerow([*start, observer, state, metric, *cells])
+                units = one.members.units
+                unit = unit_of(metric, state, units)
+                writer.writerow([*start, observer, state, metric, *cells, unit, units.get("time", "")])
     return buffer.getvalue()
 
 

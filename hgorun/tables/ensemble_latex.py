@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from hgorun.ensemble.statistics import Statistics
 from hgorun.result.metrics.base import unit_of
-from hgorun.tables.axis_names import names_of_values, short_axis
+from hgorun.tables.axis_names import names_of_values, short_axis, time_of
 from hgorun.tables.ensemble import Compared, best
-from hgorun.tables.latex import NEEDS, latex_head, latex_number
+from hgorun.tables.latex import NEEDS, latex_head, latex_number, latex_unit
 from hgorun.tables.rows import NEVER
 from hgorun.tables.typeset import latex_words, symbol
 from hgorun.tables.uncertain import latex_uncertain
@@ -61,17 +61,22 @@ def _places(one: Compared) -> list[str]:
     """The values of each part on the axes by which the ensemble is divided, as mathematics where they are numbers."""
     names = {axis: names_of_values(part.at[axis] for part in one.points) for axis in one.by}
     return [
-        ", ".join(_equation(short_axis(axis, one.by), names[axis][value], value) for axis, value in part.at.items())
+        ", ".join(
+            _equation(short_axis(axis, one.by), names[axis][value], value, time_of(axis, one.members.units))
+            for axis, value in part.at.items()
+        )
         for part in one.parts
     ]
 
 
-def _equation(name: str, text: str, value: object) -> str:
-    """A name and its value; the name may end with whose it is."""
+def _equation(name: str, text: str, value: object, unit: str) -> str:
+    """A name and its value with its unit; the name may end with whose it is."""
     what, of, whose = name.partition(" of ")
     left = f"${symbol(what)}$" if re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", what) else latex_words(what)
     left += latex_words(of + whose)
-    return f"{left} $= {latex_number(text)}$" if isinstance(value, int | float) else f"{left} = {latex_words(text)}"
+    if not isinstance(value, int | float):
+        return f"{left} = {latex_words(text)}"
+    return f"{left} $= {latex_number(text)}$" + (f" {latex_unit(unit)}" if unit else "")
 
 
 def _members(one: Compared) -> str:

@@ -29,8 +29,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         Which, in this order; all by default.
     """
     rows, states = rows_of(results), states_of(results)
-    stated = {name: text for result in reversed(results) for name, text in result.units.items()}
-    units = stated if any(stated.get(state) for state in states) else {}
+    units = {name: text for result in reversed(results) for name, text in result.units.items()}
     known = metrics_of(rows)
     chosen = [metric for metric in (known if metrics is None else metrics) if metric in known]
     at_once = max(_PAGE // max(len(states), 1), 1)
@@ -69,7 +68,7 @@ def latex_head(
     above = [rf"\multicolumn{{{n}}}{{c}}{{{latex_words(metric)}}}" for metric in metrics]
     rules = [rf"\cmidrule(lr){{{2 + i * n}-{1 + (i + 1) * n}}}" for i in range(len(metrics))]
     below = [f"${symbol(state)}$" for _ in metrics for state in states]
-    measured = [f"{{[}}{_latex_unit(unit)}]" if unit else "" for unit in units]
+    measured = [f"{{[}}{latex_unit(unit)}]" if unit else "" for unit in units]
     last = [" & ".join(["", *measured, *padding]) + r" \\"] if any(measured) else []
     return [
         " & ".join(["", *above, *padding]) + r" \\", " ".join(rules),
@@ -77,7 +76,7 @@ def latex_head(
     ]  # fmt: skip
 
 
-def _latex_unit(unit: str) -> str:
+def latex_unit(unit: str) -> str:
     """A unit with its powers raised."""
     parts = re.split(r"\^\{?([-+]?[0-9.]+)\}?", unit)
     return "".join(f"$^{{{part}}}$" if i % 2 else latex_words(part) for i, part in enumerate(parts))

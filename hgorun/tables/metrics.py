@@ -10,17 +10,18 @@ from typing import Any
 
 from hgorun.errors import called
 from hgorun.files import json_value
-from hgorun.result.metrics.base import all_metrics
+from hgorun.result.metrics.base import Metric, all_metrics, unit_of
 from hgorun.result.metrics.smoothness import HF
 from hgorun.result.quantities import without_mean
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.result.status import Verdict
+from hgorun.tables.axis_names import bracketed
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.loops import loop_blocks, loop_numbers
 from hgorun.tables.rows import Row, metrics_of, rows_of, states_of
 from hgorun.tables.scores import scores_of
-from hgorun.tables.typeset import printable
+from hgorun.tables.typeset import printable, time_unit
 
 # what theory says of a result's observers: {label: {column: number}}
 Predicted = Mapping[str, Mapping[str, float]]
@@ -42,7 +43,7 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     dict
         ``{"name", "file", "status", "observers": {label: {"status", "status_at", "reason",
         metric: {state: number}}}}``, ``integration_error`` and ``remarks`` where there are any, ``plant`` with its
-        status where that is not ok, ``units`` where the plant states some: ``{"time" or name: unit}``, and
+        status where that is not ok, ``units`` where some are known: ``{"time" or name: unit}``, and
         ``coordinates`` of an observer, where it has a choice of them: ``{"map", "chains": {output: length}}``. Numbers
         that are not finite are text, a time or reason that is not known is null. A closed loop has ``closed_loop``:
         ``{label: {"effort": {input: number}, "peak_input": {input: number}, "cost": number}}``, with the label
@@ -75,7 +76,7 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         found["plant"] = _said(result.verdict)
     if result.remarks:
         found["remarks"] = list(result.remarks)
-    if any(name != "time" for name in result.units):
+    if any(result.units.values()):
         found["units"] = dict(result.units)
     return {key: json_value(value) for key, value in found.items()}
 
@@ -85,24 +86,25 @@ def _said(verdict: Verdict) -> dict[str, str | float | None]:
 
 
 def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
-    """One number a line: name, observer, status, state, metric, value.
+    """One number a line: name, observer, status, state, metric, value, unit.
 
     Values have all their digits; what is not finite is ``inf`` or ``nan``. What theory predicts, where it is given
-    for each result, follows an observer's metrics, without a state.
+    for each result, follows an observer's metrics, without a state. Units that are not known are empty.
     """
     buffer = io.StringIO()
     writer = csv_module.writer(buffer, lineterminator="\n")
-    writer.writerow(["name", "observer", "status", "state", "metric", "value"])
+    writer.writerow(["name", "observer", "status", "state", "metric", "value", "unit"])
     for row in rows_of(results):
+        start, units = [row.run, row.label, row.status], row.result.units
         for metric, values in row.observer.metrics.items():
             for state, value in zip(row.result.states, values, strict=True):
-                writer.writerow([row.run, row.label, row.observer.verdict.text(), state, metric, repr(float(value))])
+                writer.writerow([*start, state, metric, repr(float(value)), unit_of(metric, state, units)])
         assessed = row.observer.assessed
         for score, of in assessed.scores.items() if assessed else ():
             for name, value in of.items():
-                writer.writerow([row.run, row.label, row.observer.verdict.text(), name, score, repr(float(value))])
+                writer.writerow([*start, name, score, repr(float(value)), ""])
         for key, prediction in _theory(row, results, predicted).items():
-            writer.writerow([row.run, row.label, row.observer.verdict.text(), "", key, repr(float(prediction))])
+            writer.writerow([*start, "", key, repr(float(prediction)), _unit_of_theory(key, time_unit(units))])
     return buffer.getvalue()
 
 
@@ -141,7 +143,7 @@ def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
 
 def _windows(result: Result) -> str:
     """Where the numbers are from."""
-    windows, unit = result.windows, printable(result.units.get("time", ""))
+    windows, unit = result.windows, time_unit(result.units)
     named = {name for o in result.observers.values() for name in o.metrics}
     shown = [metric for metric in all_metrics(closed=True).values() if metric.name in named or not named]
     groups: dict[str, list[str]] = {}
@@ -158,8 +160,15 @@ def _windows(result: Result) -> str:
                 told = metric.told(windows[metric.setting], unit)
             if metric is HF and without_mean(result):
                 told += ", no longer than a step, so that hf is 0 whatever the error is: set metrics.average"
-            parts.append(f"{metric.name}: {told}")
+            parts.append(f"{metric.name}: {told}" + _in_time(metric, unit))
+        elif metric.unit == "time" and unit and metric.name in named:
+            parts.append(metric.name + _in_time(metric, unit))
     return "; ".join(parts)
+
+
+def _in_time(metric: Metric, unit: str) -> str:
+    """Of a time what it is counted in."""
+    return f", in {unit}" if metric.unit == "time" and unit else ""
 
 
 def _rounded(start: float, end: float) -> str:
@@ -208,11 +217,21 @@ def _theory(row: Row, results: Sequence[Result], predicted: Sequence[Predicted])
     return found[0].get(row.label, {}) if found else {}
 
 
+def _unit_of_theory(key: str, time: str) -> str:
+    """The unit of what is predicted, where that is made of the unit of time alone; also of a finding of a state."""
+    from hgorun.analysis.finding import FINDINGS  # runs without theory do without it
+
+    found = next((one.unit for one in FINDINGS.load().values() if key in (one.title, one.name)), "")
+    return found.replace("time", time) if time and found in ("time", "1/time") else ""
+
+
 def _predictions(rows: Sequence[Row], results: Sequence[Result], predicted: Sequence[Predicted]) -> list[list[str]]:
     """Columns of what is predicted."""
     values = [_theory(row, results, predicted) for row in rows]
     keys = dict.fromkeys(key for row in values for key in row)
-    return [[key, *(number(row.get(key)) for row in values)] for key in keys]
+    time = time_unit(results[0].units) if results else ""  # one of all, or compare refuses them
+    units = {key: bracketed(_unit_of_theory(key, time)) for key in keys}
+    return [[key + units[key], *(number(row.get(key)) for row in values)] for key in keys]
 
 
 def _blocks(rows: Sequence[Row], states: Sequence[str], more: Sequence[Sequence[str]]) -> list[list[str]]:

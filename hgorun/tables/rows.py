@@ -14,7 +14,7 @@ from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.tables.layout import number
-from hgorun.tables.typeset import printable
+from hgorun.tables.typeset import time_unit
 
 NEVER = "never"
 
@@ -71,7 +71,7 @@ class Row:
     @property
     def status(self) -> str:
         """The word, and the time with its unit where there is one."""
-        return self.observer.verdict.text(printable(self.result.units.get("time", "")))
+        return self.observer.verdict.text(time_unit(self.result.units))
 
 
 def rows_of(results: Sequence[Result]) -> list[Row]:

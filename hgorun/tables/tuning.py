@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.files import json_value
-from hgorun.tables.axis_names import short_axis
+from hgorun.tables.axis_names import bracketed, short_axis, time_of
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.uncertain import uncertain
 
@@ -41,6 +41,10 @@ class TunedTable:
         The knee, or the minimum.
     runs, budget, seeds, held_out_seeds : int
         How many.
+    units : tuple of str
+        Of the quantities; empty where they are not known.
+    time : str
+        The unit of time.
     ended : str
         Why so many of the budget's runs are left; nothing where only a few are.
     """
@@ -62,6 +66,18 @@ class TunedTable:
     ended: str
     seeds: int
     held_out_seeds: int
+    units: tuple[str, ...] = ()
+    time: str = ""
+
+    @property
+    def units_of_gains(self) -> dict[str, str]:
+        """Units of those gains that are times, by their paths."""
+        return {path: unit for path in self.paths if (unit := time_of(path, {"time": self.time}))}
+
+    @property
+    def units_of_quantities(self) -> dict[str, str]:
+        """Units of quantities by their texts, where they are known."""
+        return {text: unit for text, unit in zip(self.quantities, self.units, strict=False) if unit}
 
 
 def text(found: Sequence[TunedTable]) -> str:
@@ -74,10 +90,15 @@ def text(found: Sequence[TunedTable]) -> str:
         lines += [*([""] if lines else []), *wrapped(head)]
         lines += wrapped(f"the search ended before its budget: {one.ended}") if one.ended else []
         rows = ["*" if i == one.chosen else "" for i in range(len(one.gains))]
-        columns = [[short_axis(path, one.paths), *map(number, one.gains[:, k])] for k, path in enumerate(one.paths)]
+        of_gains, of_quantities = one.units_of_gains, one.units_of_quantities
+        columns = [
+            [short_axis(path, one.paths) + bracketed(of_gains.get(path, "")), *map(number, one.gains[:, k])]
+            for k, path in enumerate(one.paths)
+        ]
         for k, quantity in enumerate(one.quantities):
             values = zip(one.held_out[:, k], one.held_out_half[:, k], strict=True)
-            columns.append([quantity, *(uncertain(float(mean), float(half)) for mean, half in values)])
+            cells = [uncertain(float(mean), float(half)) for mean, half in values]
+            columns.append([quantity + bracketed(of_quantities.get(quantity, "")), *cells])
         if one.goals > 1:
             columns.append(["confidence", *(f"{100 * c:.0f} %" for c in one.confidence)])
         if one.lost.any():
@@ -89,7 +110,10 @@ def text(found: Sequence[TunedTable]) -> str:
 
 def as_json(found: Sequence[TunedTable], name: str, files: Sequence[str]) -> dict[str, Any]:
     """``{name, files, observers: {label: {runs, budget, ended, seeds, held_out, gains, chosen, front: [{gains, tuned,
-    held_out, confidence, lost}]}}}``; quantities are ``{text: {mean, ci95}}``."""
+    held_out, confidence, lost}]}}}``; quantities are ``{text: {mean, ci95}}``.
+
+    An observer has ``units``, too: of those of its gains that are times, and of its quantities, where they are known.
+    """
     observers = {}
     for one in found:
         front = [
@@ -108,6 +132,7 @@ def as_json(found: Sequence[TunedTable], name: str, files: Sequence[str]) -> dic
             "ended": one.ended or None,
             "seeds": one.seeds,
             "held_out": one.held_out_seeds,
+            "units": one.units_of_gains | one.units_of_quantities,
             "gains": front[one.chosen]["gains"],
             "chosen": one.chosen,
             "front": front,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 import unicodedata
+from collections.abc import Mapping
 
 # Letters that have a LaTeX command, as a regular expression.
 GREEK = (
@@ -22,6 +23,12 @@ _MATHEMATICS = re.compile(
     r"(\$(?:[A-Za-z0-9 =+\-.,<>()/]|[_^](?:[A-Za-z0-9]|\{[A-Za-z0-9]+\})(?![_^])"
     rf"|\\(?:{GREEK})(?![A-Za-z]))+\$)"
 )
+
+
+def time_unit(units: Mapping[str, str]) -> str:
+    """The unit of time as it stands behind a number; nothing where there is none."""
+    found = printable(units.get("time", ""))
+    return "" if found in ("-", "1") else found
 
 
 def symbol(name: str, *, hat: bool = False) -> str:

@@ -171,7 +171,8 @@ def test_four_significant_digits(result: Result, value: float, shown: str) -> No
 
 def test_json_holds_the_metrics(result: Result) -> None:
     found = json.loads(json.dumps(tables.as_json(result, "results/vdp.h5"), allow_nan=False))
-    assert list(found) == ["name", "file", "status", "observers", "integration_error"]
+    assert list(found) == ["name", "file", "status", "observers", "integration_error", "units"]
+    assert found["units"] == {"time": "s"}
     assert (found["name"], found["file"], found["status"]) == ("vdp", "results/vdp.h5", "ok")
     for label, metrics in result.metrics().items():
         assert {"status": "ok", **metrics}.items() <= found["observers"][label].items()
@@ -219,8 +220,8 @@ def test_csv_round_trip(result: Result) -> None:
 def test_csv_of_a_diverged_observer(result: Result) -> None:
     odd = with_metrics(result, A={"rmse": [math.inf, math.nan]})
     assert tables.csv([odd]).split("\n")[1:3] == [
-        "vdp,A,diverged at t=1.25,x1,rmse,inf",
-        "vdp,A,diverged at t=1.25,x2,rmse,nan",
+        "vdp,A,diverged at t=1.25 s,x1,rmse,inf,",
+        "vdp,A,diverged at t=1.25 s,x2,rmse,nan,",
     ]
 
 
@@ -266,7 +267,8 @@ def assert_compiles(source: str) -> list[list[str]]:
 
 def test_latex_of_a_run(result: Result) -> None:
     rows = assert_compiles(latex([result]))
-    assert [row[0] for row in rows] == ["", "", "SHGO", "FHGO r=2"] * 2
+    assert [row[0] for row in rows] == ["", "", "SHGO", "FHGO r=2", "", "", "", "SHGO", "FHGO r=2"]
+    assert rows[6] == ["", "{[}s]", "{[}s]", "", "", "", ""]  # below settling
     assert rows[1][1:3] == ["$x_{1}$", "$x_{2}$"]
 
 
@@ -318,7 +320,7 @@ def test_latex_of_chosen_metrics_and_of_many_states(result: Result) -> None:
         with_metrics(result, A={name: [1.0] * states for name in NAMES}),
         states=tuple(f"x{i}" for i in range(states)),
     )
-    assert len(assert_compiles(latex([wide]))) == 3 * len(NAMES)
+    assert len(assert_compiles(latex([wide]))) == 3 * len(NAMES) + 1  # units below settling
     assert_compiles(latex([replace(result, observers={})]))
 
 
