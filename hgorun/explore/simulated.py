@@ -16,7 +16,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench, Ready, Shown
 from hgorun.explore.knobs import Knob, knobs_of
-from hgorun.explore.promises import Promise, numbers_of, promise_of
+from hgorun.explore.promises import Promise, compile_theory, numbers_of, promise_of
 from hgorun.explore.state import State
 from hgorun.memo import Memo
 from hgorun.simulation.blocks import as_yaml
@@ -77,11 +77,11 @@ class SimulatedBench(Bench):
     def look_ahead(self, shown: Shown) -> bool:
         """Compile something that may be asked for; False: there is nothing more.
 
-        At first what each observer needs to be integrated alone, then orders, of which each is new code: those that
-        are near are carried out, beside what the theory says of them.
+        At first what each observer needs to be integrated alone, and its theory; then orders, of which each is new
+        code: those that are near are carried out, beside what the theory says of them.
         """
-        run = _of(shown).run
-        if self._known.compile_next(run):
+        simulated = _of(shown)
+        if self._known.compile_next(simulated.run) or any(map(compile_theory, simulated.subjects.values())):
             return True
         orders = [k for k in self.knobs.values() if k.scale == "integer" and k.group in shown.result.observers]
         for step in _AHEAD:
