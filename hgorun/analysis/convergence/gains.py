@@ -90,7 +90,7 @@ class ErrorDynamics:
     @cached_property
     def weights(self) -> np.ndarray:
         """sqrt((P^-1)_ii): what sqrt V is to the i-th entry of zbar, shape (N,)."""
-        return np.sqrt(np.diag(np.linalg.inv(self.lyapunov.P)))
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.lyapunov.P))))
 
     def scale(self, theta: float) -> np.ndarray:
         """theta^(-s), shape (N,)."""

@@ -8,6 +8,7 @@ box that holds both. L_k = max over i of M_ki and L_phi = max over k of L_k are 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -67,7 +68,7 @@ class Lipschitz:
         """The largest slope met."""
         return float(np.max(self.reached, initial=0.0))
 
-    @property
+    @cached_property
     def of_outputs(self) -> float:
         """The same for what moves the outputs alone, and never above their norm: L_phi in (3.77)."""
         first = self.positions == 0
