@@ -16,6 +16,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench, Ready, Shown
 from hgorun.explore.knobs import Knob, knobs_of
+from hgorun.explore.plant_knobs import of_plant
 from hgorun.explore.promises import Promise, compile_theory, numbers_of, promise_of
 from hgorun.explore.state import State
 from hgorun.memo import Memo
@@ -60,7 +61,7 @@ class SimulatedBench(Bench):
     theory = True
 
     def _knobs(self) -> Sequence[Knob]:
-        return knobs_of(self.base)
+        return [*knobs_of(self.base), *of_plant(self.base)]
 
     def ready(self, state: State) -> Ready:
         run = self._prepared(state)
@@ -81,8 +82,10 @@ class SimulatedBench(Bench):
         code: those that are near are carried out, beside what the theory says of them.
         """
         simulated = _of(shown)
-        if self._known.compile_next(simulated.run) or any(map(compile_theory, simulated.subjects.values())):
+        if self._known.compile_next(simulated.run):
             return True
+        if simulated.run.plant is self.base.plant and any(map(compile_theory, simulated.subjects.values())):
+            return True  # numbers of another plant are built into its theory
         orders = [k for k in self.knobs.values() if k.scale == "integer" and k.group in shown.result.observers]
         for step in _AHEAD:
             for knob in orders:
