@@ -16,6 +16,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench, Ready, Shown
 from hgorun.explore.knobs import Knob, knobs_of
+from hgorun.explore.plant_knobs import of_plant
 from hgorun.explore.promises import Promise, numbers_of, promise_of
 from hgorun.explore.state import State
 from hgorun.memo import Memo
@@ -58,7 +59,7 @@ class SimulatedBench(Bench):
     theory = True
 
     def _knobs(self) -> Sequence[Knob]:
-        return knobs_of(self.base)
+        return [*knobs_of(self.base), *of_plant(self.base)]
 
     def ready(self, state: State) -> Ready:
         changes = state.changes(self.knobs)
