@@ -15,7 +15,7 @@ ROOMS = ("config", "data", "engine", "explore", "figures", "interop", "result", 
 FILES = ("commands/test_cli.py", "commands/test_mqtt.py", "ensemble/test_cluster.py", "export/test_fmu.py")
 ALL_OF = tuple(f"tests/{name}" for name in (*(f"{room}/" for room in ROOMS), *FILES))
 ALL_CASES = os.environ.get("HGORUN_CASES") == "all"
-TURNS = 4
+TURNS = 8
 
 
 def one_in(items: Iterable[pytest.Item]) -> list[pytest.Item]:

@@ -172,6 +172,8 @@ def _table(one: Evidence) -> TunedTable:
         confidence=one.confidence,
         chosen=one.chosen,
         runs=one.found.trials.spent,
+        budget=task.budget,
+        ended=one.found.ended,
         seeds=len(task.seeds),
         held_out_seeds=len(task.held_out),
     )

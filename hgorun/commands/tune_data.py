@@ -27,7 +27,7 @@ from hgorun.estimate.tuning import Trials, search
 from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment import Experiment
-from hgorun.tables.layout import number, packed
+from hgorun.tables.layout import number, packed, wrapped
 
 _OF_PLANT = "plant.parameters."
 _END = 1e-3  # of a range: what is nearer to an end of it is at the end
@@ -42,6 +42,7 @@ class _Tuned:
     tuned: float
     held_out: float
     runs: int
+    budget: int
 
 
 def tune_data(options: Options, text: str, source: Source) -> int:
@@ -142,7 +143,7 @@ def _tuned(
     ]
     trials = Trials(alone, goal, gains, budget)
     best = search(trials)
-    return _Tuned(goal, best, trials.least, score(alone, goal, best, report=True), len(trials.tried))
+    return _Tuned(goal, best, trials.least, score(alone, goal, best, report=True), len(trials.tried), budget)
 
 
 def _warn(one: _Tuned, name: str, block: Tune) -> None:
@@ -160,20 +161,23 @@ def _table(found: Sequence[_Tuned]) -> str:
     columns = [
         [f"{goal.score} {goal.name}: search", *(number(one.tuned) for one in found)],
         ["held out", *(number(one.held_out) for one in found)],
-        ["runs", *(str(one.runs) for one in found)],
+        ["runs", *(f"{one.runs} of {one.budget}" for one in found)],
     ]
     names = dict.fromkeys(path.split(".", 2)[2] for one in found for path in one.gains)
     for name in names:
         values = [{path.split(".", 2)[2]: v for path, v in one.gains.items()}.get(name) for one in found]
         columns.insert(0, [name, *map(number, values)])
     blocks = packed([one.goal.label for one in found], [[column] for column in columns])
-    return "\n\n".join("\n".join(block) for block in blocks)
+    early = ", ".join(one.goal.label for one in found if one.runs < one.budget)
+    why = f"{early}: the search ended before its budget, where gains nearby give the same score"
+    return "\n\n".join(["\n".join(block) for block in blocks] + (wrapped(why) if early else []))
 
 
 def _as_json(found: Sequence[_Tuned], name: str, target: Path) -> dict[str, object]:
     observers = {
         one.goal.label: {
             "runs": one.runs,
+            "budget": one.budget,
             "gains": one.gains,
             "tuned": {str(one.goal): one.tuned},
             "held_out": {str(one.goal): one.held_out},

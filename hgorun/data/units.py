@@ -52,6 +52,7 @@ NO_UNIT = ("-", "1", "")
 _NAMES = {"°C": "degC", "°F": "degF", "rev": "turn", "Celsius": "degC", "degrees_C": "degC", "Fahrenheit": "degF"}
 _TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_ABBREVIATED = re.compile(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
 _POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
 _TURNS = ("turn", "hertz", "revolutions_per_minute", "revolutions_per_second", "cycle")
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade")
@@ -88,7 +89,7 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     Problem
         At ``path``, when a unit is not known or when the two are of different kinds.
     """
-    if unit == wanted:
+    if _written_out(unit) == _written_out(wanted):
         return values
     from pint.errors import DimensionalityError
 
@@ -105,6 +106,11 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     except DimensionalityError:
         message = f"{unit} cannot be converted to the model's {wanted}: it is of another kind.{_meant(unit, target)}"
         raise Problem(path, message) from None
+
+
+def _written_out(unit: str) -> str:
+    """A unit without the points of an abbreviation: a.u. and au, p.u. and pu are one notation."""
+    return unit.replace(".", "").replace(" ", "") if _ABBREVIATED.fullmatch(unit) else unit
 
 
 def _exponents(unit: pint.Unit, names: tuple[str, ...]) -> float:

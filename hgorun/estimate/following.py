@@ -14,8 +14,8 @@ from hgorun.engine.plan import Floats, Integers
 from hgorun.engine.session import without
 from hgorun.estimate.event import Event
 from hgorun.estimate.gate import Gate, kept_of
-from hgorun.estimate.gated import jumps_by_several, leave_out
 from hgorun.estimate.lateness import disagreement
+from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 
 Notes: TypeAlias = tuple[Any, ...]  # what is known beside the numbers of a run; nothing in it changes any more

@@ -39,8 +39,10 @@ class TunedTable:
     confidence : ndarray, shape (F,)
     chosen : int
         The knee, or the minimum.
-    runs, seeds, held_out_seeds : int
+    runs, budget, seeds, held_out_seeds : int
         How many.
+    ended : str
+        Why so many of the budget's runs are left; nothing where only a few are.
     """
 
     label: str
@@ -56,6 +58,8 @@ class TunedTable:
     confidence: Floats
     chosen: int
     runs: int
+    budget: int
+    ended: str
     seeds: int
     held_out_seeds: int
 
@@ -65,8 +69,10 @@ def text(found: Sequence[TunedTable]) -> str:
     lines: list[str] = []
     for one in found:
         what = "the least" if one.goals == 1 else "the front, * the knee"
-        head = f"{one.label}: {one.runs} runs over {one.seeds} seeds; {what}, on {one.held_out_seeds} held-out seeds"
+        runs = f"{one.runs} of {one.budget} runs over {one.seeds} seeds"
+        head = f"{one.label}: {runs}; {what}, on {one.held_out_seeds} held-out seeds"
         lines += [*([""] if lines else []), *wrapped(head)]
+        lines += wrapped(f"the search ended before its budget: {one.ended}") if one.ended else []
         rows = ["*" if i == one.chosen else "" for i in range(len(one.gains))]
         columns = [[short_axis(path, one.paths), *map(number, one.gains[:, k])] for k, path in enumerate(one.paths)]
         for k, quantity in enumerate(one.quantities):
@@ -82,8 +88,8 @@ def text(found: Sequence[TunedTable]) -> str:
 
 
 def as_json(found: Sequence[TunedTable], name: str, files: Sequence[str]) -> dict[str, Any]:
-    """``{name, files, observers: {label: {runs, seeds, held_out, gains, chosen, front: [{gains, tuned, held_out,
-    confidence, lost}]}}}``; quantities are ``{text: {mean, ci95}}``."""
+    """``{name, files, observers: {label: {runs, budget, ended, seeds, held_out, gains, chosen, front: [{gains, tuned,
+    held_out, confidence, lost}]}}}``; quantities are ``{text: {mean, ci95}}``."""
     observers = {}
     for one in found:
         front = [
@@ -98,6 +104,8 @@ def as_json(found: Sequence[TunedTable], name: str, files: Sequence[str]) -> dic
         ]
         observers[one.label] = {
             "runs": one.runs,
+            "budget": one.budget,
+            "ended": one.ended or None,
             "seeds": one.seeds,
             "held_out": one.held_out_seeds,
             "gains": front[one.chosen]["gains"],

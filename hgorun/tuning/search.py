@@ -16,6 +16,7 @@ _FIRST, _FEW = 1, 4  # seeds of the first rounds: one shows most estimates that 
 _KEPT = 4  # a quarter of the candidates goes on to the next round
 _POPULATION = 4  # candidates for each gain, at least 6
 _WEIGHTS = (0.5, 0.25, 0.75)  # of the first goal, in the directions in which a front is polished
+_GRID = 2.0**40  # places in a gain's range that are told apart
 _LOST = 1e9  # what counts as worse than anything, in units of the best
 
 
@@ -32,12 +33,15 @@ class Found:
         Candidates that nothing tried beats, ordered by the first goal; of one goal the best alone.
     chosen : int
         The place of the knee in the front.
+    ended : str
+        Why runs are left for which another candidate could have been tried with all seeds; nothing where none are.
     """
 
     trials: Trials
     scanned: int
     front: NDArray[np.int64]
     chosen: int
+    ended: str
 
 
 def search(trials: Trials) -> Found:
@@ -50,13 +54,13 @@ def search(trials: Trials) -> Found:
     """
     task = trials.task
     scanned = _scan(trials)
-    _polish(trials)
+    ended = _polish(trials)
     best = _front(trials)
     if not best.size:
         raise ValueError(_nothing(trials))
     goals = trials.means[best][:, : len(task.goals)]
     order = np.argsort(goals[:, 0], kind="stable")
-    return Found(trials, scanned, best[order], knee(goals[order]))
+    return Found(trials, scanned, best[order], knee(goals[order]), ended)
 
 
 def _scan(trials: Trials) -> int:
@@ -132,33 +136,60 @@ def _front(trials: Trials) -> NDArray[np.int64]:
     return fine[non_dominated(goals)]
 
 
-def _polish(trials: Trials) -> None:
-    """Differential evolution from the best candidates: towards the least goal, or in three directions of a front."""
+def _polish(trials: Trials) -> str:
+    """Differential evolution from the best candidates: towards the least goal, or in three directions of a front.
+
+    What is left after it is too little for a generation: the next best of the scan are tried with all seeds. Returned
+    is why runs are left in spite of it.
+    """
     task = trials.task
     weights = [None] if len(task.goals) == 1 else list(_WEIGHTS)
     for i, weight in enumerate(weights):
         share = (task.budget - trials.spent) // (len(weights) - i)
-        _evolve(trials, weight, share)
+        alike = _evolve(trials, weight, share)
+    _complete(trials)
+    if task.budget - trials.spent < len(task.seeds):
+        return ""
+    if alike:
+        return "all candidates of the last generation were equally good, so that nothing better is found from them"
+    size = _population(task)
+    return f"another generation of {size} candidates takes {size * len(task.seeds)} runs"
 
 
-def _evolve(trials: Trials, weight: float | None, budget: int) -> None:
+def _complete(trials: Trials) -> None:
+    """Try with all seeds those that had fewer, the best first, as far as the budget goes."""
+    left = np.flatnonzero(~trials.complete)
+    if left.size:
+        which = left[_order(trials, left)]
+        cost = np.cumsum(trials.missing(which))
+        trials.run(which[cost <= trials.task.budget - trials.spent], len(trials.task.seeds))
+
+
+def _population(task: Task) -> int:
+    """How many candidates a generation has."""
+    return max(_POPULATION * len(task.gains), 6)
+
+
+def _evolve(trials: Trials, weight: float | None, budget: int) -> bool:
+    """Generations from the best candidates; whether they ended because all of one were equally good."""
     from scipy.optimize import differential_evolution
 
     task = trials.task
-    seeds, size = len(task.seeds), max(_POPULATION * len(task.gains), 6)
-    generations = budget // (size * seeds) - 1  # the first one may be new, too
-    complete = np.flatnonzero(trials.complete)
-    if generations < 1 or complete.size < size:
-        return
     value = _Scalar(trials, weight)
-    best = complete[np.argsort(value(complete), kind="stable")[:size]]
+    everyone = np.arange(len(trials.u))
+    best = np.lexsort((value(everyone), ~trials.complete))[: _population(task)]
+    seeds, size = len(task.seeds), len(best)
+    generations = (budget - int(trials.missing(best).sum())) // (size * seeds)
+    if generations < 1:
+        return False
 
     def of(u: Floats) -> Floats:
-        which = trials.add(np.clip(u.T, 0.0, 1.0))
+        # on a grid on which SciPy's scaling to -1/2..1/2 and back is exact: the first generation costs no run again
+        which = trials.add(np.round(np.clip(u.T, 0.0, 1.0) * _GRID) / _GRID)
         trials.run(which, seeds)
         return value(which)
 
-    differential_evolution(
+    ended = differential_evolution(
         of,
         [(0.0, 1.0)] * len(task.gains),
         init=trials.u[best],
@@ -170,6 +201,7 @@ def _evolve(trials: Trials, weight: float | None, budget: int) -> None:
         updating="deferred",
         **_randomness(task),
     )
+    return bool(ended.success)
 
 
 class _Scalar:

@@ -22,7 +22,7 @@ def save(found: Sequence[Evidence], path: Path, *, name: str, config: str) -> Pa
     ``scan/gains (candidate, gain)``, ``scan/values (candidate, seed, quantity)`` with NaN where a seed was not tried,
     ``front/candidate, gains, held_out (point, seed, quantity), confidence``, and the attributes ``gains, quantities,
     goals`` (how many of the quantities are minimised), ``seeds, held_out, chosen`` (the place of the knee or of the
-    minimum in the front).
+    minimum in the front), ``runs, budget, ended`` (why runs are left).
 
     Raises
     ------
@@ -47,6 +47,7 @@ def _write(group: h5py.Group, found: Evidence) -> None:
     group.attrs["goals"] = len(task.goals)
     group.attrs["seeds"], group.attrs["held_out"] = np.array(task.seeds), np.array(task.held_out)
     group.attrs["chosen"], group.attrs["runs"] = found.chosen, trials.spent
+    group.attrs["budget"], group.attrs["ended"] = task.budget, found.found.ended
     for place, values in {
         "scan/gains": trials.gains,
         "scan/values": trials.values,

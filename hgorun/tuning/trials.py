@@ -51,6 +51,11 @@ class Trials:
         """Which candidates have been tried with all seeds."""
         return np.asarray(~np.isnan(self.values).any(axis=(1, 2)))
 
+    def missing(self, which: NDArray[np.int64]) -> NDArray[np.int64]:
+        """How many runs each of some candidates needs until it is complete; one that is lost needs none."""
+        of = self.values[which]
+        return np.asarray(np.isnan(of[:, :, 0]).sum(axis=1) * ~np.isinf(of).any(axis=(1, 2)))
+
     @property
     def means(self) -> Floats:
         """Goals and limits of all candidates over the seeds tried so far, shape (C, q)."""
