@@ -1,5 +1,6 @@
 """Slopes of phi: closed forms, regions, and coordinates."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -102,6 +103,13 @@ def test_a_map_without_an_inverse_is_followed_along_the_run() -> None:
     exact = 1 + 6 * 0.6**2 / (1 + 3 * 0.6**2)
     assert values["lipschitz_reached"] <= values["lipschitz"]
     assert exact <= values["lipschitz"] < 2 * exact
+
+
+def test_a_chart_does_not_depend_on_the_start() -> None:
+    plant = inline(2, x1="x2", x2="x1*x2")
+    run = prepare(Experiment({"time": TIME, "plant": plant, "observers": {"o": {"type": "shgo", "theta": 4}}}))
+    form, elsewhere = run.observers[0].form, replace(run.plant, initial=run.plant.initial + 1)
+    assert chart_of(form, elsewhere) is chart_of(form, run.plant)
 
 
 @pytest.mark.parametrize("dynamics", ["x1*x2 - x2**3", "sin(x1)"])
