@@ -79,8 +79,10 @@ class Following:
         if self._different is not None:
             raise ValueError(f"the sample taken at {t:g} is late, and {self._different.message}")
         if self.system.steps:
-            message = f"the sample taken at {t:g} is late, and {self.system.stepping} takes samples without delay"
-            raise ValueError(f"{message}: leave late ones out, or give it a stream of its own")
+            raise ValueError(
+                f"the sample taken at {t:g} is late, and {self.system.stepping} takes samples without delay: leave late "
+                "ones out, or give it a stream of its own"
+            )
         return "innovation" in self.system.treatments.values()
 
     def next_slot(self, output: int) -> int:
