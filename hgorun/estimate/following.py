@@ -80,8 +80,8 @@ class Following:
             raise ValueError(f"the sample taken at {t:g} is late, and {self._different.message}")
         if self.system.steps:
             raise ValueError(
-                f"the sample taken at {t:g} is late, and {self.system.stepping} takes samples without delay: leave late "
-                "ones out, or give it a stream of its own"
+                f"the sample taken at {t:g} is late, and {self.system.stepping} takes samples without delay: leave "
+                "late ones out, or give it a stream of its own"
             )
         return "innovation" in self.system.treatments.values()
 
