@@ -38,7 +38,7 @@ _PREFIXES = {
 }  # by symbols, which may stand before them
 _ALONE = """
     min h hr sec d yr deg ° °C °F degC degF degR degK delta_degC delta_degF % percent ppm rpm rps turn cycle gon sr dB
-    Np psi atm torr mmHg inHg kgf lbf lb lbs oz ft inch in yd mile mi gal hp Btu BTU kn knot mph kph ha acre angstrom Å a
+    Np psi atm torr mmHg kgf lbf lb lbs oz ft inch in yd mile mi gal hp Btu BTU kn knot mph kph ha acre angstrom Å a
 """  # without a prefix
 _ONLY_BESIDE = {"a", "P"}  # symbols that are labels more often where they stand alone
 _NAMES = """
