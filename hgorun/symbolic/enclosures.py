@@ -51,7 +51,7 @@ class Enclosure:
                 return
 
     @cached_property
-    def _instructions(self) -> list[Instruction]:
+    def instructions(self) -> list[Instruction]:
         """Read once for all boxes."""
         return read(self.function)
 
@@ -73,7 +73,7 @@ class Enclosure:
 
     def columns(self, box: Sequence[Bounds]) -> list[Bounds]:
         """Bounds of the m values, each of the shape that those of the vector's entries have together."""
-        (found,) = enclose(self.function, lambda _, column: box[column], instructions=self._instructions)
+        (found,) = enclose(self.function, lambda _, column: box[column], instructions=self.instructions)
         return found
 
     def __call__(self, low: np.ndarray, high: np.ndarray) -> Bounds:
