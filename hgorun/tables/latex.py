@@ -31,12 +31,8 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         Which, in this order; all by default.
     """
     rows, states = rows_of(results), states_of(results)
-<<<<<<< HEAD
-    units = {name: text for result in reversed(results) for name, text in result.units.items()}
-=======
     stated = _stated(results)
     units = {name: next(iter(texts)) for name, texts in stated.items() if len(texts) == 1}
->>>>>>> main
     known = metrics_of(rows)
     chosen = [metric for metric in (known if metrics is None else metrics) if metric in known]
     at_once = max(_PAGE // max(len(states), 1), 1)

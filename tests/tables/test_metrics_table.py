@@ -267,13 +267,8 @@ def assert_compiles(source: str) -> list[list[str]]:
 
 def test_latex_of_a_run(result: Result) -> None:
     rows = assert_compiles(latex([result]))
-<<<<<<< HEAD
-    assert [row[0] for row in rows] == ["", "", "SHGO", "FHGO r=2", "", "", "", "SHGO", "FHGO r=2"]
-    assert rows[6] == ["", "{[}s]", "{[}s]", "", "", "", ""]  # below settling
-=======
     # the second block has a settling time in s
     assert [row[0] for row in rows] == ["", "", "SHGO", "FHGO r=2", "", "", "", "SHGO", "FHGO r=2"]
->>>>>>> main
     assert rows[1][1:3] == ["$x_{1}$", "$x_{2}$"]
 
 
@@ -347,11 +342,7 @@ def test_latex_of_chosen_metrics_and_of_many_states(result: Result) -> None:
         with_metrics(result, A={name: [1.0] * states for name in NAMES}),
         states=tuple(f"x{i}" for i in range(states)),
     )
-<<<<<<< HEAD
-    assert len(assert_compiles(latex([wide]))) == 3 * len(NAMES) + 1  # units below settling
-=======
     assert len(assert_compiles(latex([wide]))) == 3 * len(NAMES) + 1  # the unit of settling times
->>>>>>> main
     assert_compiles(latex([replace(result, observers={})]))
 
 
