@@ -116,7 +116,7 @@ class Gate:
             if isinstance(observer, SampledObserver):
                 message = (
                     f"{observer.type} steps from each sample to the next one, and a gate leaves samples out: "
-                    "give the outputs no gate, or run it apart"
+                    "give the outputs no gate, or run it apart; plausible: [low, high] leaves values out for all"
                 )
                 raise Problem(("observers", label, "type"), message)
         self._model, self._limits, self._covariances = experiment.plant.model, limits, covariances
