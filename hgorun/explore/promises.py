@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from hgorun.analysis.convergence.premises import premises_of
-from hgorun.analysis.convergence.segments import compile_means
+from hgorun.analysis.convergence.segments import compile_slopes
 from hgorun.analysis.convergence.theorem import transient_of
 from hgorun.analysis.finding import FINDINGS, Finding, Remarked
 from hgorun.analysis.reasons import NoValue, outcome, outcomes
@@ -55,7 +55,7 @@ def promise_of(subject: Subject) -> Promise:
 def compile_theory(subject: Subject) -> bool:
     """Compile what takes the theory of an observer most of its time; False: it is compiled, or has no theory."""
     premises = outcome(lambda: premises_of(subject)).found
-    return premises is not None and compile_means(premises.chart)
+    return premises is not None and compile_slopes(premises.chart)
 
 
 def numbers_of(subject: Subject, names: Sequence[str]) -> tuple[dict[str, dict[str, float]], dict[str, str]]:

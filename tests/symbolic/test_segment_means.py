@@ -72,3 +72,13 @@ def test_they_hold_the_mean_itself(value: ca.SX, mean: Callable[[np.ndarray, np.
 @pytest.mark.parametrize("value", [ca.sin(A), A**B, A**0.5 * ca.sign(B)])
 def test_what_is_not_compiled_is_told(value: ca.SX) -> None:
     assert not can_be_compiled(enclosure(value).instructions)
+
+
+@pytest.mark.parametrize("count", [1, COUNT])
+def test_boxes_alone_have_the_same_bits(count: int) -> None:
+    of = enclosure(*COMPILED)
+    low = np.random.default_rng(3).normal(0.0, 2.0, (count, 3))
+    expected = of.each(low, low + 0.3)
+    of.compile()
+    for one, other in zip(of.each(low, low + 0.3), expected, strict=True):
+        np.testing.assert_array_equal(one, other)

@@ -63,8 +63,8 @@ def along(chart: Chart, result: Result, label: str, truth: np.ndarray, estimate:
     return _divided((A[0], A[1]), (B[0], B[1]))
 
 
-def compile_means(chart: Chart) -> bool:
-    """Compile what :func:`along` takes most of its time for, which gives the same bits; False: it is compiled already.
+def compile_slopes(chart: Chart) -> bool:
+    """Compile what slopes take most of their time for, which gives the same bits; False: it is compiled already.
 
     It pays where a chart is used for many runs.
     """
@@ -74,6 +74,8 @@ def compile_means(chart: Chart) -> bool:
     steps, count = enclosure.instructions, enclosure.function.numel_in(0)
     made = SegmentMeans(steps, n, count - n, 2 * n * n, _PARTS) if can_be_compiled(steps) else None
     _COMPILED.put(same(chart), made)
+    for entry in dict.fromkeys(chart.entries.values()) if chart.invertible else ():
+        entry.compile()
     return True
 
 
