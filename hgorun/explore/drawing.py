@@ -28,7 +28,7 @@ from hgorun.ensemble.points import points, thinned
 from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.figures.ensemble import Cast, drawable, limits, places
 from hgorun.result.metrics.base import unit_of
-from hgorun.tables.axis_names import TIMES
+from hgorun.tables.typeset import TIMES
 
 Plot = Any  # bokeh publishes types, but not of what figure() returns
 _SIZE = {"width": 400, "height": 320}

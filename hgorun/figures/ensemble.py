@@ -18,8 +18,7 @@ from hgorun.figures.page import NARROW, TWO
 from hgorun.figures.scaling import measured_on, quantities
 from hgorun.figures.style import LARGEST_NUMBER
 from hgorun.result.metrics.base import unit_of
-from hgorun.tables.axis_names import TIMES
-from hgorun.tables.typeset import symbol, unit, words
+from hgorun.tables.typeset import TIMES, symbol, unit, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -7,10 +7,8 @@ from types import MappingProxyType
 from typing import Any
 
 from hgorun.ensemble.collected import shown
-from hgorun.tables.typeset import printable, time_unit
+from hgorun.tables.typeset import TIMES, printable, time_unit
 
-TIMES = ("period", "delay", "jitter", "offset", "start", "end", "step", "output_step")
-"""Keys, at the end of a path, whose values are times."""
 _LONG = 40  # columns; names of points that are longer have only the values
 _MOST_DIGITS = 17
 

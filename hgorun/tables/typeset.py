@@ -12,6 +12,8 @@ GREEK = (
     "alpha|beta|gamma|delta|epsilon|zeta|eta|theta|iota|kappa|lambda|mu|nu|xi|pi|rho|sigma|tau|upsilon|phi|chi|psi"
     "|omega|varepsilon|Gamma|Delta|Theta|Lambda|Xi|Pi|Sigma|Upsilon|Phi|Psi|Omega"
 )
+TIMES = ("period", "delay", "jitter", "offset", "start", "end", "step", "output_step")
+"""Keys, at the end of a path, whose values are times."""
 _SPECIAL = {
     **{char: f"\\{char}" for char in "{}$&%#_"},
     **{"\\": r"\textbackslash{}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}"},
