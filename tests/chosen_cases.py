@@ -65,6 +65,11 @@ def waits(file: str, turn: int) -> bool:
     return not file.startswith(ALL_OF) and (crc32(file.encode()) + turn) % TURNS != 0
 
 
+def as_users_get_it(file: str, turn: int | None) -> bool:
+    """Whether the tests of a file compile as users' programs are: one of ``TURNS``, and all where no turn is given."""
+    return turn is None or ALL_CASES or (crc32(file.encode()) + turn) % TURNS == 0
+
+
 def one_case(items: Iterable[pytest.Item]) -> list[pytest.Item]:
     """Of each test the last case: all of its cases make the same calls."""
     return list({_test(item): item for item in items}.values())

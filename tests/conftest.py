@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Generator
+from contextlib import nullcontext
 from pathlib import Path
 
 import pytest
@@ -12,10 +13,11 @@ import pytest
 os.environ.pop("COLUMNS", None)  # workers of pytest-xdist are told another width than what is tested
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the command does; NumPy reads it when it is imported
 
-from chosen_cases import ALL_CASES, few_of_a_file, in_turn, one_case, one_in, waits
+from chosen_cases import ALL_CASES, as_users_get_it, few_of_a_file, in_turn, one_case, one_in, waits
 from hypothesis import HealthCheck, settings
 from measured_cases import Measured, is_wanted, leave_out_drawings
 from measured_forks import measure_forks
+from quick_code import compiled_quickly
 
 MEASURED = pytest.StashKey[Measured]()
 
@@ -65,7 +67,8 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
 def pytest_runtest_protocol(item: pytest.Item) -> Generator[None, object, object]:
     if sys.gettrace() is not None:
         leave_out_drawings()
-    with item.session.stash[MEASURED].of(item):
+    thorough = as_users_get_it(item.nodeid.partition("::")[0], item.config.getoption("--turn"))
+    with item.session.stash[MEASURED].of(item), nullcontext() if thorough else compiled_quickly():
         return (yield)
 
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 from typing import cast
 
 import pytest
-from chosen_cases import ALL_OF, TURNS, few_of_a_file, in_turn, one_case, one_in, waits
+from chosen_cases import ALL_OF, TURNS, as_users_get_it, few_of_a_file, in_turn, one_case, one_in, waits
 
 ROOT = Path(__file__).parents[1]
 
@@ -98,3 +98,11 @@ def test_files_that_use_no_library_directly_take_turns_and_the_others_do_not_wai
     assert sorted(file for turn in went for file in turn) == sorted(files)
     assert min(map(len, went)) > 0
     assert not any(waits("tests/result/test_a.py", turn) for turn in range(TURNS))
+
+
+def test_in_so_many_turns_every_file_is_compiled_once_as_users_get_it() -> None:
+    files = [f"tests/study/test_{k}.py" for k in range(40)]
+    thorough = [[file for file in files if as_users_get_it(file, turn)] for turn in range(TURNS)]
+    assert sorted(file for turn in thorough for file in turn) == sorted(files)
+    assert min(map(len, thorough)) > 0
+    assert all(as_users_get_it(file, None) for file in files)

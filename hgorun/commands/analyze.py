@@ -45,7 +45,8 @@ def analyze(options: Analyze) -> int:
         bode = target.with_name(target.name.removesuffix("-analysis") + "-bode")
         drawn.append(_bode(analysis.context, page, bode, formats(options.output)))
     if options.json:
-        print(json_text.dumps(analysis.as_json(str(options.config)), indent=2, allow_nan=False))
+        found = analysis.as_json(str(options.config)) | {"figures": [str(file) for files in drawn for file in files]}
+        print(json_text.dumps(found, indent=2, allow_nan=False))
     elif not options.quiet:
         print("\n".join(advice(analysis)))
         print(f"\n{table.text(analysis)}" if options.verbose else "every number, and why others are missing: -v")

@@ -19,8 +19,6 @@ _OF_A_RUN = {
     "tune": "hgorun tune CONFIG {0} reads its measurements as a recording",
     "sweep": f"sweep takes a file with base and axes; {_SHOWN}",
     "show": _SHOWN,
-    "compare": "compare takes results whose names end in .h5",
-    "cite": "cite takes results whose names end in .h5",
     "benchmark": f"benchmark takes a file with plants, scenarios and observers; {_SHOWN}",
 }
 _OF_A_SWEEP = {

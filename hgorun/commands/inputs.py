@@ -8,6 +8,7 @@ from pathlib import Path
 
 from hgorun.commands.given import refuse_what_is_no_configuration
 from hgorun.commands.outputs import RESULT_SUFFIXES
+from hgorun.config.kinds import HDF5, kind_of_file
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.process import say
@@ -80,8 +81,14 @@ def own_first(names: Sequence[str], command: str) -> list[str]:
 
 
 def is_result(path: Path) -> bool:
-    """Whether a name is that of a result file."""
-    return path.suffix.lower() in RESULT_SUFFIXES
+    """Whether a name is that of a result file, or the file is one, whatever it is called."""
+    if path.suffix.lower() in RESULT_SUFFIXES:
+        return True
+    if kind_of_file(path) is not HDF5:
+        return False
+    from hgorun.result.forms import RESULT, SWEEP, form_of  # not for simulate, which has to be quick
+
+    return form_of(path) in (RESULT, SWEEP)
 
 
 def may_be_ensemble(path: Path) -> bool:

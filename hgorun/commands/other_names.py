@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import PLANTS
-from hgorun.reproduce.shipped import examples, experiments
+from hgorun.reproduce.shipped import drawing_figure, examples, experiments
 
 
 def in_its_place(name: str) -> str:
@@ -18,5 +18,8 @@ def in_its_place(name: str) -> str:
     shipped = experiments()
     if name in examples() or any(name in (path, Path(path).name) for path in shipped):
         return f" It is an experiment: hgorun init {name}"
+    if drawing := drawing_figure(name):
+        copied = "; ".join(f"hgorun init {Path(path).name} copies the experiment {path}" for path in drawing)
+        return f" It is a figure, which hgorun figures {name} draws: {copied}"
     below = [path for path in shipped if path.startswith(f"{name.rstrip('/')}/")]
     return f" It is a folder of experiments, of which init copies one: {', '.join(below)}" if below else ""

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hgorun.commands.inputs import configuration, is_result
+from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Simulate
 from hgorun.commands.outputs import (
     NOT_OK,
@@ -94,7 +94,7 @@ def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tu
             runs.append(prepare(experiment.varied({}, name=name) if alone and name != path.stem else experiment))
             targets.append(folder / f"{name}.h5" if alone else folder / name / f"{experiment.name}.h5")
         ensembles += [(run, folder / name / f"{run.name}.sweep.h5") for run in several]
-    if options.output is not None and is_result(options.output):
+    if options.output is not None and options.output.suffix.lower() in RESULT_SUFFIXES:
         if len(runs) + len(ensembles) > 1:
             files = len(options.configs)
             count = len(runs) + len(ensembles)

@@ -63,7 +63,10 @@ class Progress(ABC):
             keys = [(str(name), float(at), None if y is None else float(y)) for name, at, y in taken]
         except (ValueError, TypeError) as error:
             raise ConfigError(f"the checkpoint is damaged: {error}", file=file) from None
-        self._estimator.restore(rest)
+        try:
+            self._estimator.restore(rest)
+        except ConfigError as error:
+            raise ConfigError(error.message, file=file) from None
         return keys
 
     def save(self) -> None:

@@ -41,7 +41,8 @@ def usage(ctx: Context) -> str:
 def _no_option(name: str, ctx: Context, known: Mapping[str, Sequence[str]]) -> ConfigError:
     command, parent = ctx.command, ctx.parent
     long = name.startswith("--")  # letters are no likelier meant for each other
-    hint = nearest(name, options(command.params)) if long else ""
+    own = [*options(command.params), *ctx.help_option_names]
+    hint = nearest(name, own) if long else ""
     meant = nearest_name(name, {option for of_one in known.values() for option in of_one}) if long else name
     of = ", ".join(other for other, of_one in known.items() if meant in of_one)
     if not hint and of:

@@ -98,7 +98,7 @@ def parse(value: str | int | float, *, names: Collection[str] | None = None) -> 
         found = f"the truth value {value}" if isinstance(value, bool) else type(value).__name__
         raise ExpressionError(f"expected a number or an expression, found {found}")
     if not isinstance(value, str):
-        number = finite(value, "the number")
+        number = finite(value, f"the number {value}")
         return Expression(str(value) if isinstance(value, int) else repr(number), frozenset(), number)
     text = value.strip(" \t")
     if not text:

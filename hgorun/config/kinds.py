@@ -32,8 +32,9 @@ class Kind:
 
 HDF5 = Kind("an HDF5 file", "")
 PARQUET = Kind("a Parquet table", "")
+_HDF5 = b"\x89HDF\r\n\x1a\n"
+_BLOCKS = 0, 512, 1024, 2048  # where it may stand: before it there is room for others, such as MATLAB 7.3
 _MARKS = {
-    b"\x89HDF\r\n\x1a\n": HDF5,
     b"PAR1": PARQUET,
     b"PK\x03\x04": Kind("a ZIP archive or a workbook of Excel", "save the sheet as CSV"),
     b"\xd0\xcf\x11\xe0": Kind("an old workbook of Excel", "save the sheet as CSV"),
@@ -45,8 +46,11 @@ _MARKS = {
         b"CDF" + bytes((version,)): Kind("netCDF of the old kind", "nccopy -k nc4 makes one that is read")
         for version in (1, 2, 5)
     },
-    b"MATLAB 5.0 MAT": Kind("a file of MATLAB (.mat)", "writetable or writematrix of MATLAB write CSV"),
-    b"MATLAB 7.3 MAT": Kind("a file of MATLAB (.mat)", "writetable or writematrix of MATLAB write CSV"),
+    b"MATLAB 5.0 MAT": Kind(
+        "a file of MATLAB (.mat) that is not HDF5",
+        "save(FILE, '-struct', 'S', '-v7.3') of MATLAB makes one that is read, and writetable or writematrix write CSV",
+    ),
+    b"MATLAB 7.3 MAT": Kind("a file of MATLAB (.mat) that is cut off", "copy it again"),
     b"\x93NUMPY": Kind("an array of NumPy (.npy)", "numpy.savetxt writes CSV"),
     **{
         bytes((0x80, version)): Kind("a pickle of Python", "write the numbers as CSV, since a pickle could run code")
@@ -64,7 +68,15 @@ _MARKS = {
 
 def kind_of(head: bytes) -> Kind | None:
     """What begins with these bytes; None for text, and for what is not known."""
-    return next((kind for mark, kind in _MARKS.items() if head.startswith(mark)), None)
+    if any(head.startswith(_HDF5, place) for place in _BLOCKS):
+        return HDF5
+    found = next((kind for mark, kind in _MARKS.items() if head.startswith(mark)), None)
+    return None if found is PARQUET and _is_text(head) else found
+
+
+def _is_text(head: bytes) -> bool:
+    """Whether it has no characters that only numbers in other files look like; those follow PAR1 in all of Parquet."""
+    return not any(byte < 32 and byte not in b"\t\n\v\f\r\x1a" for byte in head)
 
 
 def kind_of_file(path: Path) -> Kind | None:

@@ -63,8 +63,18 @@ def _meant(name: str, candidates: Iterable[str]) -> tuple[str, str]:
     if other in known:
         return known[other], how
     elsewhere = (other for other in _CALLED_ELSEWHERE.get(name.lower(), ()) if other in known)
-    found = next(elsewhere, None) or _closest(name, known)
+    found = next(elsewhere, None) or _closest(name, (low for low, own in known.items() if not _too_short(name, own)))
     return ("", "") if found is None else (known[found], "")
+
+
+def _too_short(name: str, other: str) -> bool:
+    """Whether so little is written that letters alike say nothing: ``d`` is not meant by ``OD``, ``x`` by ``x1`` is."""
+    short, long = sorted((name, other), key=len)
+    if len(short) == len(long) or len(short) > 2:
+        return False
+    if len(short) == 1 and long[1:].isalpha() and set(long) != {short}:
+        return True
+    return not set(short) <= set(long)
 
 
 def nearest_file(name: str, names: Iterable[str]) -> str:

@@ -198,10 +198,13 @@ def _from_line(parts: Iterator[Block], first: int) -> Iterator[Block]:
     for block in parts:
         if block.line + block.lines <= first:
             continue
+        if block.line >= first:
+            yield block
+            continue
         place = 0
         for _ in range(first - block.line):
             place = block.text.index(b"\n", place) + 1
-        yield Block(block.text[place:], max(first, block.line))
+        yield Block(block.text[place:], first)
 
 
 def _expected_rows(block: Block, size: int) -> int:

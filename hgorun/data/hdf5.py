@@ -10,6 +10,7 @@ import numpy as np
 
 from hgorun.config.data import MISSING
 from hgorun.data.arrays import ArrayColumn
+from hgorun.data.matlab import is_across, is_logical, is_of_matlab, no_column
 from hgorun.data.netcdf import absent_texts, text, unpacked
 from hgorun.errors import ConfigError, printable
 
@@ -20,7 +21,8 @@ _MANY = 10_000
 class Hdf5:
     """A column is a data set of one dimension, named by its path, or a labelled column of one of two dimensions.
 
-    In result files these are ``measurement/y/x1``, ``plant/x/x2`` and the like.
+    In result files these are ``measurement/y/x1``, ``plant/x/x2`` and the like; of MATLAB vectors, and columns of
+    matrices and of the fields of structs.
     """
 
     def catalogue(self, path: Path) -> Mapping[str, ArrayColumn]:
@@ -54,6 +56,8 @@ def _columns(
         if not isinstance(name, str) or not isinstance(group.get(name, getlink=True), h5py.HardLink):
             continue  # a name that is no text cannot be asked for
         member = group[name]
+        if no_column(member, name):
+            continue
         here = f"{above}{name}"
         if isinstance(member, h5py.Group):
             yield from _columns(member, path, f"{here}/", depth + 1)
@@ -66,6 +70,10 @@ def _parts(data: h5py.Dataset) -> Iterator[tuple[str, int | None]]:
         return
     if data.ndim == 1:
         yield "", None
+    elif data.ndim == 2 and is_of_matlab(data):
+        yield from (
+            (("", 0),) if 1 in data.shape else ((f"/{place}", place) for place in range(min(data.shape[0], _MANY)))
+        )
     elif data.ndim == 2 and data.shape[1] <= _MANY:
         labels = data.attrs.get("labels")
         texts = list(labels) if isinstance(labels, np.ndarray) and labels.shape == data.shape[1:] else []
@@ -80,12 +88,16 @@ def _passed_over(group: h5py.Group, name: str) -> str:
         if not part or not isinstance(group.get(part, getlink=True), h5py.HardLink):
             return ""
         group = group[part]
+        if why := no_column(group, part):
+            return f"in {part}, which {why}"
         if not isinstance(group, h5py.Group):
             return ""
     link = group.get(last, getlink=True) if last else None
     if link is not None and not isinstance(link, h5py.HardLink):
         return "is a link, which is not followed"
     data = None if link is None else group[last]
+    if data is not None and (why := no_column(data, last)):
+        return why
     if not isinstance(data, h5py.Dataset):
         return ""
     if data.is_virtual or data.external:
@@ -106,7 +118,8 @@ def _described(data: h5py.Dataset, place: int | None) -> ArrayColumn:
     if place is not None and isinstance(unit, str) and unit.count(";") == data.shape[1] - 1:
         unit = unit.split(";")[place].strip()  # those of several columns, as in results
     sample = "" if data.dtype.kind in "fiub" else _first_text(data, place)
-    return ArrayColumn(int(data.shape[0]), unit if isinstance(unit, str) else "", sample, text(data.attrs, "calendar"))
+    rows = data.shape[1 if place is not None and is_across(data) else 0]
+    return ArrayColumn(int(rows), unit if isinstance(unit, str) else "", sample, text(data.attrs, "calendar"))
 
 
 def _first_text(data: h5py.Dataset, place: int | None) -> str:
@@ -119,9 +132,10 @@ def _values(data: h5py.Dataset, place: int | None, path: Path, name: str) -> np.
     kind = data.dtype.kind
     if kind not in "fiub":
         return _texts(data, place)
-    stored = np.asarray(data[:] if place is None else data[:, place])
-    if kind == "b":
-        return stored
+    where = slice(None) if place is None else (place, slice(None)) if is_across(data) else (slice(None), place)
+    stored = np.asarray(data[where])
+    if kind == "b" or is_logical(data):
+        return stored.astype(bool)
     try:
         return unpacked(stored, data.attrs, data.fillvalue)
     except ValueError as error:

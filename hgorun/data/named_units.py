@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 import yaml
 
+from hgorun.data.recording import Note
 from hgorun.data.units import converted, is_time, is_unit
-from hgorun.errors import Problem
+from hgorun.errors import KeyPath, Problem
 
 _IN_NAME = re.compile(r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60})\)|\sin\s+(\S{1,60}))\s*")
 _TEMPERATURES = {"C": "degC", "F": "degF"}  # to pint coulomb and farad
@@ -107,6 +108,30 @@ class AnotherUnit:
             converts = f"{{column: {json.dumps(self.column, ensure_ascii=False)}, unit: {_plain(meant)}}} converts"
         says, as_they_are = f"{says} in {self.file}, {self.who} {wanted}", f"unit: {_plain(wanted)}"
         raise ValueError(f"{says}: {converts}, {as_they_are} takes the numbers as they are")
+
+
+def note_of(another: AnotherUnit, kind: str, signal: str, path: KeyPath, otherwise: str = "") -> Note:
+    """What is told of a unit that is not the one taken.
+
+    Parameters
+    ----------
+    kind, signal : str
+        Of the note.
+    path : KeyPath
+        What has the unit.
+    otherwise : str
+        What else would be right.
+
+    Raises
+    ------
+    Problem
+        At ``path``, where the configuration does not say which of the two is right.
+    """
+    try:
+        told = another.told()
+    except ValueError as error:
+        raise Problem(path, f"{error}{otherwise}") from None
+    return Note(kind=kind, signal=signal, file=another.file, message=told)
 
 
 def _plain(unit: str) -> str:

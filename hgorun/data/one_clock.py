@@ -10,7 +10,7 @@ from hgorun.config.data import Data
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, odd_dates, origin, origin_stamp, stamps, times_since
 from hgorun.data.day_counts import four_years_apart, span_of
-from hgorun.data.named_units import AnotherUnit, time_in_name
+from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.recording import Note, Origin
 from hgorun.data.sources import LogFile, Wanted
 from hgorun.data.table import Table
@@ -152,11 +152,8 @@ class OneClock:
             said=clock.clock.unit,
             who="the run counts in",
         )
-        try:
-            told = another.told()
-        except ValueError as error:
-            raise Problem(clock.path, f"{error}, and time.unit: {said} is right for a model in {said}") from None
-        yield Note(kind="clock", signal=".".join(map(str, clock.path)), file=str(file.path), message=told)
+        key = ".".join(map(str, clock.path))
+        yield note_of(another, "clock", key, clock.path, f", and time.unit: {said} is right for a model in {said}")
 
     def _other_clock(self, beside: Origin, clock: ClockColumn) -> tuple[int | None, bool]:
         """Numbers beside a log with dates count from the origin that is stated; else nothing relates the clocks."""

@@ -11,14 +11,13 @@ import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data.missing import told_once
-from hgorun.data.named_units import AnotherUnit, convertible_in_name
+from hgorun.data.named_units import AnotherUnit, convertible_in_name, note_of
 from hgorun.data.one_clock import OneClock
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Sources, Wanted, given_references
 from hgorun.data.units import alike, converted
-from hgorun.errors import Problem
 
 _LONG = 1 << 18  # samples from which threads pay
 
@@ -160,11 +159,7 @@ class Reader:
             said=said,
             who="the model has",
         )
-        try:
-            told = another.told()
-        except ValueError as error:
-            raise Problem(signal.path, str(error)) from None
-        self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=told))
+        self._notes.append(note_of(another, "units", signal.key, signal.path))
 
     def _all_sorted(self, signals: Sequence[Wanted]) -> Mapping[Wanted, Samples]:
         """The samples of all signals, those of long logs looked through side by side."""

@@ -80,9 +80,10 @@ class Sorting:
         return kept
 
     def _present(self, samples: Samples) -> Samples:
-        missing = np.isnan(samples.values)
         refuse = "faults: {missing: drop} leaves them out" if self._told.missing == "refuse" else None
-        samples = self._kept(samples, missing, "missing", "the value is missing", refuse)
+        if np.isnan(np.min(samples.values, initial=np.inf)):  # told in less time than which they are
+            missing = np.isnan(samples.values)
+            samples = self._kept(samples, missing, "missing", "the value is missing", refuse)
         if not faults.ascending(samples.taken) and (unstamped := np.isnan(samples.taken)).any():
             raise self._refused(samples, int(unstamped.argmax()), "a value without time stamp", "it cannot be placed")
         if samples.late:

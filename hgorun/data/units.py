@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from fractions import Fraction
 from functools import cache
 from typing import TYPE_CHECKING
@@ -11,6 +12,7 @@ import numpy as np
 
 from hgorun.config.expressions import nearest
 from hgorun.config.time_units import SECONDS, SHORT
+from hgorun.data.usual_units import is_usual, unusual
 from hgorun.errors import KeyPath, Problem
 
 if TYPE_CHECKING:
@@ -39,19 +41,23 @@ _COMMON = (
     *("L/h", "L/min", "mL/min", "m^3/h", "m^3/s", "kg/h", "kg/s", "g/h", "degC", "degF", "K", "Pa", "kPa", "mbar"),
     *("bar", "V", "mV", "A", "mA", "W", "kW", "J", "kJ", "N", "percent", "s", "min", "h", "d", "ms"),
 )  # that may be meant
-_BASES = {
-    *("g", "m", "s", "A", "K", "mol", "L", "l", "rad", "Hz", "N", "Pa", "J", "W", "V", "C", "F", "ohm", "T", "Wb", "H"),
-    *("bar", "eV", "min", "h", "d", "deg", "rpm", "degC", "degF", "percent"),
-}
-_PREFIXES = ("", "n", "u", "µ", "m", "c", "d", "k", "M", "G")
 # pint calculates with what it is given: no powers of powers, and few digits
 _FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
 NO_UNIT = ("-", "1", "")
 """How it is written that numbers have no unit."""
-_NAMES = {"°C": "degC", "°F": "degF", "rev": "turn", "Celsius": "degC", "degrees_C": "degC", "Fahrenheit": "degF"}
+_NAMES = {
+    "°C": "degC",
+    "°F": "degF",
+    "rev": "turn",
+    "Celsius": "degC",
+    "Torr": "torr",
+    "degrees_C": "degC",
+    "Fahrenheit": "degF",
+}
 _TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_ABBREVIATED = re.compile(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
 _POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
 _TURNS = ("turn", "hertz", "revolutions_per_minute", "revolutions_per_second", "cycle")
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade")
@@ -88,7 +94,7 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     Problem
         At ``path``, when a unit is not known or when the two are of different kinds.
     """
-    if unit == wanted:
+    if _written_out(unit) == _written_out(wanted):
         return values
     from pint.errors import DimensionalityError
 
@@ -105,6 +111,11 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     except DimensionalityError:
         message = f"{unit} cannot be converted to the model's {wanted}: it is of another kind.{_meant(unit, target)}"
         raise Problem(path, message) from None
+
+
+def _written_out(unit: str) -> str:
+    """A unit without the points of an abbreviation: a.u. and au, p.u. and pu are one notation."""
+    return unit.replace(".", "").replace(" ", "") if _ABBREVIATED.fullmatch(unit) else unit
 
 
 def _exponents(unit: pint.Unit, names: tuple[str, ...]) -> float:
@@ -124,19 +135,13 @@ def _turns_alone(unit: pint.Unit, other: pint.Unit) -> bool:
 
 def not_known(unit: str) -> str:
     """That a unit is not known, with what may be meant; empty where it is, or says that there is none."""
-    factors = re.split(r"[*/ ()]+", re.sub(r"(\*\*|\^) *-?\d", "", unit))
-    if unit in NO_UNIT or all(not one or one.isdigit() or _is_plain(one) for one in factors):
+    if unit in NO_UNIT or unusual(_usual(unit)) is None:
         return ""  # without pint, which takes longer to import than many a run takes
     try:
         _parsed(_registry(), unit, ())
     except Problem:
         return f"{unit!r} is not a known unit.{nearest(unit, _COMMON)}"
     return ""
-
-
-def _is_plain(name: str) -> bool:
-    """Whether a name is a usual unit, with a prefix or without."""
-    return any(name.startswith(prefix) and name[len(prefix) :] in _BASES for prefix in _PREFIXES)
 
 
 def is_time(unit: str) -> bool:
@@ -181,12 +186,12 @@ def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted
     written = _usual(text)
     if not _UNIT.fullmatch(written):
         raise Problem(path, f"{text!r} cannot be a unit{_meant(text, wanted, '.')}")
-    try:
-        return registry.Unit(written)
-    except Exception:  # whatever its parser stumbles over
-        meant = _meant(text, wanted)
-        hint = f".{meant}" if meant else "; without the key the numbers are taken as they are"
-        raise Problem(path, f"{text!r} is not a known unit{hint}") from None
+    if unusual(written) is None:
+        with suppress(Exception):  # whatever its parser stumbles over
+            return registry.Unit(written)
+    meant = _meant(text, wanted)
+    hint = f".{meant}" if meant else "; without the key the numbers are taken as they are"
+    raise Problem(path, f"{text!r} is not a known unit{hint}")
 
 
 def _usual(text: str) -> str:
@@ -194,7 +199,7 @@ def _usual(text: str) -> str:
 
     def raised(match: re.Match[str]) -> str:
         name, power = match.groups()
-        return f"{name}^{power.translate(_RAISED)}" if _is_plain(name) else match[0]
+        return f"{name}^{power.translate(_RAISED)}" if is_usual(name) else match[0]
 
     for name, meant in _NAMES.items():
         text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", meant, text)
@@ -205,5 +210,7 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     """The most similar of common units of a kind, as a question; empty where none is."""
     if wanted is None:
         return ""
+    if text in ("Grad", "grad"):  # German; to others 0.9 of that
+        return f"{before} Did you mean `deg`?"
     close = nearest(text, [unit for unit in _COMMON if _registry().Unit(unit).is_compatible_with(wanted)])
     return before + close if close else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -78,6 +78,7 @@ class Session:
         self._late = late
         self._memory = program.memory(plan, start)
         self._at = 0
+        self._happened = 0, np.zeros((0, ACTION_WORDS), dtype=np.int64)  # the segment, and the actions
 
     @property
     def z(self) -> Floats:
@@ -110,6 +111,37 @@ class Session:
             verdict = self._program.go_on(self._memory, self._at)
             if verdict != DONE:
                 raise SimulationError(f"the run cannot go on at t = {self._memory.real('now'):.6g}")
+
+    @property
+    def actions(self) -> Integers:
+        """What happens at the start of the next segment: rows of the action table, copied."""
+        return self._rows(self._at).copy()
+
+    def happen(self, actions: Integers, *, again: bool = False) -> None:
+        """Go through the next segment, which has no steps, as if other actions were in the table.
+
+        Parameters
+        ----------
+        actions : ndarray of int
+            As many as :attr:`actions`.
+        again : bool
+            Whether the same segment comes next.
+        """
+        here, rows = self._at, self._rows(self._at)
+        kept = rows.copy()
+        rows[:] = actions
+        try:
+            self.advance(here + 1)
+        finally:
+            rows[:] = kept  # the tables may be those of another run, too
+        self._happened = here, actions
+        if again:
+            self._at = self._memory["segment"] = here
+
+    def _rows(self, segment: int) -> Integers:
+        first, last = self._plan.counts[segment, 4:6]
+        rows: Integers = self._memory.arrays["actions"].reshape(-1, ACTION_WORDS)[first:last]
+        return rows
 
     def mark(self, stop: int) -> Mark:
         """This moment of a run without continuous delays, to go back to while it has not passed segment ``stop``."""
@@ -158,7 +190,7 @@ class Session:
     def happened_without(
         self, samples: Collection[tuple[int, int]], z: Floats, w: Floats, arriving: Mapping[int, Floats]
     ) -> tuple[Floats, Floats]:
-        """All states, and what is held, if what has just happened had done so without some of the samples.
+        """All states, and what is held, if what :meth:`happen` has done had been without some of the samples.
 
         Nothing follows from it.
 
@@ -170,22 +202,21 @@ class Session:
         arriving : mapping of int to ndarray
             By slot, what was kept of the samples before: see :meth:`arriving`.
         """
-        memory, here = self._memory, self._at - 1
+        memory, (here, happened) = self._memory, self._happened
         kept = {name: memory.arrays[name].copy() for name in ("z", "w", "diverged")}
         arrays = self._slots, memory.arrays["innovations"]
-        of_samples = [(array, one, array[one].copy()) for one in self._touched(here, self._at) for array in arrays]
-        words = {name: memory[name] for name in ("row", "ring_count")}
-        rows = memory.arrays["actions"].reshape(-1, ACTION_WORDS)[
-            self._plan.counts[here, 4] : self._plan.counts[here, 5]
-        ]
+        of_samples = [(array, one, array[one].copy()) for one in self._touched(here, here + 1) for array in arrays]
+        words = {name: memory[name] for name in ("row", "ring_count", "segment")}
+        rows = self._rows(here)
         actions = rows.copy()
-        rows[:] = without(actions, samples, [self._program.system.held.fresh(channel) for channel, _ in samples])
+        rows[:] = without(happened, samples, [self._program.system.held.fresh(channel) for channel, _ in samples])
+        rows[rows[:, 0] == SAVE, 0] = NOTHING
         self.z[...], self.w[...] = z, w
         for slot, row in arriving.items():
             self._slots[slot] = row
         memory["segment"] = here
         try:
-            if self._program.go_on(memory, self._at) != DONE:
+            if self._program.go_on(memory, here + 1) != DONE:
                 raise SimulationError(f"the run cannot go on at t = {memory.real('now'):.6g}")
             return self.z.copy(), self.w.copy()
         finally:
@@ -204,7 +235,7 @@ class Session:
 
 
 def without(actions: Integers, samples: Collection[tuple[int, int]], flags: Collection[int]) -> Integers:
-    """Rows of the action table in which some samples are noted only, and nothing is saved.
+    """Rows of the action table in which some samples are noted only.
 
     Parameters
     ----------
@@ -214,12 +245,39 @@ def without(actions: Integers, samples: Collection[tuple[int, int]], flags: Coll
     """
     found = actions.copy()
     for row in found:
-        op, place, slot = (int(word) for word in row[:3])
-        if op == ARRIVE and (place, slot) in samples:
+        op, place = (int(word) for word in row[:2])
+        if op == ARRIVE and _sample_of(row) in samples:
             row[0] = RECORD
-        elif op == SAVE or (op == SET and place in flags):
+        elif (op == SET and place in flags) or (op == REBASE and _sample_of(row) in samples):
             row[0] = NOTHING
     return found
+
+
+def in_turns(actions: Integers, turns: Sequence[Collection[tuple[int, int]]]) -> Iterator[Integers]:
+    """Rows of the action table so that some samples arrive one after the other; all else happens with the first.
+
+    Parameters
+    ----------
+    turns : sequence of collection of (channel, slot)
+        The samples of every turn.
+    """
+    others = set[tuple[int, int]]().union(*turns[1:])
+    for number, samples in enumerate(turns):
+        found = actions.copy()
+        for row in found:
+            if row[0] not in (ARRIVE, RECORD, REBASE):
+                happens = number == 0
+            else:
+                happens = _sample_of(row) in samples or (number == 0 and _sample_of(row) not in others)
+            if not happens:
+                row[0] = NOTHING
+        yield found
+
+
+def _sample_of(row: Integers) -> tuple[int, int]:
+    """The channel and the slot of the sample that arrives, or whose arrival counts alpha anew."""
+    op, channel, slot, first, _ = row.tolist()
+    return channel, first - 1 if op == REBASE else slot
 
 
 def with_stops(plan: Plan, at: Integers) -> tuple[Plan, np.ndarray]:

@@ -17,7 +17,7 @@ from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.simulation.lanes import control_of, reduction_of
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import may_have_left
+from hgorun.simulation.verdict import may_be_astray, may_have_left
 from hgorun.symbolic.evaluate import evaluate
 
 
@@ -70,7 +70,8 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
     Problem, SimulationError
         Where it cannot be made with the memory that there is.
     """
-    run = lot.run
+    run, sup = lot.run, all_metrics()["sup"]  # by which an observer is seen that does not follow what is measured
+    metrics = metrics if sup in metrics else [*metrics, sup]
     reduction = reduction_of(run, metrics) if run.observers else None
     ensemble, control = run.structure.ensemble(how.method), control_of(how)
     if lot.own is None and lot.plans is None:
@@ -103,8 +104,12 @@ def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
         sound &= ~np.any(lost, axis=0)
     ends = np.stack([found.first, found.last])
     for j, truth in enumerate(run.structure.truths):
-        x = ends[:, truth]
-        sound &= ~may_have_left(x, _ends(lot, found, j))
+        x, xhat = ends[:, truth], _ends(lot, found, j)
+        sound &= ~may_have_left(x, xhat)
+        measured = run.structure.outputs.places or []
+        y, yhat = x[:, measured], xhat[:, measured]
+        largest = metrics["sup"][j, measured]
+        sound &= ~may_be_astray(np.stack([*y, y[-1]]), np.stack([*yhat, y[-1] + largest]))
         if run.closed:
             sound &= ~may_have_left(ends[:, : run.plant.model.n], x)
     return np.asarray(sound)

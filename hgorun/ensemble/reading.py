@@ -14,8 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Trajectories, last_point
-from hgorun.errors import ConfigError, printable
-from hgorun.result.forms import SWEEP, not_this
+from hgorun.errors import printable
+from hgorun.result.forms import SWEEP, form_of, not_this
 from hgorun.result.status import STATUSES
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, opened
 
@@ -26,12 +26,7 @@ def is_sweep(path: Path) -> bool:
     """Whether it is a collected file, or the folder in which one is made."""
     if path.is_dir():
         return (path / "manifest.json").is_file()
-    if not path.is_file() or path.suffix.lower() not in {".h5", ".nc", ".hdf5"}:
-        return False
-    try:
-        return bool(opened(path, LARGEST, lambda file: file.attrs.get("format") == SWEEP))
-    except ConfigError:
-        return False  # whoever reads it says what is wrong
+    return form_of(path) == SWEEP
 
 
 def read(path: str | Path, *, max_memory: float = LARGEST) -> Collected:

@@ -11,7 +11,7 @@ from hgorun.estimate.bands import FEWEST, Band, band_of
 from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
-from hgorun.estimate.scores import scores_of, settled, since
+from hgorun.estimate.scores import scores_of, settled, settled_from, since
 from hgorun.result.recorded import Assessed
 from hgorun.symbolic.evaluate import Floats
 
@@ -108,11 +108,6 @@ def _band(prepared: PreparedEstimate, found: Evaluated, j: int, output: int) -> 
     predicted, taken, used = found.predicted[output][j], sampled.taken, found.carried.used[prepared.slots[output], j]
     if not used.all():
         predicted, taken = predicted[used], taken[used]
-    late = _settled_from(taken.size)
+    late = settled_from(taken.size)
     chosen = slice(late, None, max(1, -(-(taken.size - late) // _RESIDUALS)))
     return band_of(predicted[chosen], since(sampled, taken[chosen], before=True))
-
-
-def _settled_from(count: int) -> int:
-    """The first of so many samples that is not of the start."""
-    return count - settled(np.broadcast_to(0.0, count)).size

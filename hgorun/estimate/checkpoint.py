@@ -6,13 +6,16 @@ import io
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
 from hgorun.engine.plan import Floats
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.estimate.event import Event
+
+Settings: TypeAlias = Mapping[str, Mapping[str, float] | list[str]]
+"""What an estimator was made with beside its configuration, by the names of its arguments."""
 
 _MAGIC = b"hgorun-estimator-1\n"
 
@@ -35,36 +38,37 @@ class Checkpoint:
     notes: Sequence[Sequence[Any]]
     events: Sequence[Event]
 
-    def written(self, identity: str, gates: Mapping[str, float]) -> bytes:
-        """As bytes; ``identity`` is what it is of, and ``gates`` are those that judged its samples."""
+    def written(self, identity: str, settings: Settings) -> bytes:
+        """As bytes; ``identity`` and ``settings`` are what it is of."""
         file = io.BytesIO()
         np.savez(file, **self.numbers)  # type: ignore[arg-type]  # an array is no flag, however it is called
         now, *before = (json.dumps(notes) for notes in self.notes)
         notes = json.dumps([now, before, [one.told() for one in self.events]]).encode()
-        head = json.dumps({"of": identity, "notes": len(notes), "gates": dict(sorted(gates.items()))}).encode()
+        head = json.dumps({"of": identity, "notes": len(notes), **settings}).encode()
         return _MAGIC + head + b"\n" + notes + file.getvalue()
 
     @classmethod
-    def read(cls, data: bytes | bytearray, identity: str, gates: Mapping[str, float]) -> Checkpoint:
+    def read(cls, data: bytes | bytearray, identity: str, settings: Settings) -> Checkpoint:
         """From what :meth:`written` gave.
 
         Raises
         ------
         ConfigError
-            When it is no checkpoint, one of something else or with other gates, or damaged.
+            When it is no checkpoint, one of something else or with other settings, or damaged.
         """
         if not data.startswith(_MAGIC):
             raise ConfigError("this is not a checkpoint of an estimator, or one of another version")
         try:
             head, rest = data[len(_MAGIC) :].split(b"\n", 1)
             told = json.loads(head)
-            if told["of"] != identity:
+            others = {name: told.get(name, wanted) for name, wanted in settings.items()}  # older ones do not tell
+            others = {name: found for name, found in others.items() if found != settings[name]}
+            if told["of"] != identity and others.keys() <= {"gates"}:  # it follows from the others
                 raise ConfigError("the checkpoint is of another configuration")
-            judged = told.get("gates", gates)  # older ones do not tell
-            if judged != gates:
+            for name, found in others.items():
                 raise ConfigError(
-                    f"the checkpoint was made with gates {_said(judged)}, and this estimator has {_said(gates)}: "
-                    "give it the same gates, or begin anew"
+                    f"the checkpoint was made with {name} {_said(found)}, and this estimator has "
+                    f"{_said(settings[name])}: give it the same {name}, or begin anew"
                 )
             size = int(told["notes"])
             with np.load(io.BytesIO(rest[size:]), allow_pickle=False) as arrays:
@@ -77,8 +81,9 @@ class Checkpoint:
             raise damaged(error) from error
 
 
-def _said(gates: Mapping[str, float]) -> str:
-    return "{" + ", ".join([f"{name}: {value:g}" for name, value in gates.items()]) + "}"
+def _said(setting: Mapping[str, float] | Sequence[str]) -> str:
+    parts = [f"{name}: {value:g}" for name, value in setting.items()] if isinstance(setting, Mapping) else setting
+    return "{" + ", ".join(parts) + "}"
 
 
 def damaged(error: Exception) -> ConfigError:

@@ -14,12 +14,13 @@ from hgorun.config.reading import read_source
 from hgorun.engine.plan import Floats, Integers
 from hgorun.errors import ConfigError
 from hgorun.estimate.arriving import Arriving
-from hgorun.estimate.checkpoint import Checkpoint, damaged
+from hgorun.estimate.checkpoint import Checkpoint, Settings, damaged
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.following import Following
 from hgorun.estimate.given import as_number
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.estimate.remembered import Remembered
+from hgorun.estimate.samples import stated
 from hgorun.estimate.stated_of_data import StatedOfData, require_known_start, with_noise
 from hgorun.estimate.together import Together
 from hgorun.simulation.experiment import Experiment
@@ -74,15 +75,14 @@ class Estimator:
         if not isinstance(remembered, int) or remembered < 0:
             raise ConfigError(f"remembered: expected a whole number of events, 0 or more, found {remembered!r:.50}")
         experiment = with_noise(experiment, std)
-        self._experiment = experiment
         with experiment.located():
             require_known_start(experiment)
             self._system = system = LiveSystem.of(experiment, tuple(inputs))
             for name in gates:
                 system.output(name)
             self._run = Following(system, gates)
-        self._live = self._run.live
-        self._gates = gates
+        self._experiment, self._live = experiment, self._run.live
+        self._settings: Settings = {"gates": gates, "std": dict(stated(experiment)), "inputs": sorted(system.inputs)}
         self._past = Remembered(self._run, max(remembered, int(system.joint)))
         self._arriving = Arriving(self._run, self._past)
         self._together = Together(self._run, self._arriving, decided=bool(gates or system.steps or remembered > 0))
@@ -267,21 +267,21 @@ class Estimator:
     def checkpoint(self) -> bytes:
         """All that the estimator goes on from, with what is remembered for samples that come late."""
         numbers, notes = self._run.told([self._run.state(), *self._past.before])
-        return Checkpoint(numbers, notes, self._past.events).written(self._identity, self._gates)
+        return Checkpoint(numbers, notes, self._past.events).written(self._identity, self._settings)
 
     def restore(self, checkpoint: bytes | bytearray) -> None:
-        """Go on from a checkpoint of the same configuration, with the same gates.
+        """Go on from a checkpoint of the same configuration, with the same gates, std and inputs.
 
         Raises
         ------
         HgorunError
-            When it is none, or one of another configuration or with other gates.
+            When it is none, or one of another configuration or with others.
         TypeError
             When it is no bytes at all.
         """
         if not isinstance(checkpoint, bytes | bytearray):
             raise TypeError(f"checkpoint: expected the bytes of checkpoint(), found {checkpoint!r:.50}")
-        found = Checkpoint.read(checkpoint, self._identity, self._gates)
+        found = Checkpoint.read(checkpoint, self._identity, self._settings)
         try:
             now, *before = self._run.states(found.numbers, found.notes)
             self._run.restore(now)

@@ -14,9 +14,10 @@ from hgorun.engine.plan import Floats, Integers
 from hgorun.engine.session import without
 from hgorun.estimate.event import Event
 from hgorun.estimate.gate import Gate, kept_of
-from hgorun.estimate.gated import jumps_by_several, leave_out
 from hgorun.estimate.lateness import disagreement
+from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
+from hgorun.estimate.stepping import keep_inputs, require_whole
 
 Notes: TypeAlias = tuple[Any, ...]  # what is known beside the numbers of a run; nothing in it changes any more
 State: TypeAlias = tuple[LiveState, Notes]
@@ -77,6 +78,11 @@ class Following:
         """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
         if self._different is not None:
             raise ValueError(f"the sample taken at {t:g} is late, and {self._different.message}")
+        if self.system.steps:
+            raise ValueError(
+                f"the sample taken at {t:g} is late, and {self.system.stepping} takes samples without delay: leave "
+                "late ones out, or give it a stream of its own"
+            )
         return "innovation" in self.system.treatments.values()
 
     def next_slot(self, output: int) -> int:
@@ -102,6 +108,8 @@ class Following:
     def _carry_out(self, event: Event) -> None:
         """As :meth:`carry_out`, of whatever it may be."""
         live, system = self.live, self.system
+        if system.steps and event.samples:
+            require_whole(system, event, self.newest)
         if system.driven and live.t <= 0.0 and not any(self.heard):
             self._begin(event)
         if system.steps or event.inputs or not (event.take or event.samples):
@@ -109,6 +117,8 @@ class Following:
             for number, value in event.inputs:
                 place, slope, since, _ = self._held.input(number)
                 live.w[place], live.w[slope], live.w[since] = value, 0.0, event.t
+            if event.t == self._last_sample:
+                keep_inputs(system, live.w)
             if not (event.take or event.samples):
                 return
         for _, slot, value in event.samples:
@@ -131,6 +141,8 @@ class Following:
                     leave_out(system.structure.system, live, i, j, z, w)
         for j, samples in out.items():
             self._jump_without(event, j, samples, actions, z, w)
+        if system.steps:
+            keep_inputs(system, live.w)
 
     def _hear(self, output: int) -> None:
         """An output has had its first sample."""
@@ -204,7 +216,7 @@ class Following:
     def _jumps(self, event: Event) -> tuple[int, ...]:
         """What jumps when something arrives: corrections, and steps from the second sample on."""
         system, found = self.system, self.system.corrections
-        if system.steps:
+        if system.steps and len(event.samples) == len(self.heard):  # until then, others of this time may come
             if not np.isnan(self._last_sample):
                 self.live.w[system.structure.system.held.interval] = event.t - self._last_sample
                 found = system.steps + found

@@ -11,13 +11,13 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, insort
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 
 from hgorun.errors import Problem
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.entering import Entering
 from hgorun.estimate.samples import stated
 from hgorun.observers.base import SampledObserver
 from hgorun.simulation.experiment import Experiment
@@ -92,31 +92,6 @@ def kept_of(innovations: Innovations) -> list[float]:
     return last[max(count - _WINDOW, 0) : count]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
-class Entering:
-    """A sample that may be an outlier, where it enters some observers.
-
-    Attributes
-    ----------
-    output : int
-        Of the plant.
-    channel : int
-        In which these observers hear it.
-    slot : int
-        Among the samples of all channels.
-    used : int
-        Among the samples of all outputs.
-    members : tuple of int
-        The observers.
-    """
-
-    output: int
-    channel: int
-    slot: int
-    used: int
-    members: tuple[int, ...]
-
-
 class Gate:
     """Which samples are outliers to which observers, one sample after the other.
 
@@ -141,7 +116,7 @@ class Gate:
             if isinstance(observer, SampledObserver):
                 message = (
                     f"{observer.type} steps from each sample to the next one, and a gate leaves samples out: "
-                    "give the outputs no gate, or run it apart"
+                    "give the outputs no gate, or run it apart; plausible: [low, high] leaves values out for all"
                 )
                 raise Problem(("observers", label, "type"), message)
         self._model, self._limits, self._covariances = experiment.plant.model, limits, covariances

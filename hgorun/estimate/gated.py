@@ -11,19 +11,17 @@ from __future__ import annotations
 from bisect import bisect_left
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Protocol
 
 import numpy as np
 
-from hgorun.engine.layout import HybridSystem
 from hgorun.engine.memory import Raw
-from hgorun.engine.plan import Plan
-from hgorun.engine.session import Session, with_stops
-from hgorun.estimate.gate import Entering, Gate, Known, Variances
+from hgorun.engine.plan import Integers, Plan
+from hgorun.engine.session import Session, in_turns, with_stops, without
+from hgorun.estimate.entering import Entering, needed_until, where_entering
+from hgorun.estimate.gate import Gate, Known, Variances
+from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
-from hgorun.measurement.late import HeardOtherwise, Order
-from hgorun.measurement.schedule import nearest_event
 from hgorun.symbolic.evaluate import Floats
 
 _AHEAD, _MOST = 4, 512  # places with samples that are passed at once, as long as none is an outlier
@@ -58,12 +56,12 @@ class _GatedRun:
         self._covariances = prepared.covariances()
         self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], self._covariances)
         self._entering: dict[int, list[Entering]] = {}
-        for place, one in _entering(prepared):
+        for place, one in where_entering(prepared):
             self._entering.setdefault(place, []).append(one)
         schedule = prepared.run.schedule
         self._order, self._events = schedule.order, schedule.events
         self._saved: dict[int, tuple[Known, Floats, Floats]] = {}  # by event: what is gone back to
-        self._until = np.zeros(0, dtype=int) if self._order is None else _needed_until(prepared)
+        self._until = np.zeros(0, dtype=int) if self._order is None else needed_until(prepared)
         self._begins = set() if self._order is None else set(self._order.begins.tolist())
         self._members = tuple(j for j in range(used.shape[1]) if prepared.treatment(j) == "replay")
         self._places = sorted({*self._entering, *self._begins, *self._saving()})
@@ -168,29 +166,72 @@ class _GatedRun:
         return found
 
     def _enter(self, place: int, stop: int, t: float, z: Floats, w: Floats) -> None:
-        """Let samples enter, and take back what outliers have done, and what is older than what has been used."""
-        session, entering = self._session, self._entering.get(place, [])
-        slots = [one.slot for one in entering]
+        """Let samples enter, those of one channel one after the other where they enter its innovation."""
+        session = self._session
+        session.advance(stop)
+        entering = self._entering.get(place, [])
+        turns = self._turns(entering)
+        named = [[(one.channel, one.slot) for one in some] for some in turns]
+        rows = in_turns(session.actions, named) if len(turns) > 1 else [session.actions]
+        for number, (some, actions) in enumerate(zip(turns, rows, strict=True), start=1):
+            self._enter_together(some, actions, number < len(turns), t, z, w)
+            if number < len(turns):
+                z, w = session.z.copy(), session.w.copy()
+
+    def _turns(self, entering: Sequence[Entering]) -> list[list[Entering]]:
+        """Which samples enter together; where observers jump several of one channel have turns of their own."""
+        corrections = self._prepared.run.structure.system.corrections
+        turns: list[list[Entering]] = [[]]
+        count: dict[int, int] = {}
+        for one in entering:
+            jumps = any(first <= one.channel < last for _, first, last in corrections)
+            turn = count[one.channel] = 0 if jumps or self._goes_back(one) else count.get(one.channel, -1) + 1
+            turns += [[] for _ in range(turn + 1 - len(turns))]
+            turns[turn].append(one)
+        return turns
+
+    def _goes_back(self, one: Entering) -> bool:
+        """Whether the observers of a channel go back to where each sample is the newest."""
+        return one.channel >= len(self._newest)
+
+    def _enter_together(
+        self, entering: Sequence[Entering], actions: Integers, again: bool, t: float, z: Floats, w: Floats
+    ) -> None:
+        """Let samples enter by some actions, and take back what outliers have done.
+
+        What is older than all that has been used is noted only, as in a stream: what is taken back is rounded.
+        """
+        session, slots = self._session, [one.slot for one in entering]
         first = session.innovations[slots]  # what is kept is what was thought at first
         session.innovations[slots] = np.nan
         several = {one.channel for one, other in pairwise(entering) if one.channel == other.channel}
         arriving = dict(zip(slots, session.arriving(slots), strict=True)) if several else {}
-        session.advance(stop + 1)
+        noted = [one for one in entering if not self._offered_to(one)]
+        held = self._prepared.run.structure.system.held
+        flags = [held.fresh(one.channel) for one in noted]
+        actions = without(actions, [(one.channel, one.slot) for one in noted], flags) if noted else actions
+        session.happen(actions, again=again)
         now = session.innovations[slots]
         session.innovations[slots] = np.where(np.isnan(first), now, first)
         out = dict[int, list[Entering]]()
         for one, innovations in zip(entering, now, strict=True):
-            for j in self._left_out(one, innovations, t, z, w):
+            for j in () if one in noted else self._left_out(one, innovations, t, z, w):
                 out.setdefault(j, []).append(one)
+        for one in noted:
+            self._used[one.used, list(one.members)] = False
         for j, samples in out.items():
             self._leave_out(j, samples, several, z, w, arriving)
 
+    def _offered_to(self, one: Entering) -> Sequence[int]:
+        """The observers that have used no newer sample."""
+        if self._goes_back(one):
+            return one.members
+        newest, taken = self._newest[one.output], self._taken[one.used] + self._equal
+        return [j for j in one.members if newest[j] <= taken]
+
     def _left_out(self, one: Entering, innovations: Floats, t: float, z: Floats, w: Floats) -> set[int]:
         """The observers that do not take a sample."""
-        members: Sequence[int] = one.members
-        if one.channel < len(self._newest):  # observers in other channels go back to where the sample is the newest
-            newest, taken = self._newest[one.output], self._taken[one.used] + self._equal
-            members = [j for j in members if newest[j] <= taken]
+        members = self._offered_to(one)
         found = self._gate.outliers(one.output, innovations, t, z, w, members)
         taking = [j for j in members if j not in found]
         self._offered[one.used, list(members)] = True
@@ -227,85 +268,3 @@ class _GatedRun:
             before = session.happened_without([(one.channel, one.slot) for one in samples], z, w, arriving)
         for channel in channels:
             leave_out(system, session, channel, j, *before)
-
-
-def _entering(prepared: PreparedEstimate) -> Iterator[tuple[int, Entering]]:
-    """Every sample that may be an outlier, with the places in the order of events where it enters."""
-    schedule, slots, q = prepared.run.schedule, prepared.slots, len(prepared.samples)
-    order, first = schedule.order, 0
-    for number, channel in enumerate(prepared.run.heard):
-        start, output, samples = first, number % q, channel.samples
-        first += samples.arrival.size
-        members = tuple(j for j in range(len(prepared.run.observers)) if prepared.group(j) == number // q)
-        if prepared.samples[output].gate is None or not members:
-            continue
-        which = channel.which if isinstance(channel, HeardOtherwise) else np.arange(samples.arrival.size)
-        at = nearest_event(schedule.events, samples.arrival)
-        items = np.flatnonzero(samples.used)
-        places = at[items] if order is None else order.first[at[items]]
-        if order is not None and isinstance(channel, HeardOtherwise) and channel.known is not None:
-            items, places = _as_known(order, at, nearest_event(schedule.events, channel.known))
-        for k, place in zip(items.tolist(), places.tolist(), strict=True):
-            own = slots[output].start + int(which[k])
-            yield place, Entering(output=output, channel=number, slot=start + k, used=own, members=members)
-
-
-def _as_known(order: Order, taken: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Samples and the places where they enter observers that are taken back, in the order of places."""
-    items, places = order.places(taken)
-    there = known[items] <= order.now[places]
-    items, places = items[there], places[there]
-    by_place = np.lexsort((items, places))
-    return items[by_place], places[by_place]
-
-
-def _needed_until(prepared: PreparedEstimate) -> np.ndarray:
-    """Up to which event observers may be taken back to each."""
-    events = prepared.run.schedule.events
-    until = np.full(events.size, -1)
-    for channel in prepared.run.heard:
-        if isinstance(channel, HeardOtherwise) and channel.known is not None:
-            taken, known = (nearest_event(events, times) for times in (channel.samples.taken, channel.known))
-            np.maximum.at(until, taken, known)
-    return until
-
-
-class Running(Protocol):
-    """A run that can be looked at between events."""
-
-    @property
-    def z(self) -> Floats:
-        """All states."""
-        ...
-
-    @property
-    def w(self) -> Floats:
-        """What is held."""
-        ...
-
-
-def jumps_by_several(system: HybridSystem, start: int) -> bool:
-    """Whether the observer that begins there is corrected by all samples that arrive at once, of several outputs."""
-    return any(system.jumps[number][0] == start and last - first > 1 for number, first, last in system.corrections)
-
-
-def leave_out(system: HybridSystem, live: Running, output: int, j: int, z: Floats, w: Floats) -> None:
-    """Let an observer go on as if a sample that has just arrived had not.
-
-    Its innovation stays what it was; what it has jumped to is taken back.
-
-    Parameters
-    ----------
-    j : int
-        The observer's number.
-    z, w : ndarray
-        The states, and what is held, without the sample.
-    """
-    layout = system.held
-    place, y = layout.s(output, j), layout.output(output)
-    if system.has_alpha:
-        alpha = system.alpha[output][j]
-        before = w[place] + z[alpha] - w[y]
-        live.w[place] = before + live.w[y] - live.z[alpha]
-    start, stop, _ = system.blocks[j]
-    live.z[start:stop] = z[start:stop]

@@ -112,9 +112,6 @@ class LiveSystem:
         driven = tuple(design.label for design in designs if inputs and isinstance(design.form, Driven))
         numbers = _numbers(experiment, structure, truth.recorded, {}, driven)
         corrections = tuple(number for number, _, _ in structure.system.corrections)
-        jumping = [b.label for b in numbers.observers if isinstance(b.observer, SampledObserver)]
-        if jumping and len(outputs) > 1:
-            raise Problem(("observers", jumping[0]), "of a stream it can follow a single output")
         return cls(
             experiment=experiment,
             structure=structure,
@@ -177,8 +174,15 @@ class LiveSystem:
 
     @property
     def joint(self) -> bool:
-        """Whether samples of several outputs that are taken at one time correct an observer together."""
-        return any(stop - first > 1 for _, first, stop in self.structure.system.corrections)
+        """Whether samples of several outputs that are taken at one time enter an observer together."""
+        several = any(stop - first > 1 for _, first, stop in self.structure.system.corrections)
+        return several or (bool(self.steps) and len(self.outputs) > 1)
+
+    @property
+    def stepping(self) -> str:
+        """Labels of the observers that step from sample to sample."""
+        observers = self.experiment.observers.items()
+        return ", ".join(label for label, observer in observers if isinstance(observer, SampledObserver))
 
     @property
     def follows_states(self) -> bool:

@@ -80,9 +80,14 @@ def since(sampled: Sampled, times: Floats, *, before: bool = False) -> Floats:
 
 def settled(innovations: Floats) -> Floats:
     """Without those at the start, when the estimate is still on its way."""
-    sound = innovations[int(np.ceil(_SETTLED * innovations.size)) :]
+    sound = innovations[settled_from(innovations.size) :]
     finite = np.isfinite(sound)
     return sound if finite.all() else np.asarray(sound[finite])
+
+
+def settled_from(count: int) -> int:
+    """The first of so many innovations that is not of the start."""
+    return int(np.ceil(_SETTLED * count))
 
 
 def _defined(residuals: Floats, *, lost: bool) -> Floats:

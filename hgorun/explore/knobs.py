@@ -11,6 +11,7 @@ from hgorun.config.expressions import ExpressionError
 from hgorun.config.paths import at
 from hgorun.config.types import number
 from hgorun.errors import ConfigError
+from hgorun.explore.target import NONE, Plain, Target
 from hgorun.measurement.blocks import Availability, Measurement, Periodic, Phase
 from hgorun.noise.base import Noise, RandomNoise
 from hgorun.noise.expression import ExpressionNoise
@@ -21,31 +22,10 @@ from hgorun.observers.keys import Keys
 from hgorun.simulation.experiment import Experiment
 
 Scale = Literal["linear", "log", "integer"]
-Plain = bool | int | float | str | list[Any] | None
-
 _FACTOR = 10.0  # a value is varied between a tenth of that in the file and ten times that
 _MOST_FACTOR = 5.0  # of noise and of initial errors
 _SEEDS, _MORE = 100, 5  # seeds, and what a whole number grows by
 _ALWAYS = ("theta", "r", "poles")  # varied also where the file leaves them to their defaults
-
-
-@dataclass(frozen=True)
-class Target:
-    """What a knob sets in the file: ``offset + value * slope``, or that many times an expression, or poles."""
-
-    path: str
-    slope: float = 1.0
-    offset: float = 0.0
-    expression: str | None = None
-    poles: tuple[complex, ...] = ()
-
-    def value(self, value: float) -> Plain:
-        """What is written at the path."""
-        if self.expression is not None:
-            return f"{value!r}*({self.expression})"
-        if self.poles:
-            return [str(value * pole).strip("()") for pole in self.poles]
-        return self.offset + value * self.slope
 
 
 @dataclass(frozen=True)
@@ -81,13 +61,13 @@ class Knob:
     targets: tuple[Target, ...]
     unit: str = ""
 
-    def changes(self, value: float) -> dict[str, Plain]:
-        """What the configuration has by path when the knob has a value; nothing at the file's own."""
+    def changes(self, value: float, others: Mapping[str, Plain] = NONE) -> dict[str, Plain]:
+        """What the configuration has by path when the knob has a value, with that of others; nothing at the file's."""
         if value == self.start:
             return {}
         if self.scale == "integer":
             return {target.path: round(value) for target in self.targets}
-        return {target.path: target.value(value) for target in self.targets}
+        return {target.path: target.value(value, others.get(target.path)) for target in self.targets}
 
     def checked(self, value: object) -> float:
         """A value that has come from a page or an address; as in the file, it may be an expression of numbers.

@@ -40,6 +40,24 @@
     if (document.activeElement !== field(i)) field(i).value = text(value);
   }
 
+  // ---- groups that are folded at first: beside their names stands how many of their values are not the file's
+
+  const folds = [...document.querySelectorAll(".fold")].map((button) => {
+    const inside = byId(button.getAttribute("aria-controls"));
+    const own = [...inside.querySelectorAll("[data-knob]")].map((one) => knobs[one.dataset.knob]);
+    const open = (is) => { inside.hidden = !is; button.setAttribute("aria-expanded", String(is)); };
+    button.addEventListener("click", () => open(inside.hidden));
+    return { own, open, said: button.nextElementSibling };
+  });
+  function mark_folds(values, first) {
+    for (const { own, open, said } of folds) {
+      const moved = own.filter((knob) => values[knob.name] !== knob.start).length;
+      const words = moved ? `${moved} changed` : "";
+      if (said.textContent !== words) said.textContent = words;
+      if (first && moved) open(true);
+    }
+  }
+
   // ---- questions: one at a time; while a slider moves only the newest of its values waits
 
   function ask(question) {
@@ -88,6 +106,7 @@
     shown = told;
     const held = waiting.length > 0;
     knobs.forEach((knob, i) => { if (!held || document.activeElement !== slider(i)) show(i, told.values[knob.name]); });
+    mark_folds(told.values, question?.do === "begin");
     const fault = Boolean(told.error);
     knobs.forEach((knob, i) => field(i).setAttribute("aria-invalid", String(fault && question?.name === knob.name)));
     if ((fault || question?.typed) && question?.name !== undefined) {

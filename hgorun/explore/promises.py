@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
+from hgorun.analysis.convergence.premises import premises_of
+from hgorun.analysis.convergence.segments import compile_slopes
 from hgorun.analysis.convergence.theorem import transient_of
 from hgorun.analysis.finding import FINDINGS, Finding, Remarked
 from hgorun.analysis.reasons import NoValue, outcome, outcomes
@@ -48,6 +50,12 @@ def promise_of(subject: Subject) -> Promise:
     bounded = outcome(lambda: transient_of(subject))
     numbers, reasons = numbers_of(subject, AT_ONCE)
     return Promise(bounded.found, numbers, reasons, bounded.reason or "")
+
+
+def compile_theory(subject: Subject) -> bool:
+    """Compile what takes the theory of an observer most of its time; False: it is compiled, or has no theory."""
+    premises = outcome(lambda: premises_of(subject)).found
+    return premises is not None and compile_slopes(premises.chart)
 
 
 def numbers_of(subject: Subject, names: Sequence[str]) -> tuple[dict[str, dict[str, float]], dict[str, str]]:

@@ -16,7 +16,8 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench, Ready, Shown
 from hgorun.explore.knobs import Knob, knobs_of
-from hgorun.explore.promises import Promise, numbers_of, promise_of
+from hgorun.explore.plant_knobs import of_plant
+from hgorun.explore.promises import Promise, compile_theory, numbers_of, promise_of
 from hgorun.explore.state import State
 from hgorun.memo import Memo
 from hgorun.simulation.blocks import as_yaml
@@ -26,7 +27,9 @@ from hgorun.simulation.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
-_NEAR = 1, -1, 2
+_NEAR = 1, -1, 2  # steps of an order that are carried out before they are asked for
+_FAR = 10  # up to which they are compiled
+_AHEAD = *_NEAR, -2, *(sign * step for step in range(3, _FAR + 1) for sign in (1, -1))
 _PROMISES = 256  # that are kept: of an observer that has not changed nothing is computed again
 
 
@@ -58,29 +61,48 @@ class SimulatedBench(Bench):
     theory = True
 
     def _knobs(self) -> Sequence[Knob]:
-        return knobs_of(self.base)
+        return [*knobs_of(self.base), *of_plant(self.base)]
 
     def ready(self, state: State) -> Ready:
-        changes = state.changes(self.knobs)
-        experiment = self.base.varied(changes) if changes else self.base
-        run = prepare(experiment)
+        run = self._prepared(state)
+        experiment = run.experiment
         return Ready(
             self._known.compiled(run),
             lambda: Simulated(state, experiment.source, experiment, simulate_prepared(run, known=self._known), run),
         )
 
+    def _prepared(self, state: State) -> PreparedRun:
+        changes = state.changes(self.knobs)
+        return prepare(self.base.varied(changes) if changes else self.base)
+
     def look_ahead(self, shown: Shown) -> bool:
-        """Try an order that is near, where each is new code and another error of the theory; False: there is none."""
-        for step in _NEAR:
-            for knob in self.knobs.values():
+        """Compile something that may be asked for; False: there is nothing more.
+
+        At first what each observer needs to be integrated alone, and its theory; then orders, of which each is new
+        code: those that are near are carried out, beside what the theory says of them.
+        """
+        simulated = _of(shown)
+        if self._known.compile_next(simulated.run):
+            return True
+        if simulated.run.plant is self.base.plant and any(map(compile_theory, simulated.subjects.values())):
+            return True  # numbers of another plant are built into its theory
+        orders = [k for k in self.knobs.values() if k.scale == "integer" and k.group in shown.result.observers]
+        for step in _AHEAD:
+            for knob in orders:
                 value = shown.state.values.get(knob.name, knob.start) + step
-                new = (knob.name, value) not in self._tried and knob.low <= value <= knob.high
-                if new and knob.scale == "integer" and knob.group in shown.result.observers:
+                if (knob.name, value) not in self._tried and knob.low <= value <= knob.high:
                     self._tried.add((knob.name, value))
                     with suppress(HgorunError):  # it is told where it is asked for
-                        self.promise(self.shown(shown.state.with_value(knob, value)), knob.group)
+                        self._try(shown.state.with_value(knob, value), knob.group, near=step in _NEAR)
                     return True
         return False
+
+    def _try(self, state: State, label: str, *, near: bool) -> None:
+        """Carry out a state, or only compile what it needs."""
+        if near:
+            self.promise(self.shown(state), label)
+        else:
+            self._known.compile_next(self._prepared(state))
 
     def text(self, shown: Shown, target: Path) -> str:
         said = {key: part for key in ("title", "reference") if (part := shown.said.data.get(key))}

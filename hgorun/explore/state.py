@@ -8,7 +8,8 @@ from urllib.parse import parse_qsl, urlencode
 
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
-from hgorun.explore.knobs import Knob, Plain
+from hgorun.explore.knobs import Knob
+from hgorun.explore.target import Plain
 
 OFF = "off"
 _MOST_STEPS = 500  # that can be undone
@@ -50,7 +51,7 @@ class State:
         found: dict[str, Plain] = {}
         for name, value in self.values.items():
             if knobs[name].group not in self.off:
-                found |= knobs[name].changes(value)
+                found |= knobs[name].changes(value, found)
         return found | {f"observers.{label}": None for label in sorted(self.off)}
 
     def query(self) -> str:

@@ -24,7 +24,8 @@ from hgorun.explore.promises import AT_ONCE, LATER
 from hgorun.figures.page import dark
 
 _PLACES = 200  # of a slider: a step is a two-hundredth of its range
-_TOGETHER = {"measurement": "Measurement", "run": "Run"}
+_TOGETHER = {"measurement": "Measurement", "run": "Run", "plant": "Plant"}
+_FOLDED = {"plant"}  # groups that are opened by who wants them
 
 
 @dataclass(frozen=True)
@@ -170,6 +171,7 @@ def _words(key: str, bench: Bench, keeper: Keeper, base: Shown, looks: Any, name
             {
                 "name": _safe(name if look else _TOGETHER.get(name, name)),
                 "observer": look is not None,
+                "folded": look is None and name in _FOLDED,
                 "colour": look.colour if look else "",
                 "dark": to_hex(dark(look.colour)) if look else "",
                 "dashes": _dashes(look.dashes) if look else "",
@@ -205,7 +207,7 @@ def _words(key: str, bench: Bench, keeper: Keeper, base: Shown, looks: Any, name
 
 def _knob(number: int, knob: Knob) -> dict[str, Any]:
     whole = knob.scale == "integer"
-    whose = "" if knob.group in _TOGETHER else f" of {knob.group}"
+    whose = {**dict.fromkeys(_TOGETHER, ""), "plant": " of the plant"}.get(knob.group, f" of {knob.group}")
     return {
         "number": number,
         "label": _safe(knob.label),

@@ -100,7 +100,8 @@ def thinned(curve: Curve, limit: int = MAX_POINTS) -> Curve:
     if whole < len(starts):
         rest = v[whole * size :]
         picks.append([whole * size + int(rest.argmin()), whole * size + int(rest.argmax())])
-    keep = np.unique(np.concatenate(picks))
+    keep = np.zeros(len(t), dtype=bool)
+    keep[np.concatenate(picks)] = True
     return Curve(t[keep], v[keep])
 
 

@@ -125,10 +125,15 @@ def _legend(figure: Figure, axes: Sequence[Axes], title: str | None) -> Legend:
         )
         legend.get_title().set_multialignment("center")
         width = max(legend.get_window_extent().width, legend.get_title().get_window_extent().width)
-        if width <= room or (columns == 1 and limit <= _SHORTEST):
+        filled = -(-len(texts) // -(-len(texts) // columns)) if texts else 1  # as many rows, without one alone in a row
+        fits = width <= room or (columns == 1 and limit <= _SHORTEST)
+        if fits and filled == columns:
             return legend
         legend.remove()
-        columns, limit = (columns - 1, limit) if columns > 1 else (1, limit - 2)
+        if fits:
+            columns = filled
+        else:
+            columns, limit = (columns - 1, limit) if columns > 1 else (1, limit - 2)
 
 
 def _rank(text: str) -> int:

@@ -1,7 +1,8 @@
 """Colours, line styles and markers of a figure's observers.
 
 An observer has the look of its family in every figure of every file; only where two that look alike meet in one figure
-does the second one take another.
+does the second one take another. One that a figure shows of several runs has one colour in all of them, and the line
+styles are those of the runs.
 """
 
 from __future__ import annotations
@@ -78,6 +79,10 @@ class HasFamily(Protocol):
     @property
     def order(self) -> int: ...
     @property
+    def run(self) -> str: ...
+    @property
+    def label(self) -> str: ...
+    @property
     def type(self) -> str: ...
     @property
     def filter_order(self) -> int | None: ...
@@ -140,7 +145,8 @@ def looks(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> di
     -------
     dict of int to Look
         In a panel, colours differ for up to ten observers, line styles for up to five, and looks for up to
-        fifty. In the figure, so far as the styles suffice, equal looks have equal texts.
+        fifty. In the figure, so far as the styles suffice, equal looks have equal texts. An observer of up to five
+        runs has one colour, and these runs, if texts tell them apart, have one line style each.
     """
     colours = _colours(panels, texts)
     styles = _dashes(panels, colours, texts)
@@ -156,17 +162,53 @@ def _actors(panels: Sequence[Sequence[HasFamily]]) -> dict[int, HasFamily]:
 
 
 def _colours(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> dict[int, str]:
-    actors = _actors(panels)
+    actors, firsts = _actors(panels), _firsts(panels, texts)
     families = {a.order: (a.type, a.filter_order) for a in actors.values()}
     used = {family_colour(*family) for family in families.values()}
+    said: dict[int, set[str]] = {}
+    for order, first in firsts.items():
+        said.setdefault(first, set()).add(texts[order])
     chosen: dict[int, str] = {}
-    for order, beside in _neighbours(panels).items():
+    for order, beside in _neighbours([[actors[firsts[a.order]] for a in panel] for panel in panels]).items():
         taken = [chosen[other] for other in beside if other in chosen]
-        twins = [chosen[o] for o in chosen if texts[o] == texts[order] and families[o][0] == families[order][0]]
+        twins = [chosen[o] for o in chosen if said[o] & said[order] and families[o][0] == families[order][0]]
         wanted = [colour for colour in (*twins, family_colour(*families[order])) if colour not in taken]
         chosen[order] = wanted[0] if wanted else _first_free(used, taken)
         used.add(chosen[order])
-    return chosen
+    return {order: chosen[first] for order, first in firsts.items()}
+
+
+def _firsts(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> dict[int, int]:
+    """Where every observer stands first: its own place, or that in an earlier run.
+
+    Of more runs in one panel than there are line styles, and with one text for two of them, each has its own.
+    """
+    alike: dict[tuple[str, str, int | None], list[int]] = {}
+    for order, actor in sorted(_actors(panels).items()):
+        alike.setdefault((actor.label, actor.type, actor.filter_order), []).append(order)
+    one_colour = {
+        orders[0]: all(_told_apart([texts[a.order] for a in panel if a.order in orders]) for panel in panels)
+        for orders in alike.values()
+    }
+    return {order: orders[0] if one_colour[orders[0]] else order for orders in alike.values() for order in orders}
+
+
+def _told_apart(texts: Sequence[str]) -> bool:
+    """Whether line styles alone can tell so many lines of a panel apart, and a legend says which is which."""
+    return len(set(texts)) == len(texts) <= len(DASHES)
+
+
+def _styles_of_runs(
+    actors: Mapping[int, HasFamily], firsts: Mapping[int, int], texts: Mapping[int, str]
+) -> dict[str, int]:
+    """The line styles of runs that show one observer, if its texts tell them apart; none of too many runs."""
+    several = [
+        o
+        for o, first in sorted(firsts.items())
+        if any(texts[o] != texts[other] for other, its in firsts.items() if its == first)
+    ]
+    runs = list(dict.fromkeys(actors[o].run for o in several))
+    return {run: style for style, run in enumerate(runs)} if len(runs) <= len(DASHES) else {}
 
 
 def _first_free(used: set[str], beside: Sequence[str]) -> str:
@@ -178,15 +220,17 @@ def _first_free(used: set[str], beside: Sequence[str]) -> str:
 def _dashes(
     panels: Sequence[Sequence[HasFamily]], colours: Mapping[int, str], texts: Mapping[int, str]
 ) -> dict[int, int]:
-    """Line styles: the family's own, unless one of the same colour has it that is to be told from it.
+    """Line styles: the run's or the family's own, unless one of the same colour has it that is to be told from it.
 
     Those without the colour of their family take one that is rare beside them.
     """
     actors = _actors(panels)
+    runs = _styles_of_runs(actors, _firsts(panels, texts), texts)
     chosen: dict[int, int] = {}
     for order, beside in _neighbours(panels).items():
         colour, own = _family(actors[order].type, actors[order].filter_order)
-        at_home = colours[order] == colour
+        own = runs.get(actors[order].run, own)
+        at_home = colours[order] == colour or actors[order].run in runs
         alike = [o for o in chosen if colours[o] == colours[order]]
         twins = {chosen[o] for o in alike if texts[o] == texts[order]}
         confused = {chosen[o] for o in alike if texts[o] != texts[order] or o in beside}

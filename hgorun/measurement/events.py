@@ -102,7 +102,8 @@ _FOUND: Memo[Irregular] = Memo(32)
 
 def infinite(when: float) -> str:
     """What is said of a function of time that has no finite value at some time."""
-    return f"this is not finite at t = {when:.12g}: it has a pole or no real value there"
+    near = when if abs(when) >= np.finfo(float).tiny else 0.0  # the smallest numbers behind a pole at 0
+    return f"this is not finite at t = {near:.12g}: it has a pole or no real value there"
 
 
 def not_followed(what: str, lost: tuple[tuple[float, float], ...], origin: float) -> str:

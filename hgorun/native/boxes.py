@@ -72,7 +72,7 @@ def _function(name: str, declarations: set[str]) -> str:
     groups = f.scalar("sdiv", f.scalar("add", "%n", str(LEAST - 1)), str(LEAST))
     with f.count(0, groups) as group:
         place = f.let(f"call i64 @llvm.smin.i64(i64 {f.scalar('mul', group, str(LEAST))}, i64 {last})")
-        low, high = _OPERATIONS[name](f, *[f.load(f.at(x, place), f.real) for x in pointers])
+        low, high = OPERATIONS[name](f, *[f.load(f.at(x, place), f.real) for x in pointers])
         f.store(low, f.at("%low", place), f.real)
         f.store(high, f.at("%high", place), f.real)
     f.do("ret void")
@@ -135,7 +135,7 @@ def _inverse(f: Block, a: str, b: str) -> tuple[str, str]:
     return below, above
 
 
-_OPERATIONS: dict[str, Callable[..., tuple[str, str]]] = {
+OPERATIONS: dict[str, Callable[..., tuple[str, str]]] = {  # what they emit of the bounds of their arguments
     "outward_1": _outward,
     "outward_2": lambda f, low, high: _outward(f, low, high, 2),
     "outward_4": lambda f, low, high: _outward(f, low, high, 4),

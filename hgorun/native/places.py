@@ -56,9 +56,10 @@ def _walked(
     name: str, ascending: np.ndarray, sought: np.ndarray, found: np.ndarray, side: Literal["left", "right"]
 ) -> bool:
     """Whether machine code has found what is sought."""
-    doubles = ascending.dtype == float == sought.dtype and ascending.flags.c_contiguous and sought.flags.c_contiguous
+    doubles = ascending.dtype == float == sought.dtype and ascending.flags.c_contiguous
     if sought.size < _FEW or not doubles:
         return False
+    sought = np.ascontiguousarray(sought)  # every so many samples are not
     first = int(np.searchsorted(ascending, sought[0], side=side))
     numbers = (ascending.size, sought.size, first, _WALKED * sought.size)
     return _passes(name, (ascending, sought, found), numbers) == sought.size

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from hgorun.config.reading import read_source
+
 
 def folder(name: str = "experiments") -> Path:
     """Beside the package in a checkout, inside it in an installation."""
@@ -26,6 +28,21 @@ def experiments() -> dict[str, Path]:
 def is_shipped(path: Path) -> bool:
     """Whether a file is one of the experiments that come with hgorun, and not a copy."""
     return path.resolve().is_relative_to(folder().resolve())
+
+
+def drawing_figure(name: str) -> list[str]:
+    """The experiments that draw a figure, called as ``hgorun figures`` calls it: ``3.10`` or ``lee2016/1``."""
+    *group, figure = name.split("/")
+    return [
+        path
+        for path, file in experiments().items()
+        if (not group or group == [path.split("/")[0]]) and figure in _figures(file)
+    ]
+
+
+def _figures(file: Path) -> list[str]:
+    _, source = read_source(file)
+    return list(source.data.get("figures") or ())
 
 
 def examples() -> dict[str, tuple[Path, ...]]:

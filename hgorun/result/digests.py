@@ -12,6 +12,8 @@ from hashlib import sha256
 import h5py
 import numpy as np
 
+from hgorun.native.rows import copied
+
 ATTRIBUTE = "sha256"
 _LEFT_OUT = {ATTRIBUTE, "created"}  # equal results are equal files but for the time
 
@@ -23,7 +25,8 @@ def of_numbers(values: np.ndarray) -> str:
 
 def little(values: np.ndarray) -> np.ndarray:
     """An array as its digest takes it: little-endian, row after row."""
-    return np.ascontiguousarray(values, dtype=values.dtype.newbyteorder("<"))
+    in_one_piece = values if values.flags.c_contiguous else copied(values)
+    return np.ascontiguousarray(in_one_piece, dtype=values.dtype.newbyteorder("<"))
 
 
 def of_names(names: Sequence[str]) -> str:

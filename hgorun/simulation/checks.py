@@ -14,11 +14,9 @@ from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
-from hgorun.simulation.overflow import moderate, overflow
-from hgorun.simulation.plant_alone import divided_by_zero
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.start import check_start
 from hgorun.simulation.steps import counted_steps, steps_between
-from hgorun.symbolic.evaluate import roughly_at
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
 _OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the step
@@ -263,63 +261,3 @@ def _check_schedules(run: PreparedRun, times: np.ndarray) -> None:
                 inside = problem.path[:1] != ("measurement",)
                 path = ("observers", b.label, *problem.path) if inside else problem.path
                 raise Problem(path, problem.message) from problem
-
-
-def _held_at_start(run: PreparedRun) -> np.ndarray:
-    """The vector w as if every output had just been measured."""
-    system, layout = run.structure.system, run.structure.system.held
-    held = np.zeros(layout.size)
-    (channels,) = roughly_at(system.channels, run.time.start, run.numbers.p, run.numbers.z0, held)
-    for i in range(system.outputs):
-        first, output = i * system.width, layout.output(i)
-        held[layout.previous(i)] = channels[first]
-        held[output : output + system.width] = channels[first : first + system.width]
-    held[layout.interval] = 1.0
-    return held
-
-
-def _rates(run: PreparedRun, parameters: np.ndarray, z: np.ndarray) -> np.ndarray:
-    """The right-hand sides at the start."""
-    flow = run.structure.system.regimes[0].flow
-    (rates,) = roughly_at(flow, run.time.start, parameters, z, _held_at_start(run))
-    return np.asarray(rates)
-
-
-def check_start(run: PreparedRun) -> None:
-    """The right-hand sides must be numbers at the start."""
-    system, numbers = run.structure.system, run.numbers
-    sound = np.isfinite(_rates(run, numbers.p, numbers.z0))
-    if sound.all():
-        return
-    bad = np.flatnonzero(~sound[: system.plant_states])
-    if bad.size:
-        if bad[0] >= run.plant.model.n:
-            raise Problem(
-                ("controller",), "what its law or its cost gives is not a finite number at the start of the run"
-            )
-        name = run.plant.model.states[int(bad[0])]
-        path = ("plant", *run.plant.block.place_of(name))
-        if (why := divided_by_zero(run.plant, path)) is not None:
-            raise Problem(path, why)
-        raise Problem(path, f"the right-hand side of {name} is not a finite number at the start of the run")
-    for b, (first, *_) in zip(numbers.observers, system.blocks, strict=True):
-        if not sound[first : b.start].all():
-            raise Problem(
-                ("observers", b.label),
-                "at its initial estimate the controller's law is not a finite number; set it with initial",
-            )
-        if not sound[b.start : b.end].all():
-            beyond = overflow(b.label, b.observer)
-            if (
-                beyond is not None
-                and np.isfinite(_rates(run, moderate(numbers.p), moderate(numbers.z0))[b.start : b.end]).all()
-            ):
-                raise beyond
-            internal = ", ".join(name for name in b.states if name not in ("xhat", "alpha"))
-            raise Problem(
-                ("observers", b.label),
-                "the observer's right-hand side is not a finite number at the start of the run: its "
-                "initial estimate"
-                + (f" or its internal state ({internal})" if internal else "")
-                + " lies where the equations are singular; set them with initial and internal",
-            )

@@ -17,6 +17,7 @@ from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.observers.capabilities import Switching
 from hgorun.result.estimated import Estimated
 from hgorun.result.status import OK, Verdict
+from hgorun.simulation.following import ends, may_not_follow, near, no_longer_follows
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import estimates_near, left_for_good, may_have_left, swamped
@@ -148,7 +149,7 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
     left = _left(run, raw, j, xhat)
     overflow = float(raw.diverged[j, 0])
     if left is None and not np.isfinite(overflow):
-        return _chatter(run, raw, j, xhat) or of_estimate(run, raw, j, xhat)
+        return _chatter(run, raw, j, xhat) or no_longer_follows(run, raw, j, xhat) or of_estimate(run, raw, j, xhat)
     missing = np.flatnonzero(~np.all(np.isfinite(xhat), axis=1))
     if left is not None and (not missing.size or left < missing[0]):
         return Verdict("diverged", float(run.grid[left]))
@@ -196,24 +197,25 @@ def suspects_of(run: PreparedRun, raw: Raw) -> list[int]:
     """The observers that were given up, or whose estimates may have left for good."""
     if not run.observers:
         return []
-    ends, structure = [0, -1], run.structure
-    rows = raw.rows[ends, :, 0]
-    estimates = structure.estimates_along(run.grid[ends], run.numbers.p, rows)
+    points, structure = ends(run.grid.size), run.structure
+    rows = raw.rows[points, :, 0]
+    estimates = structure.estimates_along(run.grid[points], run.numbers.p, rows)
     truths = Estimated(rows, structure.truths)
     driven = Estimated.same(rows[:, : run.plant.model.n], len(run.observers))
-    given_up = [at < np.inf for at in raw.diverged[:, 0].tolist()]
-    near = estimates_near(truths, estimates) and (not run.closed or estimates_near(driven, truths))
-    if not any(given_up) and near:
-        return []
-    left = may_have_left(_stacked(truths), _stacked(estimates))
+    suspect = [at < np.inf for at in raw.diverged[:, 0].tolist()]
+    if not near(run, truths, estimates):
+        suspect = [lost or may_not_follow(run, points, rows, j, estimates.of(j)) for j, lost in enumerate(suspect)]
+    if estimates_near(truths, estimates) and (not run.closed or estimates_near(driven, truths)):
+        return np.flatnonzero(suspect).tolist()
+    left = may_have_left(_ends(truths), _ends(estimates))
     if run.closed:
-        left |= may_have_left(_stacked(driven), _stacked(truths))
-    return np.flatnonzero(left | np.isfinite(raw.diverged[:, 0])).tolist()
+        left |= may_have_left(_ends(driven), _ends(truths))
+    return np.flatnonzero(left | suspect).tolist()
 
 
-def _stacked(of: Estimated) -> Floats:
-    """Shape (Nt, n, m)."""
-    return of.stack().swapaxes(1, 2)
+def _ends(of: Estimated) -> Floats:
+    """At the first and the last point, shape (2, n, m)."""
+    return of.stack()[[0, -1]].swapaxes(1, 2)
 
 
 def _left(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> int | None:

@@ -20,6 +20,9 @@ from hgorun.simulation.structure import structure_of
 _OBSERVERS = 16  # that are kept, with the arrays of the runs that they were in
 
 
+Apart = dict[str, tuple[Hashable, PreparedRun]]  # by observer, which is alone in its run
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class _Carried:
     """An observer in the arrays of a run."""
@@ -40,6 +43,7 @@ class Known:
     """Truths and estimates of runs before, every observer's for itself."""
 
     _kept: Memo[_Carried] = field(default_factory=lambda: Memo(_OBSERVERS))
+    _parts: Memo[Apart] = field(default_factory=lambda: Memo(1))  # of a run that is looked at first, then carried out
 
     def integrate(self, run: PreparedRun, how: Pass) -> Raw:
         """As :func:`hgorun.simulation.passes.integrate`, to the last bit.
@@ -51,7 +55,7 @@ class Known:
         """
         if not _separable(run, how):
             return integrate(run, how)
-        apart = _apart(run, how)
+        apart = self._apart(run, how)
         if any(key in self._kept for key, _ in apart.values()):
             return _joined(run, [self._carried(key, own, how, label) for label, (key, own) in apart.items()])
         raw = integrate(run, how)
@@ -62,11 +66,26 @@ class Known:
     def compiled(self, run: PreparedRun) -> bool:
         """Whether a run can be integrated without new code."""
         how = as_given(run)
-        if run.structure.compiled or not _separable(run, how):
+        if not _separable(run, how):
             return run.structure.compiled
-        apart = _apart(run, how).values()
+        apart = self._apart(run, how).values()
         missing = [own for key, own in apart if key not in self._kept]
-        return len(missing) < len(apart) and all(own.structure.compiled for own in missing)
+        if len(missing) == len(apart):
+            return run.structure.compiled
+        return all(own.structure.compiled for own in missing)
+
+    def compile_next(self, run: PreparedRun) -> bool:
+        """Compile what an observer of a run needs to be integrated alone; whether there was one that lacked it."""
+        how = as_given(run)
+        if not _separable(run, how):
+            return False
+        missing = next((own for _, own in self._apart(run, how).values() if not own.structure.compiled), None)
+        if missing is not None:
+            missing.structure.program(how.method)
+        return missing is not None
+
+    def _apart(self, run: PreparedRun, how: Pass) -> Apart:
+        return self._parts.get((same(run), *_steps(how)), lambda: _apart(run, how))
 
     def _carried(self, key: Hashable, own: PreparedRun, how: Pass, label: str) -> _Carried:
         return self._kept.get(key, lambda: _Carried.of(own, integrate(own, how), label))
@@ -77,7 +96,7 @@ def _separable(run: PreparedRun, how: Pass) -> bool:
     return how.tolerance is None and not run.closed and not run.treatments and bool(run.observers)
 
 
-def _apart(run: PreparedRun, how: Pass) -> dict[str, tuple[Hashable, PreparedRun]]:
+def _apart(run: PreparedRun, how: Pass) -> Apart:
     """Every observer alone with the plant, and the key of its numbers."""
     alone = {block.label: _alone(run, block.label) for block in run.observers}
     return {label: (_key(own, how), own) for label, own in alone.items()}
@@ -95,8 +114,11 @@ def _key(own: PreparedRun, how: Pass) -> Hashable:
     """All that the numbers of an observer follow from, which is alone with its plant: code, numbers and events."""
     numbers = own.numbers.p.tobytes(), own.numbers.z0.tobytes()
     events = same(own.schedule), same(own.channels), same(own.grid), own.smallest_delay, own.reach, own.origin
-    steps = how.method, how.step, how.uneven, how.bounded, own.solver.divergence
-    return same(own.structure), numbers, events, steps
+    return same(own.structure), numbers, events, *_steps(how), own.solver.divergence
+
+
+def _steps(how: Pass) -> tuple[Hashable, ...]:
+    return how.method, how.step, how.uneven, how.bounded
 
 
 def _joined(run: PreparedRun, parts: Sequence[_Carried]) -> Raw:

@@ -13,6 +13,7 @@ import numpy as np
 
 from hgorun.native.compiler import NativeModule, address_of
 from hgorun.native.ir import Function
+from hgorun.native.passes import Passes
 
 # What the code takes: addresses, numbers, and in the last word a double.
 _ARRAYS = ("events", "inward", "variant", "places", "grid", "spans", "counts")
@@ -61,6 +62,26 @@ def segment_rows(
     taken = (ctypes.c_int64 * (len(_ARRAYS) + len(_NUMBERS)))(*addresses, *numbers)
     _code().run(ctypes.addressof(taken), longest)
     return spans, counts
+
+
+def cut_rows(
+    spans: np.ndarray, counts: np.ndarray, before: np.ndarray, after: np.ndarray, part: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Every segment of a plan as two, see :func:`~hgorun.simulation.steps.unevenly`.
+
+    Parameters
+    ----------
+    spans : ndarray, shape (N, 4)
+    counts : ndarray of int64, shape (N, 7)
+    before, after : ndarray of int64, shape (N,)
+        Steps of the two.
+    part : float
+        Of each segment, before its cut.
+    """
+    rows = len(spans)
+    found = np.empty((2 * rows, _SPAN)), np.empty((2 * rows, _COUNT), dtype=np.int64)
+    _cutting("cut", [*map(np.ascontiguousarray, (spans, counts, before, after)), *found], (rows,), part)
+    return found
 
 
 class _Code:
@@ -132,3 +153,27 @@ def _behind(f: Function, place: str, grid: str, start: str) -> str:
         point = f.word(grid, f.scalar("sub", here, "1"), "double")
         f.store(f.let(f"zext i1 {f.test('ogt', point, start)} to i64"), found, "i64")
     return f.load(found, "i64")
+
+
+def _cut(f: Function) -> None:
+    spans, counts, before, after, cut_spans, cut_counts = (f.word("%taken", i, "ptr") for i in range(6))
+    with f.count(0, f.word("%taken", 6)) as k:
+        row = f.at(spans, f.scalar("mul", k, str(_SPAN)))
+        start, end, inside, until = (f.word(row, i, "double") for i in range(_SPAN))
+        cut = f.add(start, f.mul("%real", f.sub(end, start)))
+        cut = f.select(f.compare("olt", cut, inside), inside, cut)  # not outside of where functions are evaluated
+        cut = f.select(f.compare("ogt", cut, until), until, cut)
+        row = f.at(cut_spans, f.scalar("mul", k, str(2 * _SPAN)))
+        for i, time in enumerate((start, cut, inside, cut, cut, end, cut, until)):
+            f.store(time, f.at(row, i))
+        row = f.at(counts, f.scalar("mul", k, str(_COUNT)))
+        regime, first, last = (f.word(row, i) for i in (3, 4, 5))
+        row = f.at(cut_counts, f.scalar("mul", k, str(2 * _COUNT)))
+        steps = [f.word(of, k) for of in (before, after)]
+        own = [(steps[0], "0", steps[0], regime, first, last, "1"), (steps[1], "0", steps[1], regime, last, last, "1")]
+        for i, count in enumerate([*own[0], *own[1]]):  # nothing happens at the cut
+            f.store(count, f.at(row, i), "i64")
+    f.do("ret i64 0")
+
+
+_cutting = Passes({"cut": _cut})

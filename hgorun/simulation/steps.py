@@ -12,6 +12,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.long import AnySchedule
 from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
+from hgorun.simulation.segment_rows import cut_rows
 from hgorun.symbolic.levels import distinct
 
 _PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
@@ -165,15 +166,7 @@ def unevenly(spans: np.ndarray, counts: np.ndarray, ratio: float) -> tuple[np.nd
     Two runs with even steps share the zeros of many a sinusoid, whatever the numbers of their steps.
     """
     before, after = _cut(uneven_steps(counts[:, 0], ratio))
-    cut = spans[:, 0] + _PART * (spans[:, 1] - spans[:, 0])
-    cut = np.clip(cut, spans[:, 2], spans[:, 3])  # not outside of where functions of time are evaluated
-    split_spans, split_counts = np.repeat(spans, 2, axis=0), np.repeat(counts, 2, axis=0)
-    split_spans[::2, 1] = split_spans[::2, 3] = split_spans[1::2, 0] = split_spans[1::2, 2] = cut
-    split_counts[::2, 0] = split_counts[::2, 2] = before
-    split_counts[1::2, 0] = split_counts[1::2, 2] = after
-    split_counts[1::2, 4] = split_counts[1::2, 5]  # nothing happens at the cut
-    split_counts[:, 6] = 1
-    return split_spans, split_counts
+    return cut_rows(spans, counts, before, after, _PART)
 
 
 def steps_of_a_piece(total: int) -> int:

@@ -139,7 +139,7 @@ class Structure:
 
 
 _STRUCTURES: Memo[list[Structure]] = Memo(32)
-_BUCKET = 8  # structures of one key, which differ in keys that the observers' equations read
+_BUCKET = 16  # structures of one key, which differ in keys that the observers' equations read; the last used ones
 
 
 def structure_of(
@@ -178,6 +178,7 @@ def structure_of(
     observers = [d.observer for d in chain(*designs)]
     for structure in bucket:
         if all(structure.holds_for(place, observer) for place, observer in enumerate(observers)):
+            bucket[:] = [*(other for other in bucket if other is not structure), structure]
             return structure
     reads = [Reads(observer) for observer in observers]
     structure = _build(truths, designs, reads, stretches, variants, parameters, innovations)

@@ -6,6 +6,9 @@ an output with noise) the error must also be a thousand times what it is in the 
 that rests at zero and is estimated so at the start, only the errors tell the size: a million times the quietest, and
 larger than in the first tenth, since errors that fade end in rounding, which may be far above their smallest. An
 estimate that peaks and comes back is not lost.
+
+An observer goes astray where its estimate of an output is off in the last tenth of the run by more than twice what the
+output, its noise and the first error are at most, see :mod:`hgorun.simulation.following`.
 """
 
 from __future__ import annotations
@@ -20,6 +23,8 @@ _FAR = 1e6  # times the size of the state
 _GROWN = 1e3  # times the smallest errors of the run
 _ROUNDING = 1e-9  # times the largest state: one that is smaller all along may be rounding
 _SMALLEST = 0.1  # of the points: those with the smallest errors
+_LATE = 0.1  # of the points: the last
+_ASTRAY = 2.0  # times the size of an output: twice is as far as two estimates of one size can be from each other
 
 
 def left_for_good(x: Floats, xhat: Floats) -> int | None:
@@ -64,9 +69,60 @@ def swamped(x: Floats, xhat: Floats) -> int | None:
 
     It need not have left: an error that is as large from the first step on is of an observer that chatters so.
     """
-    size, late = np.max(np.abs(x), axis=0), slice(-max(len(x) // 10, 1), None)
+    size, late = np.max(np.abs(x), axis=0), late_points(len(x))
     beyond = (np.max(_gap(x[late], xhat[late]), axis=0) > _FAR * size) & (size > _ROUNDING * np.max(size))
     return int(np.argmax(beyond)) if np.any(beyond) else None
+
+
+def late_points(count: int) -> slice:
+    """The last of so many points."""
+    return slice(count - max(int(_LATE * count), 1), count)
+
+
+@np.errstate(over="ignore")
+def astray(y: Floats, yhat: Floats, noise: Floats) -> tuple[int, int] | None:
+    """The output that an observer does not follow, and the first of the points from which on it does not.
+
+    Parameters
+    ----------
+    y, yhat : ndarray, shape (N, q)
+        The outputs without noise, and as they are estimated.
+    noise : ndarray, shape (q,)
+        How large it is, at most.
+
+    Returns
+    -------
+    (int, int) or None
+        None where it follows all of them. An output that is zero and has no noise says nothing.
+    """
+    gap = _gap(y, yhat)
+    size = np.maximum(np.max(np.abs(y), axis=0) + noise, np.where(np.isfinite(gap[0]), gap[0], 0.0))
+    beyond = (gap > _ASTRAY * size) & (size > 0)
+    lost = np.any(beyond[late_points(len(y))], axis=0)
+    if not np.any(lost):
+        return None
+    output = int(np.argmax(lost))
+    points = np.flatnonzero(beyond[:, output])
+    quiet = np.flatnonzero(np.diff(points) > max(int(_LATE * len(y)), 1))  # it may have followed in between
+    return output, int(points[quiet[-1] + 1] if quiet.size else points[0])
+
+
+@np.errstate(over="ignore")
+def may_be_astray(y: Floats, yhat: Floats) -> NDArray[np.bool_]:
+    """Whether an observer may have gone astray, from the first point and those at the end, whatever the noise is.
+
+    Parameters
+    ----------
+    y, yhat : ndarray, shape (points, q, ...)
+        The first point, and then the last ones.
+
+    Returns
+    -------
+    ndarray of bool, shape (...)
+    """
+    gap = _gap(y, yhat)
+    size = np.maximum(np.max(np.abs(y), axis=0), np.where(np.isfinite(gap[0]), gap[0], 0.0))
+    return np.asarray(np.any((np.max(gap[1:], axis=0) > _ASTRAY * size) & (size > 0), axis=0))
 
 
 def estimates_near(truths: Estimated, estimated: Estimated) -> bool:

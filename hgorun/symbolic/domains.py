@@ -71,6 +71,43 @@ def first_undefined(
     return found
 
 
+# What is told of operations whose result may be too large.
+_GROWING = {
+    ca.OP_EXP: "exp", ca.OP_SINH: "sinh", ca.OP_COSH: "cosh", ca.OP_MUL: "a product", ca.OP_SQ: "a square",
+    ca.OP_TWICE: "a product", ca.OP_DIV: "a quotient", ca.OP_INV: "a quotient", ca.OP_ADD: "a sum",
+    ca.OP_SUB: "a difference", ca.OP_POW: "a power", ca.OP_CONSTPOW: "a power",
+}  # fmt: skip
+
+
+def too_large(expression: ca.SX, symbols: Sequence[ca.SX], numbers: Sequence[Floats]) -> str | None:
+    """The first operation of an expression whose result overflows, in words: ``exp of 1000 is larger than ...``.
+
+    Parameters
+    ----------
+    expression, symbols, numbers
+        As of :func:`first_undefined`.
+
+    Returns
+    -------
+    str or None
+        None where none does.
+    """
+    nodes = list(operations([expression]))
+    if not nodes:
+        return None
+    flat = ca.vertcat(*[part for node in nodes for part in (node, *arguments(node))])
+    with np.errstate(over="ignore", invalid="ignore"):
+        (values,) = at(ca.Function("values", list(symbols), [ca.densify(flat)]), *numbers)
+    place, found = 0, None
+    for node in nodes:  # from the last one back: the first in the order of computing stays
+        result, *given = values[place : place + 1 + node.n_dep()]
+        place += 1 + node.n_dep()
+        if np.isinf(result) and np.all(np.isfinite(given)) and node.op() in _GROWING:
+            of = " and ".join(f"{value:.6g}" for value in given)
+            found = f"{_GROWING[node.op()]} of {of} is larger than numbers can be"
+    return found
+
+
 def _argument(
     expression: ca.SX, symbols: Sequence[ca.SX], numbers: Sequence[Floats], names: Sequence[tuple[ca.SX, str]]
 ) -> str:

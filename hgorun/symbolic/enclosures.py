@@ -9,9 +9,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hgorun.native.boxes import LEAST
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.instructions import Instruction, read
 from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.segment_means import SegmentMeans, can_be_compiled
 
 _SLICES, _NARROWINGS = 256, 9  # to the last bit of 64
 
@@ -27,6 +29,7 @@ class Enclosure:
     """
 
     function: ca.Function
+    _compiled: list[SegmentMeans] = field(default_factory=list)  # one, or none
     _poles: list[np.ndarray] = field(default_factory=list)  # points that have no bound, as far as they are known
 
     def has_pole(self, low: np.ndarray, high: np.ndarray) -> bool:
@@ -51,7 +54,7 @@ class Enclosure:
                 return
 
     @cached_property
-    def _instructions(self) -> list[Instruction]:
+    def instructions(self) -> list[Instruction]:
         """Read once for all boxes."""
         return read(self.function)
 
@@ -62,8 +65,19 @@ class Enclosure:
         found[list(self.function.jac_sparsity(0, 0).get_col())] = True
         return found
 
+    def compile(self) -> None:
+        """Have :meth:`each` take a compiled loop, where the function's operations are known to it: the same bits."""
+        if not self._compiled and can_be_compiled(self.instructions):
+            function = self.function
+            self._compiled.append(SegmentMeans(self.instructions, 0, function.numel_in(0), function.numel_out(0), 1))
+
     def each(self, low: np.ndarray, high: np.ndarray) -> Bounds:
         """Bounds (M, m) of the m values on M boxes with corners low and high, shapes (M, d)."""
+        for compiled in self._compiled:
+            count = len(low)
+            rows = np.hstack([low, high])[np.minimum(np.arange(max(count, LEAST)), count - 1)]
+            below, above = compiled(rows.T)
+            return below[:count], above[:count]
         found = self.columns(list(zip(low.T, high.T, strict=True)))
         sides = tuple(np.zeros((low.shape[0], len(found))) for _ in range(2))
         for column, bounds in enumerate(found):
@@ -73,7 +87,7 @@ class Enclosure:
 
     def columns(self, box: Sequence[Bounds]) -> list[Bounds]:
         """Bounds of the m values, each of the shape that those of the vector's entries have together."""
-        (found,) = enclose(self.function, lambda _, column: box[column], instructions=self._instructions)
+        (found,) = enclose(self.function, lambda _, column: box[column], instructions=self.instructions)
         return found
 
     def __call__(self, low: np.ndarray, high: np.ndarray) -> Bounds:

@@ -99,7 +99,7 @@ def _absolute(a: Bounds) -> Bounds:
     return np.where(across, 0.0, np.minimum(np.abs(a[0]), np.abs(a[1]))), np.maximum(np.abs(a[0]), np.abs(a[1]))
 
 
-def _increasing(name: str, low: float = -np.inf, high: float = np.inf) -> Operation:
+def _increasing(name: str, low: float, high: float) -> Operation:
     """An increasing function with values in [low, high]; nothing is known where it is not defined."""
 
     def bounds(a: Bounds) -> Bounds:
@@ -148,10 +148,15 @@ def _tangent(a: Bounds) -> Bounds:
     return np.where(pole, -np.inf, low), np.where(pole, np.inf, high)
 
 
+def whole_exponent(exponent: float) -> bool:
+    """Whether a power is a product of so many factors."""
+    return exponent == np.round(exponent) and abs(exponent) < 64
+
+
 def _power(a: Bounds, b: Bounds) -> Bounds:
     """a^b: whole constant exponents exactly, others by exp(b log a) where a > 0."""
     exponent = float(b[0].flat[0])
-    if np.all(b[0] == exponent) and np.all(b[1] == exponent) and exponent == round(exponent) and abs(exponent) < 64:
+    if np.all(b[0] == exponent) and np.all(b[1] == exponent) and whole_exponent(exponent):
         base = _inverse(a) if exponent < 0 else a
         result: Bounds = (np.ones_like(base[0]), np.ones_like(base[1]))
         for _ in range(abs(int(exponent)) // 2):
@@ -212,7 +217,20 @@ def _plain(function: Callable[[np.ndarray], np.ndarray]) -> Operation:
     return lambda a: (function(a[0]), function(a[1]))
 
 
+INCREASING: dict[int, tuple[str, float, float]] = {
+    ca.OP_EXP: ("exp", 0.0, np.inf),
+    ca.OP_LOG: ("log", -np.inf, np.inf),
+    ca.OP_EXPM1: ("expm1", -1.0, np.inf),
+    ca.OP_LOG1P: ("log1p", -np.inf, np.inf),
+    ca.OP_ASIN: ("asin", -np.inf, np.inf),
+    ca.OP_ATAN: ("atan", -np.inf, np.inf),
+    ca.OP_SINH: ("sinh", -np.inf, np.inf),
+    ca.OP_TANH: ("tanh", -1.0, 1.0),
+}
+"""Elementary functions, and between what their values lie."""
+
 _LIBRARY: dict[int, Operation] = {
+    **{op: _increasing(*function) for op, function in INCREASING.items()},
     ca.OP_ASSIGN: lambda a: a,
     ca.OP_ADD: _add,
     ca.OP_SUB: _subtract,
@@ -223,20 +241,12 @@ _LIBRARY: dict[int, Operation] = {
     ca.OP_TWICE: lambda a: (2 * a[0], 2 * a[1]),
     ca.OP_SQ: _square,
     ca.OP_SQRT: _root,
-    ca.OP_EXP: _increasing("exp", 0.0),
-    ca.OP_LOG: _increasing("log"),
-    ca.OP_EXPM1: _increasing("expm1", -1.0),
-    ca.OP_LOG1P: _increasing("log1p"),
     ca.OP_SIN: _sine,
     ca.OP_COS: _cosine,
     ca.OP_TAN: _tangent,
-    ca.OP_ASIN: _increasing("asin"),
     ca.OP_ACOS: lambda a: _add((np.full_like(a[0], np.pi / 2),) * 2, _negative(_LIBRARY[ca.OP_ASIN](a))),
-    ca.OP_ATAN: _increasing("atan"),
     ca.OP_ATAN2: _angle,
-    ca.OP_SINH: _increasing("sinh"),
     ca.OP_COSH: _cosh,
-    ca.OP_TANH: _increasing("tanh", -1.0, 1.0),
     ca.OP_POW: _power,
     ca.OP_CONSTPOW: _power,
     ca.OP_FABS: _absolute,

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.result.result import Result
+from hgorun.result.run_names import run_names
 from hgorun.tables.layout import number
 from hgorun.tables.rows import NEVER, metrics_of, rows_of, states_of
 from hgorun.tables.typeset import latex_words, symbol
@@ -19,8 +20,9 @@ _PAGE = 6  # numbers side by side on a page
 def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> str:
     r"""A ``tabular`` for a document that loads the package booktabs.
 
-    The best number of every column is bold: the smallest, for tv the nearest to 1. Metrics that do not fit
-    side by side follow below each other; observers that are not ok are named at the end.
+    The best number of every column is bold, in every run, since runs may be measured otherwise: the smallest, for tv
+    the nearest to 1. Metrics that do not fit side by side follow below each other; observers that are not ok are named
+    at the end, as are units that differ among the runs.
 
     Parameters
     ----------
@@ -29,8 +31,8 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         Which, in this order; all by default.
     """
     rows, states = rows_of(results), states_of(results)
-    stated = {name: text for result in reversed(results) for name, text in result.units.items()}
-    units = stated if any(stated.get(state) for state in states) else {}
+    stated = _stated(results)
+    units = {name: next(iter(texts)) for name, texts in stated.items() if len(texts) == 1}
     known = metrics_of(rows)
     chosen = [metric for metric in (known if metrics is None else metrics) if metric in known]
     at_once = max(_PAGE // max(len(states), 1), 1)
@@ -46,17 +48,34 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
             for metric in block
             for s in states
         }
-        best = {column: _best(column[0], values) for column, values in numbers.items()}
+        best = {
+            (column, run): _best(column[0], [values[i] for i, row in enumerate(rows) if row.run == run])
+            for column, values in numbers.items()
+            for run in {row.run for row in rows}
+        }
         for i, row in enumerate(rows):
             cells = [
-                NEVER if row.never(*column) else _latex_number(values[i], best[column])
+                NEVER if row.never(*column) else _latex_number(values[i], best[column, row.run])
                 for column, values in numbers.items()
             ]
             lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
-    lost = "; ".join(latex_words(f"{row.text} {row.status}") for row in rows if row.observer.status != "ok")
-    if lost:
-        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{lost}}} \\"]
+    notes = [f"{row.text} {row.status}" for row in rows if row.observer.status != "ok"]
+    for name, texts in stated.items():
+        if len(texts) > 1:
+            notes.append(f"{name} in {', '.join(f'{text} ({run})' for text, run in texts.items())}")
+    if notes:
+        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{'; '.join(map(latex_words, notes))}}} \\"]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _stated(results: Sequence[Result]) -> dict[str, dict[str, str]]:
+    """For everything with a unit the units stated, and the first run that states each."""
+    found: dict[str, dict[str, str]] = {}
+    for run, result in zip(run_names(results), results, strict=True):
+        for name, text in result.units.items():
+            if text:
+                found.setdefault(name, {}).setdefault(text, run)
+    return found
 
 
 def latex_head(

@@ -1,6 +1,6 @@
 """What a redraw of a live page costs: on the server, and in a real browser from the event to the picture.
 
-    PYTHONPATH=tests python tests/benchmarks/explore.py [CONFIG] [--runs N] [--no-browser]
+    PYTHONPATH=tests python tests/benchmarks/explore.py [CONFIG] [--runs N] [--no-browser] [--only WORD]
 
 For every knob of the configuration and each of some small changes: processor time of the run, of what is drawn of it,
 and of the theory's bounds of the observers that have changed, in milliseconds. In the browser the clock runs from the
@@ -60,13 +60,15 @@ def on_the_server(bench: SimulatedBench, knob: Knob, runs: int) -> tuple[list[fl
     return found
 
 
-async def in_the_browser(page: browser.Page, runs: int) -> list[tuple[str, list[Any]]]:
+async def in_the_browser(page: browser.Page, runs: int, only: str) -> list[tuple[str, list[Any]]]:
     """For every slider the times until curves and bounds are seen."""
     await page.until("window.hgorun && hgorun.idle && hgorun.times.length > 0")
     await asyncio.sleep(6)
     found = []
     names = await page.value("JSON.parse(document.getElementById('known').textContent).knobs.map(k => k.name)")
     for i, name in enumerate(names):
+        if only not in str(name):
+            continue
         await page.value("hgorun.times.length = 0")
         for _ in range(runs):
             await page.value(_MOVED % i)
@@ -85,16 +87,17 @@ _MOVED = """(() => {
 })()"""
 
 
-def print_browser(config: Path, runs: int) -> None:
+def print_browser(config: Path, run: str | None, runs: int, only: str) -> None:
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "hgorun", "explore", str(config), "--no-browser", "-q", "-o", folder]
+        command += [] if run is None else ["--run", run]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
         found: list[tuple[str, list[Any]]] = []
 
         async def look(page: browser.Page) -> None:
             await page.resize(1300, 1000)
-            found.extend(await in_the_browser(page, runs))
+            found.extend(await in_the_browser(page, runs, only))
 
         try:
             assert process.stdout is not None
@@ -118,12 +121,17 @@ def main() -> None:
     parser.add_argument("config", nargs="?", type=Path, default=CONFIG)
     parser.add_argument("--run", help="which run of the file")
     parser.add_argument("--runs", type=int, default=5)
+    parser.add_argument("--only", default="", help="sliders with this in their names")
     parser.add_argument("--no-browser", action="store_true")
     options = parser.parse_args()
     bench = SimulatedBench(options.config, hgorun.load(options.config, run=options.run), options.run)
-    bench.promise(shown := bench.shown(State()), next(iter(shown.result.observers)))
+    shown = bench.shown(State())
+    for label in shown.result.observers:
+        bench.promise(shown, label)
+    while bench.look_ahead(shown):  # as the server does while nothing is asked
+        pass
     print("on the server: median processor time of run, picture, bounds, together, in ms")
-    for knob in bench.knobs.values():
+    for knob in (one for one in bench.knobs.values() if options.only in one.name):
         parts = [statistics.median(times) for times in on_the_server(bench, knob, options.runs)]
         mark = "" if sum(parts) <= _ALLOWED else f"  more than {_ALLOWED:g}"
         print(f"  {knob.name}: {', '.join(f'{part:.1f}' for part in (*parts, sum(parts)))}{mark}")
@@ -132,7 +140,7 @@ def main() -> None:
     if browser.CHROMIUM is None:
         print("no Chromium: nothing is measured in the browser")
         return
-    print_browser(options.config, options.runs)
+    print_browser(options.config, options.run, options.runs, options.only)
 
 
 if __name__ == "__main__":

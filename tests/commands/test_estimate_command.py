@@ -206,6 +206,18 @@ def test_a_stream_goes_on_from_its_checkpoint(shell: Shell, monkeypatch: pytest.
     assert first + rest[1:] == whole
 
 
+@pytest.mark.parametrize(("key", "first", "then"), [("std", "0.02", "0.05"), ("gate", "4", "6")])
+def test_a_stream_does_not_go_on_with_another_std_or_gate(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, key: str, first: str, then: str
+) -> None:
+    for value, wanted in ((first, 0), (then, 2), (first, 0)):
+        column = f"data.outputs.a={{column: angle, {key}: {value}}}"
+        code, _, err = piped(shell, monkeypatch, "t,signal,y\n0.1,a,0.1\n", "--set", column, "--checkpoint", "state")
+        assert code == wanted
+        name = "gates" if key == "gate" else key
+        assert not code or f"state: the checkpoint was made with {name} {{a: {first}}}, and this" in err
+
+
 def test_a_file_that_is_held_out_has_the_columns_that_the_reference_names_there(shell: Shell) -> None:
     (shell.folder / "laboratory.csv").write_text("drawn,phi\n2.05,0.88\n3.05,0.09\n4.05,-0.79\n")
     of_laboratory = "data.reference={a: {file: laboratory.csv, column: phi, time: drawn}}"

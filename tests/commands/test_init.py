@@ -267,6 +267,13 @@ def test_a_plant_of_your_own_that_does_not_run_is_written_and_told(
         ),
         ("shgo", "no experiment is called 'shgo'. It is an observer: hgorun init --plant NAME --observer shgo"),
         ("lee2016", "It is a folder of experiments, of which init copies one: lee2016/stochastic_approximation"),
+        (
+            "3.10",
+            "It is a figure, which hgorun figures 3.10 draws: hgorun init contois_te025 copies the experiment "
+            "robles2023/chapter3/contois_te025",
+        ),
+        ("katayama/1", "draws: hgorun init van_der_pol copies the experiment katayama/van_der_pol"),
+        ("1", "copies the experiment katayama/van_der_pol; hgorun init stochastic_approximation copies the"),
         ("--observer shgo", "--observer goes with --plant: hgorun init --plant NAME --observer shgo"),
         (
             "-o new.yaml",

@@ -27,7 +27,9 @@ OTHERS = {
     ),
     "x.pkl": (b"\x80\x04\x95\x0b\0", "this is a pickle of Python"),
     "x.npy": (b"\x93NUMPY\x01\0", "numpy.savetxt writes CSV"),
-    "x.mat": (b"MATLAB 5.0 MAT-file, Platform\0", "this is a file of MATLAB"),
+    "x.mat": (b"MATLAB 5.0 MAT-file, Platform\0", "this is a file of MATLAB (.mat) that is not HDF5"),
+    "y.mat": (b"MATLAB 7.3 MAT-file, Platform\0", "this is a file of MATLAB (.mat) that is cut off"),
+    "p.csv": (b"PAR1,t\n1,0\n", "this is a log, not a configuration: hgorun estimate CONFIG p.csv runs"),
     "x.csv.gz": (
         b"\x1f\x8b\x08\0",
         "this is compressed by gzip, not a configuration; if it holds measurements: un",
@@ -128,8 +130,19 @@ def test_a_result_leads_to_the_next_step_of_each_command(shell: Shell) -> None:
     for command, step in steps.items():
         code, _, err = shell(command, file)
         assert (code, step in err) == (2, True), err
-    Path(file).rename("renamed.yaml")
-    assert "compare takes results whose names end in .h5" in shell("compare", "renamed.yaml")[2]
+
+
+def test_a_result_is_one_whatever_it_is_called(shell: Shell) -> None:
+    file = "results/a.h5"
+    assert shell("simulate", "a.yaml", "-q")[0] == 0
+    table = shell("compare", file, "--no-plots")[1]
+    for other in ("renamed.yaml", "renamed"):
+        (shell.folder / other).write_bytes((shell.folder / file).read_bytes())
+        assert shell("compare", other, "--no-plots")[:2] == (0, table)
+        assert shell("cite", other)[0] == 0
+    assert shell("sweep", "s.yaml", "-q")[0] == 0
+    (shell.folder / "renamed.dat").write_bytes((shell.folder / "results/s.sweep.h5").read_bytes())
+    assert shell("compare", "renamed.dat", "--no-plots")[1] == shell("compare", "results/s.sweep.h5", "--no-plots")[1]
 
 
 def test_a_sweep_leads_to_what_reads_it(shell: Shell) -> None:

@@ -34,6 +34,8 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("simulate a.yaml --plot", "there is no option --plot. Of estimate, compare,"),
         ("simulate a.yaml -x", "there is no option -x. hgorun simulate -h lists the options"),
         ("--verion", "there is no option --verion. Did you mean `--version`? hgorun -h lists the options"),
+        ("--hlep", "there is no option --hlep. Did you mean `--help`? hgorun -h lists the options"),
+        ("simulate --hlep", "there is no option --hlep. Did you mean `--help`? hgorun simulate -h lists the options"),
         ("compare a.yaml --plots=yes", "--plots is a switch, which takes no value; --no-plots is its opposite"),
         ("simulate a.yaml --json=1", "--json is a switch, which takes no value"),
         ("simulate a.yaml --seed", "--seed: a value is missing: --seed INTEGER"),

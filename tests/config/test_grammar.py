@@ -256,6 +256,12 @@ def test_nearest() -> None:
     assert nearest("THETA", ["theta", "poles"]) == " Did you mean `theta`?"
     assert nearest("x", ["theta", "poles"]) == ""
     assert nearest("x", []) == ""
+    for short in ("OD", "od", "ph"):  # a letter of them is as likely meant as any other
+        assert nearest(short, ["t", "d", "p", "h"]) == ""
+    assert nearest("OD", ["ode"]) == ""
+    assert nearest("D", ["d", "t"]) == " Did you mean `d`?"
+    assert nearest("u1", ["u", "t"]) == " Did you mean `u`?"
+    assert nearest("sd", ["std", "low"]) == " Did you mean `std`?"
     start = time.perf_counter()
     nearest("a" * 100_000, ["a" * n for n in range(2_000)])
     assert time.perf_counter() - start < 5

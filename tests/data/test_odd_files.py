@@ -202,3 +202,9 @@ def test_what_hdf5_has_under_a_name_is_said_where_it_is_no_column(tmp_path: Path
             read(Data.model_validate(block), tmp_path)
         assert message in str(error.value)
         assert ("is there" in message) == ("is there" in str(error.value))
+
+
+def test_a_column_called_as_parquet_begins_is_one_of_a_text(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("PAR1,t,y\n7,0,1.5\n8,1,2.5\n")
+    block = {"file": "log.csv", "time": "t", "outputs": {"S": "PAR1"}}
+    np.testing.assert_array_equal(read(Data.model_validate(block), tmp_path).outputs["S"].values, [7.0, 8.0])

@@ -29,12 +29,20 @@ NOTATIONS = [
     (5.0, "%", "-", 0.05),
     (5.0, "dimensionless", "-", 5.0),
     (5.0, "1", "-", 5.0),
+    (5.0, "au", "a.u.", 5.0),
+    (5.0, "a. u.", "au", 5.0),
+    (5.0, "p.u.", "pu", 5.0),
 ]
 
 
 @pytest.mark.parametrize(("value", "unit", "wanted", "expected"), [*TURNS, *NOTATIONS])
 def test_numbers_in_another_unit(value: float, unit: str, wanted: str, expected: float) -> None:
     assert converted(np.array([value]), unit, wanted, ())[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_points_of_an_abbreviation_make_no_other_unit() -> None:
+    assert alike("au", "a.u.")
+    assert not alike("m.s", "ms")
 
 
 @pytest.mark.parametrize(("unit", "wanted"), [("1/min", "rpm"), ("rpm", "1/s"), ("Hz", "1/s"), ("1/s", "Hz")])

@@ -73,6 +73,18 @@ def test_a_checkpoint_of_other_gates_is_refused(pushed: Experiment) -> None:
         gated.restore(free.checkpoint())
 
 
+def test_a_checkpoint_of_another_std_or_other_inputs_is_refused(pushed: Experiment) -> None:
+    made, other = Estimator(pushed, std={"y": 0.2}), Estimator(pushed, std={"y": 0.1})
+    stored = made.checkpoint()
+    with pytest.raises(ConfigError, match=r"was made with std \{y: 0.2\}, and this estimator has \{y: 0.1\}: give"):
+        other.restore(stored)
+    with pytest.raises(ConfigError, match=r"was made with std \{y: 0.2\}, and this estimator has \{\}"):
+        Estimator(pushed).restore(stored)
+    Estimator(pushed, std={"y": 0.2}).restore(stored)
+    with pytest.raises(ConfigError, match=r"was made with inputs \{u\}, and this estimator has \{\}"):
+        Estimator(pushed).restore(Estimator(pushed, inputs=["u"]).checkpoint())
+
+
 def test_a_checkpoint_that_does_not_tell_its_gates_is_an_older_one(pushed: Experiment) -> None:
     estimator = Estimator(pushed)
     estimator.update(0.1, {"y": 0.1})

@@ -127,6 +127,37 @@ def test_sliders_by_mouse_and_by_keyboard(tmp_path: Path) -> None:
     assert {label: sorted(digits) for label, digits in found[0].items()} == simulated(tmp_path / "a.yaml")
 
 
+def test_the_plant_is_folded_and_can_be_varied(tmp_path: Path) -> None:
+    """By the keyboard alone; an address opens what it changes."""
+    found: list[dict[str, list[str]]] = []
+    inside = "document.getElementById('Plant-values').hidden"
+
+    async def look(page: browser.Page) -> None:
+        assert await page.value(inside)
+        await page.value("document.querySelector('.fold').focus()")
+        await page.press(" ")
+        assert not await page.value(inside)
+        before = await numbers(page)
+        labels = "[...document.querySelectorAll('#Plant-values input[type=range]')].map(one => one.ariaLabel)"
+        assert "initial x1 of the plant" in await page.value(labels)
+        await page.value("document.querySelector('#Plant-values [aria-label=\"initial x1 of the plant\"]').focus()")
+        for _ in range(3):
+            await page.press("ArrowRight")
+        found.append(await numbers(page))
+        assert found[0] != before
+        assert await page.value("document.querySelector('.moved').textContent") == "1 changed"
+        await page.click("#write button")
+        await page.until(f"{SAID}.startsWith('written')")
+        await page.call("Page.navigate", url=await page.value("location.href"))
+        await page.until(f"{IDLE} && {SAID} == 'ok'")
+        assert not await page.value(inside)
+        assert await numbers(page) == found[0]
+
+    shown(tmp_path, look)
+    written = simulated(tmp_path / "out" / "a.explored.yaml")
+    assert {label: sorted(digits) for label, digits in found[0].items()} == written
+
+
 def test_recorded_data(tmp_path: Path) -> None:
     """A slider changes innovations and scores, which are those of the command for the file that is written."""
     path = recorded(tmp_path / "demo")

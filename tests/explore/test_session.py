@@ -56,14 +56,19 @@ def written(live: Live, name: str = "b.yaml") -> Path:
     return Path(told["written"])
 
 
-def test_an_order_that_is_near_is_tried_before_it_is_asked_for(file: Path) -> None:
+def test_what_may_be_asked_for_is_compiled_before(file: Path) -> None:
+    """All orders of the slider, of which the near ones are carried out, and every observer alone."""
     live = Live(file)
+    live.set("observers.S.theta", 3.1)
+    assert live.paper.told[-2]["busy"] == "compiling new equations"
     live.worker.finish()
     told = len(live.paper.told)
     live.set("observers.F.r", 2)
-    assert not any("busy" in one for one in live.paper.told[told:])
     assert {one["label"] for one in live.paper.told[-1]["theories"]} == {"F", "S"}
     live.set("observers.F.r", 6)
+    live.set("observers.F.theta", 2.1)
+    assert not any("busy" in one for one in live.paper.told[told:])
+    live.set("observers.F.r", 7)  # beyond the slider
     assert live.paper.told[-2]["busy"] == "compiling new equations"
 
 

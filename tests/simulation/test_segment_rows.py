@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hgorun.simulation.segment_rows import segment_rows
-from hgorun.simulation.steps import count_steps
+from hgorun.simulation.steps import count_steps, unevenly
 from hgorun.simulation.tabulated import rows_in_last_steps
 
 RANDOM = np.random.default_rng(0)
@@ -50,3 +50,27 @@ def test_segments_are_those_of_the_formulas(events: np.ndarray, longest: float) 
         np.testing.assert_array_equal(counts, ones)
         always = segment_rows(events, inward, variant, places, grid, longest, always_slope=True)[1]
         assert np.all(always[:, 6] == 1)
+
+
+@pytest.mark.parametrize("ratio", [1.62, 0.5])
+def test_cut_segments_are_those_of_the_formulas(ratio: float) -> None:
+    part = (3 - 5**0.5) / 2  # of a segment and of its steps, before the cut
+    left, right = REGULAR[:-1], REGULAR[1:]
+    inside = np.column_stack([left + 1e-9, right - 1e-9])
+    inside[3], inside[4] = (left[3] + 0.09, right[3]), (left[4], left[4] + 0.01)  # the cut is kept within
+    steps, count = RANDOM.integers(1, 9, left.size), left.size
+    first = np.cumsum(RANDOM.integers(0, 4, count))
+    counts = np.column_stack([steps, 0 * steps, steps, first % 3, first, first + first % 2, 0 * steps])
+    spans, found = unevenly(np.column_stack([left, right, inside]), counts, ratio)
+    for k in range(count):
+        cut = min(max(left[k] + part * (right[k] - left[k]), inside[k, 0]), inside[k, 1])
+        expected = [[left[k], cut, inside[k, 0], cut], [cut, right[k], cut, inside[k, 1]]]
+        np.testing.assert_array_equal(spans[2 * k : 2 * k + 2], expected)
+        total = max(round(ratio * steps[k]), 2)
+        if ratio < 1 and total >= steps[k]:
+            total = steps[k] + 1
+        before = min(max(round(part * total), 1), total - 1)
+        _, _, _, regime, begins, ends, _ = counts[k]
+        here = [before, 0, before, regime, begins, ends, 1]
+        there = [total - before, 0, total - before, regime, ends, ends, 1]  # nothing happens at the cut
+        np.testing.assert_array_equal(found[2 * k : 2 * k + 2], [here, there])

@@ -47,6 +47,11 @@ def test_less_is_left_than_another_candidate_takes(config: Path, budget: int, se
     assert one.trials.spent == np.isfinite(one.trials.values[:, :, 0]).sum()
 
 
+def test_what_is_too_little_for_a_generation_is_said(config: Path) -> None:
+    one = found(config, "rmse(S, x2)", 21, 1)  # a scan of 8, two generations of 6
+    assert (one.trials.spent, one.ended) == (20, "another generation of 6 candidates takes 6 runs")
+
+
 def test_what_no_gain_changes_ends_it_and_it_says_so(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                      capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
     # the error of x1 starts at 1 and falls from there, whatever theta is

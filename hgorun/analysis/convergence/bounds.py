@@ -15,6 +15,8 @@ from hgorun.analysis.convergence.gains import ErrorDynamics
 from hgorun.analysis.convergence.lipschitz import Lipschitz
 
 _FAR = 1e15  # no theta beyond this is looked for
+_NEAR = 2e-12  # of a root, relatively: much more than rounding
+_TURNS = 30
 
 
 @dataclass(frozen=True)
@@ -53,14 +55,48 @@ def smallest_theta(beta: float, constant: Callable[[float], float]) -> float:
     (2.16) of the thesis has c_1 = sqrt(n) L_phi: right with Lipschitz constants in the Euclidean norm; with those
     of (3.8) it can be too small (n = 2, phi = L (x_1, x_1 + x_2): 1.618 L), and n L_phi of (3.17) is right.
     """
-    if constant(1.0) <= beta:
+    first = constant(1.0)
+    if first <= beta:
         return 1.0
-    low, high = 1.0, min(constant(1.0) / beta, _FAR)
-    if not constant(high) <= beta * high * (1 + 1e-12):
+    low, high = 1.0, min(first / beta, _FAR)
+    last = constant(high)
+    if not last <= beta * high * (1 + 1e-12):
         return np.inf
+    small, large = _about(beta, constant, (low, first), (high, last))
     while low < (middle := 0.5 * (low + high)) < high and high - low > 1e-12 * high:
-        low, high = (low, middle) if constant(middle) <= beta * middle else (middle, high)
+        enough = middle >= large or (middle > small and constant(middle) <= beta * middle)
+        low, high = (low, middle) if enough else (middle, high)
     return high
+
+
+def _about(
+    beta: float, constant: Callable[[float], float], low: tuple[float, float], high: tuple[float, float]
+) -> tuple[float, float]:
+    """A theta that is too small and one that is not, from two that are given with their c_1: none beyond is tried.
+
+    The root of log c_1(theta) = log(beta theta), which is nearly straight in log theta, by false position of whose
+    ends none stays for long (Illinois). What is left about it is much wider than rounding reaches.
+    """
+    small, large = low[0], high[0]
+    if not min(low[1], high[1]) > 0:
+        return small, large
+    (left, above), (right, below) = ((np.log(theta), np.log(c / (beta * theta))) for theta, c in (low, high))
+    root, moved, kept = left, np.inf, 0
+    for _ in range(_TURNS):
+        if not above > 0 > below or moved < _NEAR / 10:
+            break
+        before, root = root, left + (right - left) * above / (above - below)
+        now, moved = np.log(constant(float(np.exp(root))) / beta) - root, abs(root - before)
+        if now > 0:
+            left, above, below, kept = root, now, below / 2 if kept == 1 else below, 1
+        else:
+            right, below, above, kept = root, now, above / 2 if kept == -1 else above, -1
+    near = float(np.exp(root)) * (1 - _NEAR), float(np.exp(root)) * (1 + _NEAR)
+    if small < near[0] and constant(near[0]) > beta * near[0]:
+        small = near[0]
+    if near[1] < large and constant(near[1]) <= beta * near[1]:
+        large = near[1]
+    return small, large
 
 
 def printed_theta(beta: float, lipschitz: Lipschitz) -> float:
@@ -77,14 +113,13 @@ def delayed(dynamics: ErrorDynamics, lipschitz: Lipschitz, theta: float) -> Hala
     |B~| = |G|, and needs sqrt(chi) |G|: chi is enough where |G|^2 <= chi, else that is taken. An observer whose
     output moves with more than the second state (low_power) has |flux| theta for theta.
     """
-    chi, push = dynamics.lyapunov.chi, float(np.linalg.norm(dynamics.B, 2))
-    motion = theta * max(1.0, float(np.linalg.norm(dynamics.flux, 2))) + lipschitz.of_outputs
+    chi, push = dynamics.lyapunov.chi, dynamics.push
+    motion = theta * max(1.0, dynamics.motion) + lipschitz.of_outputs
     return Halanay(dynamics.lyapunov.beta * theta, float(max(chi, np.sqrt(chi) * push)) * theta * motion)
 
 
 def delayed_sharply(dynamics: ErrorDynamics, lipschitz: Lipschitz, theta: float) -> Halanay:
     """The same proof with nothing given away for a shorter formula: a = 2 beta theta - c_1, |P^(1/2) B~| as it is."""
-    P, least = dynamics.lyapunov.P, dynamics.lyapunov.eigenvalues[0]
-    push = float(np.sqrt(np.linalg.norm(dynamics.B.T @ P @ dynamics.B, 2) / least))
-    motion = theta * float(np.linalg.norm(dynamics.flux, 2)) + lipschitz.of_outputs
+    push = float(np.sqrt(dynamics.energy / dynamics.lyapunov.eigenvalues[0]))
+    motion = theta * dynamics.motion + lipschitz.of_outputs
     return Halanay(2 * dynamics.lyapunov.beta * theta - lipschitz.constant(theta), push * theta * motion)

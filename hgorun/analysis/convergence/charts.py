@@ -22,7 +22,7 @@ from hgorun.symbolic.points import around, instants
 
 _CURVED = 1e-8  # relative change of a slope that is rounding
 _DEEP = 100  # operations down to which expressions are compared
-_CHARTS: Memo[Outcome[Chart]] = Memo(64)  # by form and plant: observers of one form share it, and so do their runs
+_CHARTS: Memo[Outcome[Chart]] = Memo(64)  # by form and numbers: observers of one form share it, and so do their runs
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -144,14 +144,15 @@ def _enclosure(arguments: ca.SX, values: ca.SX) -> Enclosure:
 
 
 def chart_of(form: Form, plant: BuiltPlant) -> Chart:
-    """The chart of a plant in an observer's form, made once.
+    """The chart of a plant in an observer's form, made once, wherever the plant starts.
 
     Raises
     ------
     NoValue
         For forms whose theory is another.
     """
-    return _CHARTS.get((same(form), same(plant)), lambda: outcome(lambda: _made(form, plant))).value
+    key = same(form), same(plant.symbolic), plant.parameters.tobytes(), plant.numbers.tobytes()
+    return _CHARTS.get(key, lambda: outcome(lambda: _made(form, plant))).value
 
 
 def _made(form: Form, plant: BuiltPlant) -> Chart:

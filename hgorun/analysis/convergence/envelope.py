@@ -43,7 +43,7 @@ def printed(dynamics: ErrorDynamics, delay: Halanay, start: np.ndarray, theta: f
     """
     scale = dynamics.scale(theta)
     first = max(float(np.linalg.norm(start)), float(np.linalg.norm(scale * start)))
-    drive = theta * float(np.linalg.norm(dynamics.B, 2)) * a.noise + _pushed(dynamics, theta, a)
+    drive = theta * dynamics.push * a.noise + _pushed(dynamics, theta, a)
     return Envelope(dynamics.lyapunov.chi, delay.rate(a.delay), first, drive)
 
 
@@ -51,7 +51,7 @@ def of_energy(dynamics: ErrorDynamics, delay: Halanay, start: np.ndarray, theta:
     """sqrt V of the same proof; |zbar_i| <= sqrt((P^-1)_ii) sqrt V. ``gain`` is left 1 for that."""
     P = dynamics.lyapunov.P
     first = float(np.sqrt(max(_form(P, dynamics.scale(theta) * start), 0.0)))
-    noise = theta * float(np.sqrt(np.linalg.norm(dynamics.B.T @ P @ dynamics.B, 2))) * a.noise
+    noise = theta * float(np.sqrt(dynamics.energy)) * a.noise
     pushed = np.sqrt(dynamics.lyapunov.eigenvalues[1]) * _pushed(dynamics, theta, a)
     return Envelope(1.0, delay.rate(a.delay), first, noise + float(pushed))
 

@@ -72,6 +72,26 @@ class ErrorDynamics:
         known = None if self.known is None else (self.known.dtype.char, self.known.tobytes())
         return _LYAPUNOV.get((self.A.shape, self.A.tobytes(), known), lambda: Lyapunov(self.A, self.known))
 
+    @cached_property
+    def push(self) -> float:
+        """|B|."""
+        return float(np.linalg.norm(self.B, 2))
+
+    @cached_property
+    def motion(self) -> float:
+        """The norm of what moves the output."""
+        return float(np.linalg.norm(self.flux, 2))
+
+    @cached_property
+    def energy(self) -> float:
+        """|P^(1/2) B|^2."""
+        return float(np.linalg.norm(self.B.T @ self.lyapunov.P @ self.B, 2))
+
+    @cached_property
+    def weights(self) -> np.ndarray:
+        """sqrt((P^-1)_ii): what sqrt V is to the i-th entry of zbar, shape (N,)."""
+        return np.asarray(np.sqrt(np.diag(np.linalg.inv(self.lyapunov.P))))
+
     def scale(self, theta: float) -> np.ndarray:
         """theta^(-s), shape (N,)."""
         return np.asarray(float(theta) ** -self.powers.astype(float))

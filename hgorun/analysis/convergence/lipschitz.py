@@ -8,6 +8,7 @@ box that holds both. L_k = max over i of M_ki and L_phi = max over k of L_k are 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -67,7 +68,7 @@ class Lipschitz:
         """The largest slope met."""
         return float(np.max(self.reached, initial=0.0))
 
-    @property
+    @cached_property
     def of_outputs(self) -> float:
         """The same for what moves the outputs alone, and never above their norm: L_phi in (3.77)."""
         first = self.positions == 0
@@ -108,13 +109,14 @@ def lipschitz(
     reach : ndarray, shape (n,), optional
         How far the estimate may be from the truth, where the run's grid is too coarse to show it.
     """
-    known = np.isfinite(np.hstack([result.observers[label].xhat, estimate]))
-    points = np.vstack([truth, estimate if known.all() else estimate[np.all(known, axis=1)]])
+    known = np.isfinite(result.observers[label].xhat).all(axis=1) & np.isfinite(estimate).all(axis=1)
+    points = [truth, estimate if known.all() else estimate[known]]
     where = "simulated truth and estimate, 5 % wider"
     if reach is not None:
-        points = np.vstack([truth - reach, truth + reach])
+        points = [truth - reach, truth + reach]
         where = "simulated truth and the transient that is bounded, since the output grid misses its peak"
-    low, high = np.min(points, axis=0), np.max(points, axis=0)
+    columns = [np.concatenate([part[:, i] for part in points]) for i in range(truth.shape[1])]
+    low, high = np.array([np.min(v) for v in columns]), np.array([np.max(v) for v in columns])
     slack = _MARGIN * (high - low)
     low, high = low - slack, high + slack
     remarks = []
@@ -137,7 +139,7 @@ def lipschitz(
         if np.all(np.isfinite(bounds)):
             slopes, reached, kind = bounds, np.maximum(inside, reached), "interval over box"
     if kind == "trajectory":
-        bounds = along(chart, result, label)
+        bounds = along(chart, result, label, truth, estimate)
         if np.all(np.isfinite(bounds)):
             # a mean slope may be less than the largest one met: the larger is the safe one
             slopes, kind = np.maximum(bounds, reached), "interval along run"

@@ -174,5 +174,4 @@ def _reach(dynamics: ErrorDynamics, start: Mapping[str, np.ndarray], theta: floa
 
 def weights(dynamics: ErrorDynamics, theta: float) -> np.ndarray:
     """theta^(i-1) sqrt((P^-1)_ii): what sqrt V is to the i-th error, shape (n, 1)."""
-    each = np.sqrt(np.diag(np.linalg.inv(dynamics.lyapunov.P)))
-    return np.asarray((each / dynamics.scale(theta))[: dynamics.n, None])
+    return np.asarray((dynamics.weights / dynamics.scale(theta))[: dynamics.n, None])

@@ -11,8 +11,10 @@ import numpy as np
 
 from hgorun.analysis.convergence.charts import Chart
 from hgorun.memo import Memo, same
+from hgorun.native.boxes import LEAST
 from hgorun.result.result import Result
 from hgorun.symbolic.enclosures import Enclosure
+from hgorun.symbolic.segment_means import SegmentMeans, can_be_compiled
 
 _PIECES = 600  # of a run, at most
 _PARTS = 16  # of a segment
@@ -22,16 +24,22 @@ _ROUNDING = 1e-9  # of the linear algebra, relatively
 
 Box = tuple[np.ndarray, np.ndarray]
 _TRUTHS: Memo[Box] = Memo(4)  # all observers of a run have the same truth
+_COMPILED: Memo[SegmentMeans | None] = Memo(64)  # by chart; None where it has operations that are not compiled
 _INPUTS: Memo[Box] = Memo(16)  # functions of time alone: those of other runs of a plant, too
 
 
-def along(chart: Chart, result: Result, label: str) -> np.ndarray:
-    """M over all pieces, shape (n, n); infinite where there is no bound."""
-    x, xhat = result.x, result.observers[label].xhat
-    if chart.straight:
-        x, xhat = chart.image(x), chart.image(xhat)
-    sound = np.all(np.isfinite(np.hstack([x, xhat])), axis=1)
-    count = int(sound.size if sound.all() else np.argmin(sound))  # until the first that is not a number
+def along(chart: Chart, result: Result, label: str, truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
+    """M over all pieces, shape (n, n); infinite where there is no bound.
+
+    Parameters
+    ----------
+    truth, estimate : ndarray, shape (Nt, n)
+        z of the simulated truth and estimate.
+    """
+    x, xhat = (truth, estimate) if chart.straight else (result.x, result.observers[label].xhat)
+    sound = np.isfinite(x), np.isfinite(xhat)
+    lost = [np.argmin(np.all(known, axis=1)) for known in sound if not known.all()]
+    count = int(min(lost, default=len(x)))  # until the first that is not a number
     if count < 2:
         return np.full((len(chart.names),) * 2, np.inf)
     starts = np.arange(0, count - 1, -(-(count - 1) // _PIECES))
@@ -39,8 +47,12 @@ def along(chart: Chart, result: Result, label: str) -> np.ndarray:
     ends = _TRUTHS.get(truth_of, lambda: _pieces(x[:count], starts)), _pieces(xhat[:count], starts)
     edges = np.append(result.time[starts], result.time[count - 1])[:, None]
     inputs = _INPUTS.get((same(chart), edges.tobytes()), lambda: chart.inputs.each(edges[:-1], edges[1:]))
-    common = [*zip(inputs[0].T, inputs[1].T, strict=True), (edges[:-1, 0], edges[1:, 0])]
-    total = _means(chart.along_segments, _parts(*ends), common)
+    common = np.hstack([inputs[0], edges[:-1]]).T, np.hstack([inputs[1], edges[1:]]).T
+    compiled = _COMPILED.get(same(chart), lambda: None) if same(chart) in _COMPILED and starts.size >= LEAST else None
+    if compiled is None:
+        total = _means(chart.along_segments, _parts(*ends), list(zip(*common, strict=True)))
+    else:
+        total = compiled(np.vstack([*(side.T for end in ends for side in end), *common]))
     n = len(chart.names)
     A, B = (
         tuple(np.swapaxes(side[:, block * n * n : (block + 1) * n * n].reshape(-1, n, n), 1, 2) for side in total)
@@ -49,6 +61,22 @@ def along(chart: Chart, result: Result, label: str) -> np.ndarray:
     if chart.straight:
         return np.asarray(np.max(np.maximum(np.abs(A[0]), np.abs(A[1])), axis=0) * (1 + _ROUNDING))
     return _divided((A[0], A[1]), (B[0], B[1]))
+
+
+def compile_slopes(chart: Chart) -> bool:
+    """Compile what slopes take most of their time for, which gives the same bits; False: it is compiled already.
+
+    It pays where a chart is used for many runs.
+    """
+    if same(chart) in _COMPILED:
+        return False
+    enclosure, n = chart.along_segments, len(chart.names)
+    steps, count = enclosure.instructions, enclosure.function.numel_in(0)
+    made = SegmentMeans(steps, n, count - n, 2 * n * n, _PARTS) if can_be_compiled(steps) else None
+    _COMPILED.put(same(chart), made)
+    for entry in dict.fromkeys(chart.entries.values()) if chart.invertible else ():
+        entry.compile()
+    return True
 
 
 def _divided(A: Box, B: Box) -> np.ndarray:
@@ -73,10 +101,20 @@ def _divided(A: Box, B: Box) -> np.ndarray:
 
 def _pieces(values: np.ndarray, starts: np.ndarray) -> Box:
     """Boxes that hold a trajectory between the points of the output grid, a piece each."""
-    slack = _SLACK * np.abs(np.diff(values, axis=0))
-    low = np.minimum(values[:-1], values[1:]) - slack
-    high = np.maximum(values[:-1], values[1:]) + slack
-    return np.minimum.reduceat(low, starts, axis=0), np.maximum.reduceat(high, starts, axis=0)
+    rows = np.ascontiguousarray(values.T)
+    before, after = rows[:, :-1], rows[:, 1:]
+    slack = _SLACK * np.abs(after - before)
+    low, high = np.minimum(before, after) - slack, np.maximum(before, after) + slack
+    return _in_pieces(np.minimum, low, starts), _in_pieces(np.maximum, high, starts)
+
+
+def _in_pieces(extreme: np.ufunc, rows: np.ndarray, starts: np.ndarray) -> np.ndarray:
+    """The smallest or the largest in each piece, of which all but the last are as long."""
+    length, even = int(starts[1]) if starts.size > 1 else rows.shape[1], starts[-1]
+    found = np.empty((starts.size, len(rows)))
+    extreme.reduce(rows[:, :even].reshape(len(rows), -1, length), axis=2, out=found.T[:, :-1])
+    extreme.reduce(rows[:, even:], axis=1, out=found[-1])
+    return found
 
 
 def _parts(first: Box, second: Box) -> list[Box]:

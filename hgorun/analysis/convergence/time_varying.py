@@ -53,11 +53,17 @@ def gramian(observer: ObserverResult) -> Gramian:
     """S of an observer with time-varying gain, from P, from U and P, or as it is integrated."""
     if not {"S", "U"} & observer.internal.keys():  # S is P^-1
         P = np.asarray(observer.internal["P"])
-        low, high = outermost(P[np.all(np.isfinite(P), axis=(1, 2))])
+        low, high = outermost(P[_sound(P)])
         if low > 0:
             return Gramian(1 / high, 1 / low, np.linalg.inv(P[0]))
     S = _matrices(observer)
-    return Gramian(*outermost(S[np.all(np.isfinite(S), axis=(1, 2))]), S[0])
+    return Gramian(*outermost(S[_sound(S)]), S[0])
+
+
+def _sound(stack: np.ndarray) -> slice | np.ndarray:
+    """Which of many matrices are of numbers: all of them without a copy, where that is so."""
+    known = np.isfinite(stack)
+    return slice(None) if known.all() else np.all(known, axis=(1, 2))
 
 
 def _matrices(observer: ObserverResult) -> np.ndarray:
@@ -66,7 +72,7 @@ def _matrices(observer: ObserverResult) -> np.ndarray:
     if "S" in internal:
         return np.asarray(internal["S"])
     P = np.asarray(internal["P"])
-    sound = np.all(np.isfinite(P), axis=(1, 2))
+    sound = _sound(P)
     inverse = np.full_like(P, np.nan)
     inverse[sound] = np.linalg.inv(P[sound])
     if "U" not in internal:
@@ -87,7 +93,7 @@ def largest_links(run: PreparedRun, form: BlockForm, result: Result, label: str)
     xhat = result.observers[label].xhat
     (values,) = evaluate(f, result.time[:, None], xhat, result.u, run.plant.parameters)
     stack = values.reshape(-1, m.n, m.n)
-    stack = stack[np.all(np.isfinite(stack), axis=(1, 2))]
+    stack = stack[_sound(stack)]
     return largest_norm(stack[:, list(form.measured)]), largest_norm(stack)
 
 

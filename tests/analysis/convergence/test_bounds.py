@@ -121,4 +121,19 @@ def test_the_lemma_holds_without_its_first_factor(a: float, d: float, part: floa
 
 def test_a_bound_that_no_theta_meets() -> None:
     assert bounds.smallest_theta(0.1, lambda theta: theta) == np.inf
+    assert bounds.smallest_theta(0.1, lambda theta: float(theta < 3)) == pytest.approx(3.0, rel=1e-11)
     assert bounds.smallest_theta(0.5, lambda theta: 0.1) == 1.0
+
+
+@pytest.mark.parametrize(("beta", "size"), [(0.3, 2.0), (1e-4, 50.0), (0.02, 1e6)])
+def test_the_smallest_theta_is_found_in_few_steps(beta: float, size: float) -> None:
+    """beta theta = sqrt(size^2 + theta^(-2)): a square root, which bisection alone takes more than forty steps to."""
+    tried = []
+
+    def constant(theta: float) -> float:
+        tried.append(theta)
+        return float(np.hypot(size, 1 / theta))
+
+    square = (size**2 + np.sqrt(size**4 + 4 * beta**2)) / (2 * beta**2)
+    assert bounds.smallest_theta(beta, constant) == pytest.approx(np.sqrt(square), rel=3e-12)
+    assert len(tried) < 20

@@ -1,5 +1,6 @@
 """Slopes of phi: closed forms, regions, and coordinates."""
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -9,7 +10,7 @@ from examples import experiment, said
 from hgorun import Experiment
 from hgorun.analysis.convergence.charts import Chart, chart_of
 from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz, slopes_met
-from hgorun.analysis.convergence.segments import along
+from hgorun.analysis.convergence.segments import along, compile_slopes
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Findings, analyze
 from hgorun.reproduce.shipped import experiments
@@ -104,6 +105,28 @@ def test_a_map_without_an_inverse_is_followed_along_the_run() -> None:
     assert exact <= values["lipschitz"] < 2 * exact
 
 
+def test_a_chart_does_not_depend_on_the_start() -> None:
+    plant = inline(2, x1="x2", x2="x1*x2")
+    run = prepare(Experiment({"time": TIME, "plant": plant, "observers": {"o": {"type": "shgo", "theta": 4}}}))
+    form, elsewhere = run.observers[0].form, replace(run.plant, initial=run.plant.initial + 1)
+    assert chart_of(form, elsewhere) is chart_of(form, run.plant)
+
+
+@pytest.mark.parametrize("dynamics", ["x1*x2 - x2**3", "sin(x1)"])
+def test_compiled_slopes_are_the_same(dynamics: str) -> None:
+    """A sine is not compiled."""
+    plant = inline(2, x1="x2", x2=dynamics)
+    run = prepare(Experiment({"time": TIME, "plant": plant, "observers": {"observer": {"type": "shgo", "theta": 4}}}))
+    result = simulate_prepared(run)
+    chart = chart_of(run.observers[0].form, run.plant)
+    of = chart, result, "observer", result.x, result.observers["observer"].xhat
+    expected, box = along(*of), of_run(run, chart, {}, result)
+    assert compile_slopes(chart)
+    np.testing.assert_array_equal(along(*of), expected)
+    np.testing.assert_array_equal(of_run(run, chart, {}, result).slopes, box.slopes)
+    assert not compile_slopes(chart)
+
+
 def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
     """Where both can be had, those along the run are smaller, and never below what was met."""
     run = prepare(
@@ -117,7 +140,8 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
     )
     result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
-    box, own = of_run(run, chart, {}, result), along(chart, result, "observer")
+    box = of_run(run, chart, {}, result)
+    own = along(chart, result, "observer", result.x, result.observers["observer"].xhat)
     assert box.kind == "interval over box"
     assert np.all(own <= box.slopes + 1e-9)
     met = np.array([[0.5, 0], [1, 0.3]])

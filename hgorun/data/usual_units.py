@@ -1,0 +1,84 @@
+"""The units that are taken as such: those of engineering, by their symbols and by their names.
+
+A library of units reads much more, by accident: ``Grad`` as a gigaradian, ``a`` as a year, ``mass`` as a
+milliarcsecond, ``units`` as a millionth of a nit, ``k``, ``c``, ``e`` and ``R`` as constants of nature. Numbers would
+be converted by what was meant as a remark or a label.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+
+_OF_ALL = "n u µ μ m k M G"
+_SMALL = "n u µ μ m"
+_PREFIXES = {
+    "m": f"f p {_SMALL} c d k",
+    "g": f"p {_SMALL} c d k M",
+    "s": f"f p {_SMALL} k",
+    "mol": f"p {_SMALL} k",
+    "L l": f"{_SMALL} c d h k",
+    "M": f"p {_SMALL}",
+    "A V": f"p {_SMALL} k",
+    "C F": f"p {_SMALL}",
+    "H T Wb S": f"{_SMALL}",
+    "K": _SMALL,
+    "Hz Pa J N W bar cal eV Wh VA": _OF_ALL,
+    "Pa W J": "h T",
+    "ohm Ω Ω": f"{_SMALL} k M G T",
+    "rad": "u µ m",
+    "B bit": "k M G T",
+    "Da": "k M",
+    "t": "M",
+    "P St": "c m",
+    "cd lm lx": "m k",
+    "Bq": "k M G",
+    "Sv Gy AU": "u µ m",
+    "Ah U kat": f"{_SMALL} k",
+}  # by symbols, which may stand before them
+_ALONE = """
+    min h hr sec d yr deg ° °C °F degC degF degR degK delta_degC delta_degF % percent ppm rpm rps turn cycle gon sr dB
+    Np psi atm torr mmHg kgf lbf lb lbs oz ft inch in yd mile mi gal hp Btu BTU kn knot mph kph ha acre angstrom Å a
+"""  # without a prefix
+_ONLY_BESIDE = {"a", "P"}  # symbols that are labels more often where they stand alone
+_NAMES = """
+    meter metre gram second minute hour day week fortnight month year ampere kelvin mole molar liter litre hertz newton
+    pascal joule watt volt coulomb farad siemens tesla weber henry ohm radian steradian degree arcminute arcsecond
+    revolution turn cycle percent inch foot feet yard mile parsec light_year pound ounce gallon ton tonne metric_ton
+    atmosphere bar poise stokes calorie electron_volt horsepower knot hectare acre byte bit decibel lux lumen candela
+    katal enzyme_unit dalton count dimensionless celsius fahrenheit degree_Celsius degree_Fahrenheit becquerel sievert
+    revolutions_per_minute revolutions_per_second standard_gravity g_0 g_n pound_force kilogram_force volt_ampere
+    watt_hour ampere_hour
+"""
+_WORDS = frozenset(_NAMES.split())
+_LONG_PREFIXES = ("femto", "pico", "nano", "micro", "milli", "centi", "deci", "hecto", "kilo", "mega", "giga", "tera")
+_NUMBER = re.compile(r"\d+")
+
+
+def _symbols() -> Iterator[str]:
+    for symbols, prefixes in _PREFIXES.items():
+        for symbol in symbols.split():
+            yield symbol
+            yield from (prefix + symbol for prefix in prefixes.split())
+    yield from _ALONE.split()
+
+
+_SYMBOLS = frozenset(_symbols())
+
+
+def is_usual(name: str) -> bool:
+    """Whether a name, without powers and other factors, is a unit of engineering."""
+    if name in _SYMBOLS:
+        return True
+    long = next((prefix for prefix in _LONG_PREFIXES if name.startswith(prefix)), "")
+    word = name.removeprefix(long)
+    return any(one in _WORDS for one in (name, word, word.removesuffix("s"), word.removesuffix("es")))
+
+
+def unusual(text: str) -> str | None:
+    """The first factor of a unit, as it is written, that is none; None where all are."""
+    names = [one for one in re.split(r"[*/ ()^]+|\*\*", re.sub(r"(\*\*|\^)\s*-?\d+", " ", text)) if one]
+    names = [one for one in names if not _NUMBER.fullmatch(one)]
+    if len(names) == 1 and text.strip() == names[0] and names[0] in _ONLY_BESIDE:
+        return names[0]
+    return next((one for one in names if not is_usual(one)), None)

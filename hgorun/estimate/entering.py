@@ -1,0 +1,78 @@
+"""Where samples that may be outliers enter the observers of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.measurement.late import HeardOtherwise, Order
+from hgorun.measurement.schedule import nearest_event
+
+
+@dataclass(frozen=True, kw_only=True, slots=True)
+class Entering:
+    """A sample that may be an outlier, where it enters some observers.
+
+    Attributes
+    ----------
+    output : int
+        Of the plant.
+    channel : int
+        In which these observers hear it.
+    slot : int
+        Among the samples of all channels.
+    used : int
+        Among the samples of all outputs.
+    members : tuple of int
+        The observers.
+    """
+
+    output: int
+    channel: int
+    slot: int
+    used: int
+    members: tuple[int, ...]
+
+
+def where_entering(prepared: PreparedEstimate) -> Iterator[tuple[int, Entering]]:
+    """Every sample that may be an outlier, with the places in the order of events where it enters."""
+    schedule, slots, q = prepared.run.schedule, prepared.slots, len(prepared.samples)
+    order, first = schedule.order, 0
+    for number, channel in enumerate(prepared.run.heard):
+        start, output, samples = first, number % q, channel.samples
+        first += samples.arrival.size
+        members = tuple(j for j in range(len(prepared.run.observers)) if prepared.group(j) == number // q)
+        if prepared.samples[output].gate is None or not members:
+            continue
+        which = channel.which if isinstance(channel, HeardOtherwise) else np.arange(samples.arrival.size)
+        at = nearest_event(schedule.events, samples.arrival)
+        items = np.flatnonzero(samples.used)
+        places = at[items] if order is None else order.first[at[items]]
+        if order is not None and isinstance(channel, HeardOtherwise) and channel.known is not None:
+            items, places = _as_known(order, at, nearest_event(schedule.events, channel.known))
+        for k, place in zip(items.tolist(), places.tolist(), strict=True):
+            own = slots[output].start + int(which[k])
+            yield place, Entering(output=output, channel=number, slot=start + k, used=own, members=members)
+
+
+def _as_known(order: Order, taken: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Samples and the places where they enter observers that are taken back, in the order of places."""
+    items, places = order.places(taken)
+    there = known[items] <= order.now[places]
+    items, places = items[there], places[there]
+    by_place = np.lexsort((items, places))
+    return items[by_place], places[by_place]
+
+
+def needed_until(prepared: PreparedEstimate) -> np.ndarray:
+    """Up to which event observers may be taken back to each."""
+    events = prepared.run.schedule.events
+    until = np.full(events.size, -1)
+    for channel in prepared.run.heard:
+        if isinstance(channel, HeardOtherwise) and channel.known is not None:
+            taken, known = (nearest_event(events, times) for times in (channel.samples.taken, channel.known))
+            np.maximum.at(until, taken, known)
+    return until

@@ -1,0 +1,65 @@
+"""Units are those of engineering: what a library reads by accident in a word is no unit."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hgorun.data.named_units import convertible_in_name
+from hgorun.data.units import _COMMON, _registry, converted, is_unit, not_known
+from hgorun.data.usual_units import _SYMBOLS, _WORDS, unusual
+from hgorun.errors import Problem
+
+ACCIDENTS = """
+    Grad grad a OD pH mass unit units Pt PS cfm au e k c R G u at D x dot point hand chain link rod pt Nm Temp cu fr nit
+    P dd cmin kdeg Mm kt Skt
+"""
+
+
+@pytest.mark.parametrize("word", ACCIDENTS.split())
+def test_a_word_that_is_read_by_accident_is_no_unit(word: str) -> None:
+    assert not is_unit(word)
+    assert f"{word!r} is not a known unit" in not_known(word)
+    with pytest.raises(Problem, match="is not a known unit"):
+        converted(np.ones(1), word, "s", ())
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted"),
+    [("angle [Grad]", "rad"), ("phase (a)", "h"), ("channel (D)", "C*m"), ("valve (mass)", "deg"), ("gain (k)", "J/K")],
+)
+def test_nor_is_it_one_in_the_name_of_a_column(name: str, wanted: str) -> None:
+    assert convertible_in_name(name, wanted) == ""
+
+
+@pytest.mark.parametrize(
+    ("value", "unit", "wanted", "expected"),
+    [
+        (1.0, "mbar", "hPa", 1.0),
+        (1.0, "kWh", "MJ", 3.6),
+        (1.0, "mS/cm", "S/m", 0.1),
+        (365.25, "t/a", "t/d", 1.0),
+        (1.0, "kilograms", "g", 1000.0),
+        (1.0, "inches", "mm", 25.4),
+        (10.0, "cP", "mPa*s", 10.0),
+        (1.0, "mM", "mol/m^3", 1.0),
+        (2.0, "degrees", "deg", 2.0),
+        (760.0, "Torr", "mmHg", 760.0),
+        (1.0, "N m", "J", 1.0),
+        (1.0, "Wh/(kg K)", "kJ/(kg K)", 3.6),
+    ],
+)
+def test_usual_units_convert(value: float, unit: str, wanted: str, expected: float) -> None:
+    found = converted(np.array([value]), unit, wanted, ())[0]
+    assert found == pytest.approx(expected, rel=1e-4)  # the inch of mercury is rounded
+
+
+def test_what_is_usual_is_known_to_the_library_and_what_is_suggested_is_usual() -> None:
+    assert all(unusual(unit) is None for unit in _COMMON)
+    for name in sorted(_SYMBOLS | _WORDS):
+        _registry().Unit(name)
+
+
+def test_german_degrees_are_offered_as_such() -> None:
+    with pytest.raises(Problem, match=r"'Grad' is not a known unit\. Did you mean `deg`\?"):
+        converted(np.ones(1), "Grad", "rad", ())

@@ -1,0 +1,99 @@
+"""Streams of observers that step from sample to sample: with inputs, with two outputs, and what they refuse."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from examples import Block, inline
+from recordings import held_input, recording, signal, source
+
+from hgorun.estimate.estimate import estimate
+from hgorun.estimate.estimator import Estimator
+from hgorun.simulation.experiment import Experiment
+
+TAKEN = 0.125 * np.array([0, 1, 2, 4, 5, 8, 9, 10, 11, 13, 16, 17])  # exact, and not even
+Y, Z, U = np.cos(TAKEN), 0.4 * np.sin(TAKEN), np.sin(3 * TAKEN)
+ONE = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, {"y": "a"}, inputs={"u": "0"})
+TWO = inline({"a": "b", "b": "-sin(a) - 0.1*b + u", "c": "d", "d": "a - c"}, {"y": "a", "z": "c"}, inputs={"u": "0"})
+
+
+def config(plant: Block, block: Block) -> Block:
+    return {
+        "time": {"start": 0.0, "end": float(TAKEN[-1]), "output_step": 0.125},
+        "plant": plant,
+        "observers": {"O": {**block, "initial": dict.fromkeys(plant["states"], 0.0)}},
+        "measurement": {"sampling": {"period": 0.125}},
+        "solver": {"step": 1 / 64},
+    }
+
+
+def deadbeat() -> np.ndarray:
+    """Of both outputs, (6) and (9) of Katayama written out: the states a, b, c, d after every sample but the first."""
+    rows, step = [], np.diff(TAKEN)
+    for k, T in enumerate(step):
+        b, d = (Y[k + 1] - Y[k]) / T, (Z[k + 1] - Z[k]) / T
+        rows.append([Y[k + 1], b + T * (-np.sin(Y[k]) - 0.1 * b + U[k]), Z[k + 1], d + T * (Y[k] - Z[k])])
+    return np.array(rows)
+
+
+Updates = Callable[[Estimator, int], None]
+
+
+def at_once(estimator: Estimator, k: int) -> None:
+    y = {"y": Y[k], "z": Z[k]}
+    estimator.update(TAKEN[k], {name: y[name] for name in estimator.kinds if name in y}, u={"u": U[k]})
+
+
+def one_by_one(estimator: Estimator, k: int) -> None:
+    for name, values in (("z", Z), ("y", Y)):
+        if name in estimator.kinds:
+            estimator.update(TAKEN[k], {name: values[k]})
+    estimator.update(TAKEN[k], {}, u={"u": U[k]})  # which the next step begins with
+
+
+def followed(block: Block, update: Updates) -> np.ndarray:
+    """Estimates after every sample, of a stream that is begun again from a checkpoint now and then."""
+    rows, estimator = [], Estimator(Experiment(block), inputs=["u"])
+    for k in range(TAKEN.size):
+        update(estimator, k)
+        if k % 4 == 2:
+            stored, estimator = estimator.checkpoint(), Estimator(Experiment(block), inputs=["u"])
+            estimator.restore(stored)
+        rows.append(estimator.estimate()["O"])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("update", [at_once, one_by_one])
+@pytest.mark.parametrize("plant", [ONE, TWO], ids=["one output", "two"])
+def test_a_stream_is_that_of_an_independent_observer_and_has_the_bits_of_a_file(plant: Block, update: Updates) -> None:
+    block = config(plant, {"type": "deadbeat"})
+    found = followed(block, update)
+    np.testing.assert_allclose(found[1:], deadbeat()[:, : found.shape[1]], rtol=1e-12, atol=1e-14)
+    signals = [signal(name, TAKEN, values) for name, values in (("y", Y), ("z", Z)) if name in plant["output"]]
+    whole = estimate(source(block), recording(*signals, u=held_input("u", TAKEN, U)), sensitivity=False)
+    rows = np.round(TAKEN / 0.125).astype(int)
+    np.testing.assert_array_equal(found, whole.observers["O"].xhat[rows])
+
+
+def test_a_sample_of_one_output_alone_is_no_step() -> None:
+    estimator = Estimator(Experiment(config(TWO, {"type": "deadbeat"})), inputs=["u"])
+    at_once(estimator, 0)
+    at_once(estimator, 1)
+    before = estimator.estimate()["O"]
+    estimator.update(TAKEN[2], {"y": Y[2]})
+    assert np.array_equal(estimator.estimate()["O"][[1, 3]], before[[1, 3]])
+    with pytest.raises(ValueError, match=r"O steps from sample to sample of all outputs, and that of z at t = 0.25 is"):
+        at_once(estimator, 3)
+    estimator.update(TAKEN[2], {"z": Z[2]})
+    np.testing.assert_allclose(estimator.estimate()["O"][1], deadbeat()[1, 1], rtol=1e-12)
+
+
+@pytest.mark.parametrize("block", [{"type": "deadbeat"}, {"type": "hgo_fd", "eps": 0.3}], ids=["deadbeat", "hgo_fd"])
+def test_a_late_sample_is_refused(block: Block) -> None:
+    estimator = Estimator(Experiment(config(ONE, block)), inputs=["u"])
+    at_once(estimator, 0)
+    with pytest.raises(ValueError, match=r"taken at 0.1 is late, and O takes samples without delay: leave late ones"):
+        estimator.update(0.1, {"y": 0.9}, available=0.2)
+    assert estimator.t == 0.0

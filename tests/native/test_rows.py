@@ -1,0 +1,43 @@
+"""Copies of columns that stand apart in a table are those that numpy makes."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hgorun.native.rows import copied
+
+TABLE = np.random.default_rng(0).standard_normal((3000, 6))
+TABLE[7, 2], TABLE[8, 3], TABLE[9, 3] = np.nan, -0.0, np.inf
+BACKWARDS = TABLE[::-1]
+ROWS: dict[str, np.ndarray] = {
+    "one number": TABLE[:, 2:3],
+    "two": TABLE[:, 2:4],
+    "three": TABLE[:, 1:4],
+    "four, every other row": TABLE[::2, 2:],
+    "five": TABLE[:, 1:],
+    "backwards": BACKWARDS[:, 1:4],
+    "columns apart": TABLE[:, ::3],
+    "columns the other way": TABLE[:, 3:1:-1],
+    "in one piece": TABLE,
+    "few rows": TABLE[:9, 2:4],
+    "no rows": TABLE[:0, 2:4],
+    "one row for all": np.broadcast_to(TABLE[7, 1:4], (3000, 3)),
+    "tables": TABLE.reshape(3000, 3, 2)[:, 1:],
+    "a column": TABLE[:, 2],
+    "single precision": TABLE.astype(np.float32)[:, 2:4],
+    "whole numbers": np.arange(18_000).reshape(3000, 6)[:, 2:4],
+    "the other order of bytes": TABLE.astype(">f8")[:, 2:4],
+}
+
+
+@pytest.mark.parametrize("rows", ROWS)
+def test_copies_of_rows(rows: str) -> None:
+    given = ROWS[rows]
+    found = copied(given)
+    expected = np.array(given, order="C")
+    assert found.dtype == given.dtype
+    assert found.shape == given.shape
+    assert found.flags.c_contiguous
+    assert found.tobytes() == expected.tobytes()
+    assert not np.shares_memory(found, given)
