@@ -45,7 +45,7 @@ def set_path(source: Source, assignment: str) -> Source:
     created = {path[:length]: (file, 1) for length in range(len(old) + 1, len(path))}
     if max(map(len, places)) > MAX_DEPTH:
         raise ConfigError(f"lists and mappings nested more than {MAX_DEPTH} deep", file=file, line=1)
-    return Source(data, places | created)
+    return Source(data, places | created, source.nulls)
 
 
 def _without(source: Source, path: KeyPath, file: str) -> Source:
@@ -59,7 +59,7 @@ def _without(source: Source, path: KeyPath, file: str) -> Source:
             return (*now[:last], place + 1, *now[last + 1 :])
         return now
 
-    return Source(data, {now: source.where(before(now)) for now, _ in walk(data)})
+    return Source(data, {now: source.where(before(now)) for now, _ in walk(data)}, source.nulls)
 
 
 def _nothing_there(data: Any, old: KeyPath, name: str) -> str:
@@ -125,7 +125,7 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
         created = [place[:length] for length in range(len(old) + 1, len(place))]
         created += [(*place, *below) for below, _ in walk(value)]
         positions = positions | dict.fromkeys(created, (file, line))
-    return Source(data, positions), place
+    return Source(data, positions, source.nulls), place
 
 
 def _removed(data: Any, path: KeyPath) -> Any:
@@ -184,16 +184,25 @@ def _replaced(data: Any, path: KeyPath, value: Any) -> Any:
 def merge(base: Source, over: Source) -> Source:
     """Lay ``over`` on ``base``: mappings are merged, everything else is replaced.
 
-    A mapping whose ``type`` differs from that of the one below replaces it whole.
+    A mapping whose ``type`` differs from that of the one below replaces it whole. A key of ``base`` that ``over`` says
+    to be null is removed; its place is kept, for what is said where it cannot be missing.
     """
-    data = _merged(base.data, over.data)
+    data = _merged(base.data, over.data, over.nulls, ())
     places = base.positions | over.positions
-    return Source(data, {path: places[path] for path, _ in walk(data) if path in places})
+    shown = dict.fromkeys([*(path for path, _ in walk(data)), *over.nulls])
+    return Source(data, {path: places[path] for path in shown if path in places}, base.nulls | over.nulls)
 
 
-def _merged(base: object, over: Any) -> Any:  # no deeper than MAX_DEPTH
+def _merged(base: object, over: Any, nulls: frozenset[KeyPath], path: KeyPath) -> Any:  # no deeper than MAX_DEPTH
     if not (isinstance(base, dict) and isinstance(over, dict)):
         return over
     if "type" in base and over.get("type", base["type"]) != base["type"]:
         return over
-    return base | {key: _merged(base[key], part) if key in base else part for key, part in over.items()}
+    whole = dict(base)
+    for key, part in over.items():
+        here = (*path, key)
+        if here in nulls and base.get(key) is not None:
+            del whole[key]
+        else:
+            whole[key] = _merged(base[key], part, nulls, here) if key in base else part
+    return whole

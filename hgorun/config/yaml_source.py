@@ -70,10 +70,14 @@ class Source:
     positions : dict
         Path, such as ``("observers", "SHGO", "theta")``, to (file, line): of an entry of a mapping, the
         line of its key.
+    nulls : frozenset
+        Paths of keys whose value is written as ``null`` or ``~``, other than nothing at all: where the key is
+        inherited, it is to be removed.
     """
 
     data: Any
     positions: dict[KeyPath, Place]
+    nulls: frozenset[KeyPath] = frozenset()
 
     def where(self, path: KeyPath) -> Place:
         """Return the file and line of ``path``, or of the nearest thing around it."""
@@ -103,7 +107,11 @@ class Source:
     def below(self, path: KeyPath) -> Source:
         """The part at a path as a source of its own."""
         places = {place[len(path) :]: where for place, where in self.positions.items() if place[: len(path)] == path}
-        return Source(at(self.data, path), places)
+        return Source(at(self.data, path), places, self.nulls_below(path))
+
+    def nulls_below(self, path: KeyPath) -> frozenset[KeyPath]:
+        """Those of the part at a path, as that part has them."""
+        return frozenset(null[len(path) :] for null in self.nulls if null[: len(path)] == path)
 
     @contextmanager
     def located(self) -> Iterator[None]:
@@ -173,7 +181,7 @@ def parse(text: str, file: str) -> Source:
         raise ConfigError(sentence, file=file, line=line) from error
     if not builder.root:
         raise ConfigError("the file is empty; `hgorun init` copies an example to start from", file=file)
-    return Source(builder.root[0], builder.positions)
+    return Source(builder.root[0], builder.positions, frozenset(builder.nulls))
 
 
 def _line(text: str, index: int) -> int:
@@ -204,6 +212,7 @@ class _Builder:
         self.root: list[Any] = []  # the document, once it has begun
         self.open: list[tuple[KeyPath, Any, int | None]] = [((), self.root, None)]  # with the line of a `[` or `{`
         self.key: str | None = None  # what waits for its value in the innermost mapping
+        self.nulls: set[KeyPath] = set()
         self.anchors: dict[str, KeyPath] = {}
         self.nodes = 0
 
@@ -262,6 +271,8 @@ class _Builder:
                     raise self.error(f"the anchor `&{event.anchor}` is given twice", line, here)
                 self.anchors[event.anchor] = here
             if isinstance(event, yaml.ScalarEvent):
+                if not event.style and event.value and _WORDS.get(event.value, "") is None:
+                    self.nulls.add(here)
                 if bad := _CONTROL.search(event.value):  # from an escape in double quotes
                     raise self.error(f"U+{ord(bad[0]):04X} is not allowed in text", line, here)
                 value = event.value if event.style else self.plain(event.value, here, line)

@@ -65,7 +65,7 @@ def _without(source: Source, path: tuple[str, ...], keys: tuple[str, ...]) -> So
         for place, where in source.positions.items()
         if place[:depth] == path and (len(place) == depth or place[depth] not in keys)
     }
-    return Source({key: part for key, part in value.items() if key not in keys}, places)
+    return Source({key: part for key, part in value.items() if key not in keys}, places, source.nulls_below(path))
 
 
 def _error(source: Source, path: tuple[str, ...], message: str) -> ConfigError:
