@@ -64,39 +64,43 @@ class _GatedRun:
         self._until = np.zeros(0, dtype=int) if self._order is None else needed_until(prepared)
         self._begins = set() if self._order is None else set(self._order.begins.tolist())
         self._members = tuple(j for j in range(used.shape[1]) if prepared.treatment(j) == "replay")
-        self._places = sorted({*self._entering, *self._begins, *self._saving()})
-        in_order = np.concatenate([one.used for one in prepared.samples])
-        self._contested = [
-            k
-            for k, place in enumerate(self._places)
-            if any(not in_order[e.used] for e in self._entering.get(place, []))
-        ]
+        self._places = sorted({*self._entering, *self._begins, *self._where_saved()})
+        self._in_order = np.concatenate([one.used for one in prepared.samples])
+        self._saving = set(self._where_saved())
+        self._single = [k for k, place in enumerate(self._places) if self._is_single(place)]
         first_steps = np.flatnonzero(plan.counts[:, 1] == 0)[:: 2 if uneven else 1]  # of what follows each event
         plan, self._stops = with_stops(plan, first_steps[self._places])
         late = any(one.available is not one.taken for one in prepared.samples)
         self._session = Session(prepared.program(), plan, prepared.start(), late=late)
-        self._alone = self._order is not None  # then each sample has to be waited for
 
-    def _saving(self) -> Iterator[int]:
+    def _where_saved(self) -> Iterator[int]:
         """Where observers will be taken back to."""
         if self._order is not None:
             yield from np.flatnonzero(self._until[self._order.event] > self._order.now).tolist()
 
+    def _is_single(self, place: int) -> bool:
+        """Whether a place is not passed with others.
+
+        There observers are taken back or will be taken back to, or a sample comes after a newer one, which not every
+        observer may have used.
+        """
+        entering = self._entering.get(place, [])
+        older = any(not self._in_order[one.used] and not self._goes_back(one) for one in entering)
+        return not entering or older or place in self._begins or place in self._saving
+
     def carried_out(self) -> Raw:
         """All of it."""
         session, stops = self._session, self._stops.tolist()
-        saving = set(self._saving())
         number, ahead = 0, _AHEAD
         while number < len(stops):
-            if not self._alone:
-                some = slice(number, min(number + ahead, self._next_contested(number, len(stops))))
-                asked = len(stops[some])
-                passed = self._pass(self._places[some], stops[some]) if asked else 0
-                number += passed
-                if passed and passed == asked:
-                    ahead = min(2 * ahead, _MOST)
-                    continue
-                ahead = max(ahead // 2, _AHEAD)
+            some = slice(number, min(number + ahead, self._next_single(number, len(stops))))
+            asked = len(stops[some])
+            passed = self._pass(self._places[some], stops[some]) if asked else 0
+            number += passed
+            if passed and passed == asked:
+                ahead = min(2 * ahead, _MOST)
+                continue
+            ahead = max(ahead // 2, _AHEAD) if asked else ahead
             place, stop = self._places[number], stops[number]
             number += 1
             event = place if self._order is None else int(self._order.event[place])
@@ -107,38 +111,43 @@ class _GatedRun:
                 for row, kept in zip(self._gate.deviations, known, strict=True):
                     for j in self._members:
                         row[j].restore(kept[j])
-            if place in saving:
+            if place in self._saving:
                 self._saved[event] = self._gate.state(), z, w
             self._enter(place, stop, float(self._events[event]), z, w)
         return session.finish()
 
-    def _next_contested(self, number: int, end: int) -> int:
-        """The next place where a sample comes after a newer one, which not every observer may have used."""
-        which = bisect_left(self._contested, number)
-        return self._contested[which] if which < len(self._contested) else end
+    def _next_single(self, number: int, end: int) -> int:
+        """The next place that is not passed with others."""
+        which = bisect_left(self._single, number)
+        return self._single[which] if which < len(self._single) else end
 
     def _pass(self, places: Sequence[int], stops: Sequence[int]) -> int:
         """Let the samples of some places enter as if there were no outliers: how many places there are before one."""
         session, gate = self._session, self._gate
         mark, known = session.mark(stops[-1] + 1), gate.state()
+        entering = [self._entering[place] for place in places]
+        slots = [one.slot for several in entering for one in several]
+        first = session.innovations[slots]  # what is kept is what was thought at first
+        session.innovations[slots] = np.nan
         variances = self._variances(places, stops)
         session.advance(stops[-1] + 1)
-        entering = [self._entering[place] for place in places]
         innovations = self._wrapped([one for several in entering for one in several])
         together = zip(entering, variances, strict=True)
         count = next(
             (k for k, (some, own) in enumerate(together) if not gate.passed(some, innovations, own)), len(places)
         )
         for one in (one for several in entering[:count] for one in several):
+            self._used[one.used, list(one.members)] = self._offered[one.used, list(one.members)] = True
             self._use(one, one.members)
         if count < len(places):
             gate.restore(known)
             for several, own in zip(entering[:count], variances, strict=False):
                 gate.passed(several, innovations, own)
-            session.innovations[[one.slot for several in entering[count:] for one in several]] = np.nan
+            session.innovations[slots] = np.nan
             session.go_back(mark)
             if count:
                 session.advance(stops[count - 1] + 1)
+        session.innovations[slots] = np.where(np.isnan(first), session.innovations[slots], first)
         return count
 
     def _variances(self, places: Sequence[int], stops: Sequence[int]) -> Sequence[Variances]:
@@ -150,7 +159,7 @@ class _GatedRun:
         for k, stop in enumerate(stops):
             session.advance(stop)
             z[k], w[k] = session.z, session.w
-        times = self._events[list(places)]
+        times = self._events[list(places) if self._order is None else self._order.event[list(places)]]
         found = [None if one is None else one.variance(times, z, w).tolist() for one in self._covariances]
         return [[None if of is None else of[k] for of in found] for k in range(len(places))]
 

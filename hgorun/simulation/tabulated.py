@@ -18,7 +18,7 @@ from hgorun.simulation.actions import Actions, RecordedInputs
 from hgorun.simulation.segment_rows import segment_rows
 from hgorun.simulation.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
 
-_PART_EVENTS = 1 << 15  # of a part: its tables stay in the processor's cache
+_PART_EVENTS = 1 << 14  # of a part: its tables stay in the processor's cache
 
 
 def long_from() -> int:
@@ -56,7 +56,7 @@ class Stretchwise:
         That of the run before.
     """
 
-    KEPT = 4  # tables of the parts of a run
+    KEPT = 8  # tables of the parts of a run
 
     def __init__(self) -> None:
         self.last: Tabulated | None = None
