@@ -1,8 +1,9 @@
 """Pendula that are simulated here, without hgorun, for pendulum.yaml.
 
-    python demos/qube/pendula.py FOLDER
+    python demos/qube/pendula.py FOLDER [NAME ...]
 
-writes three logs of each: NAME0.csv and NAME1.csv for the model and the gains, NAME2.csv to judge them.
+writes three logs of each, or of those that are named: NAME0.csv and NAME1.csv for the model and the gains, NAME2.csv to
+judge them.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ State = tuple[float, float]
 
 @dataclass(frozen=True)
 class Pendulum:
-    """angle'' = -omega_0^2 sin(angle) - d angle' - c sign(angle') + torque + wind.
+    """angle'' = -omega_0^2 sin(angle) - d angle' - c sign(angle') - b angle' |angle'| + torque + wind.
 
     The angle has white noise, or an encoder of so many steps a turn; times of samples jitter by up to so much; a torque
     that is recorded changes every 0.25 s; the wind is not recorded: white noise through a lag of 0.3 s.
@@ -32,6 +33,7 @@ class Pendulum:
     d: float
     starts: tuple[State, ...]
     c: float = 0.0
+    b: float = 0.0
     noise: float = 0.0
     encoder: int = 0
     jitter: float = 2e-5
@@ -50,7 +52,7 @@ class Pendulum:
 
         def force(s: float, x: State) -> float:
             """All but Coulomb's friction."""
-            gravity = -(self.omega_0**2) * math.sin(x[0]) - self.d * x[1]
+            gravity = -(self.omega_0**2) * math.sin(x[0]) - self.d * x[1] - self.b * x[1] * abs(x[1])
             return float(gravity + wind[int(s / 0.01)] + levels[int(s / 0.25)])
 
         def slope(s: float, x: State) -> State:
@@ -93,15 +95,19 @@ PENDULA = {
     "noisy": Pendulum(7.0, 0.2, HIGH, noise=0.03, seed=1562),
     "small": Pendulum(5.0, 0.05, ((0.15, 0.0), (-0.12, 0.3), (0.1, -0.5)), noise=0.004, jitter=5e-4, seed=1537),
     "driven": Pendulum(5.2, 0.3, ((0.4, 0.0), (-0.6, 1.0), (0.1, -1.0)), c=0.15, noise=0.004, torque=14.0, seed=1648),
+    "drag": Pendulum(4.5, 0.02, ((2.8, 0.0), (-1.9, 3.0), (2.2, -4.0)), b=0.1, noise=0.006, seed=1427),
+    "windy": Pendulum(6.5, 0.1, HIGH, encoder=8192, wind=0.5, seed=1434),
 }
 
 
 def main() -> None:
-    if len(sys.argv) != 2:
-        raise SystemExit(__doc__)
+    names = sys.argv[2:] or list(PENDULA)
+    if len(sys.argv) < 2 or not PENDULA.keys() >= set(names):
+        raise SystemExit(f"{__doc__}\nThere are {', '.join(PENDULA)}.")
     folder = Path(sys.argv[1])
     folder.mkdir(parents=True, exist_ok=True)
-    for name, one in PENDULA.items():
+    for name in names:
+        one = PENDULA[name]
         for i, start in enumerate(one.starts):
             one.log(folder / f"{name}{i}.csv", start, seed=one.seed + 17 * i)
 
