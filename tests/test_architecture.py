@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import re
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -177,3 +178,9 @@ def test_the_page_names_what_exists() -> None:
     paths = re.findall(r"`((?:hgorun|tests|docs|tools|experiments)/[\w./]*)`", text)
     assert paths
     assert [p for p in paths if not (ROOT / p).exists()] == []
+
+
+def test_files_of_tests_have_names_of_their_own() -> None:
+    """Tests are in no package: of two files that are called alike only one is checked by mypy, or imported."""
+    names = Counter(path.name for path in Path(__file__).parent.rglob("*.py"))
+    assert [name for name, count in names.items() if count > 1] == []
