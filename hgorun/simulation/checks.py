@@ -15,7 +15,7 @@ from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.start import check_start
+from hgorun.simulation.start import check_outputs, check_start
 from hgorun.simulation.steps import counted_steps, steps_between
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
@@ -35,6 +35,7 @@ def check_run(run: PreparedRun) -> None:
     _check_clock(run)
     _check_samples(run)
     check_start(run)
+    check_outputs(run)
     _check_noise(run)
 
 

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hgorun import simulate
 from hgorun.errors import ConfigError
+from hgorun.simulation.why_diverged import _sign_changes
 
 
 def config(dynamics: str, output: str = "x1", **observer: Any) -> dict[str, Any]:
@@ -47,6 +49,27 @@ def test_an_output_that_is_no_number_is_not_put_on_the_observer() -> None:
         ConfigError, match="output y1 is not a finite number at the start of the run, at x1 = 1, x2 = -2"
     ):
         simulate(found)
+
+
+@pytest.mark.parametrize("sampling", [{"period": 0.05}, {"period": 0.05, "offset": 0.02}])
+def test_nor_is_one_that_is_sampled(sampling: dict[str, float]) -> None:
+    """All right-hand sides are numbers until the first sample comes."""
+    found = config("-c*x1", output="log(x2)", type="ekf", q=1, R=1)
+    del found["observers"]["S"]["theta"]
+    found["measurement"] = {"sampling": sampling}
+    with pytest.raises(
+        ConfigError, match="output y1 is not a finite number at the start of the run, at x1 = 1, x2 = -2"
+    ):
+        simulate(found)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([], None), ([np.nan, 1.0], None), ([2.0, 1.0], None), ([1.0, -1.0], 0.5), ([2.0, 1.0, 0.0], 2.0)],
+)
+def test_a_sign_changes_between_two_numbers_alone(values: list[float], expected: float | None) -> None:
+    """What has no rows has no sign."""
+    assert _sign_changes(np.arange(float(len(values))), np.array(values)) == expected
 
 
 def test_an_estimate_that_is_no_number_names_itself() -> None:
