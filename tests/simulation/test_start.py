@@ -96,14 +96,3 @@ def test_a_number_that_is_not_finite_is_shown() -> None:
 def test_a_pole_of_a_function_of_time_is_at_its_time() -> None:
     with pytest.raises(ConfigError, match="this is not finite at t = 0: it has"):
         simulate(config("-c*x1/t"))
-
-
-@pytest.mark.parametrize("start", [0.0, 7.0])
-def test_a_step_longer_than_the_run_is_refused(start: float) -> None:
-    found = config("-c*x1")
-    found["time"] = {"start": start, "end": start + 0.1, "output_step": 0.05}
-    simulate(found | {"solver": {"step": 0.1}})  # as long as the run
-    with pytest.raises(ConfigError) as caught:
-        simulate(found | {"solver": {"step": 0.11}})
-    assert caught.value.key == "solver.step"
-    assert caught.value.message == "0.11 is longer than the run, 0.1: shorten it"
