@@ -32,6 +32,7 @@ def estimate(options: Estimate) -> int:
     refuse_other_kinds(options.output, RESULT_SUFFIXES, {".csv": "--export-csv FILE writes the estimates"})
     refuse_no_csv("--export-csv", options.export_csv)
     refuse_no_csv("--export-samples", options.export_samples)
+    _refuse_with_samples(options)
     page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config, "estimate"))
     text, source = read_source(options.config, options.overrides, seed=options.seed)
@@ -136,6 +137,14 @@ def _target(options: Estimate, name: str) -> Path:
     if options.output is not None and options.output.suffix.lower() in RESULT_SUFFIXES:
         return options.output
     return (options.output or RESULTS) / f"{name}.h5"
+
+
+def _refuse_with_samples(options: Estimate) -> None:
+    """What is not written where samples are."""
+    if options.export_samples is not None and (
+        options.holdout or options.export_csv is not None or options.output is not None
+    ):
+        raise ConfigError("--export-samples estimates nothing: leave out --holdout, --export-csv and --output")
 
 
 def _refuse_to_overwrite(options: Estimate, log: Log, target: Path) -> None:

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from hgorun.data.recording import Note
-from hgorun.data.units import converted, is_time, is_unit
+from hgorun.data.units import converted, foreign, is_time, is_unit, meant_for
 from hgorun.errors import KeyPath, Problem
 
 _IN_NAME = re.compile(r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60})\)|\sin\s+(\S{1,60}))\s*")
@@ -36,6 +36,12 @@ def convertible_in_name(name: str, wanted: str) -> str:
     What stands in brackets may as well be a tag, a place or a remark, and a letter that is a unit of something else.
     """
     return _convertible(unit_in_name(name), wanted) or ""
+
+
+def foreign_in_name(name: str, wanted: str) -> str:
+    """The unit in the name of a column that is none that is converted, but of the kind of another; else empty."""
+    said = unit_in_name(name)
+    return said if said and foreign(said, wanted) else ""
 
 
 def _convertible(said: str, wanted: str) -> str | None:
@@ -97,6 +103,10 @@ class AnotherUnit:
         says = f"column {self.column!r}: {self.source} says {found}"
         if self.said is not None:
             return f"{says}, the configuration unit: {self.said}, which is taken; is it {found}?"
+        as_they_are = f"unit: {_plain(wanted)} takes the numbers as they are"
+        if foreign(found, wanted) and _convertible(found, wanted) is None:
+            none = f"{found} is not among the units that are converted; {as_they_are}.{meant_for(found, wanted)}"
+            raise ValueError(f"{says} in {self.file}, {self.who} {wanted}: {none}")
         if not is_unit(found):
             return f"{says}, which is not a known unit, {self.who} {wanted}: taken as they are"
         meant = _convertible(found, wanted)
@@ -106,8 +116,7 @@ class AnotherUnit:
             converts = "which is of another kind"
         else:
             converts = f"{{column: {json.dumps(self.column, ensure_ascii=False)}, unit: {_plain(meant)}}} converts"
-        says, as_they_are = f"{says} in {self.file}, {self.who} {wanted}", f"unit: {_plain(wanted)}"
-        raise ValueError(f"{says}: {converts}, {as_they_are} takes the numbers as they are")
+        raise ValueError(f"{says} in {self.file}, {self.who} {wanted}: {converts}, {as_they_are}")
 
 
 def note_of(another: AnotherUnit, kind: str, signal: str, path: KeyPath, otherwise: str = "") -> Note:

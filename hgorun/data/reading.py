@@ -11,7 +11,7 @@ import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data.missing import told_once
-from hgorun.data.named_units import AnotherUnit, convertible_in_name, note_of
+from hgorun.data.named_units import AnotherUnit, convertible_in_name, foreign_in_name, note_of
 from hgorun.data.one_clock import OneClock
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
@@ -147,7 +147,7 @@ class Reader:
         taken = said or self._units.get(signal.name, "")
         found, source = file.table.unit(column), "the file"
         if not found and taken:
-            found, source = convertible_in_name(column, taken), "its name"
+            found, source = convertible_in_name(column, taken) or foreign_in_name(column, taken), "its name"
         if not (found and taken) or alike(found, taken):
             return
         another = AnotherUnit(

@@ -12,7 +12,7 @@ import numpy as np
 
 from hgorun.config.expressions import nearest
 from hgorun.config.time_units import SECONDS, SHORT
-from hgorun.data.usual_units import is_usual, unusual
+from hgorun.data.usual_units import in_other_letters, is_usual, unusual
 from hgorun.errors import KeyPath, Problem
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ _COMMON = (
     *("bar", "V", "mV", "A", "mA", "W", "kW", "J", "kJ", "N", "percent", "s", "min", "h", "d", "ms"),
 )  # that may be meant
 # pint calculates with what it is given: no powers of powers, and few digits
-_FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
+_FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%‰°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
 NO_UNIT = ("-", "1", "")
 """How it is written that numbers have no unit."""
@@ -60,6 +60,15 @@ _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _ABBREVIATED = re.compile(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
 _POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
 _TURNS = ("turn", "hertz", "revolutions_per_minute", "revolutions_per_second", "cycle")
+_BITS = ("bit", "byte")
+_DEFINED = (
+    "gauss_in_tesla = 1e-4 tesla = G = gauss",
+    "oersted_in_ampere_per_meter = 250 / pi * ampere / meter = Oe = oersted",
+    "volt_ampere_reactive = watt = var",
+)
+"""Units that pint has none of, or in a system where they are of another kind."""
+_AMBIGUOUS = {"mil": "thou", "mils": "thou", "mD": "millidarcy"}
+"""What units may be that pint reads as something else; none of them is converted."""
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade")
 
 
@@ -104,13 +113,15 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     if _turns_alone(found, target):
         message = f"{unit} cannot be converted to the model's {wanted}: one counts turns, and the other does not say"
         raise Problem(path, f"{message} what it counts; {wanted} takes the numbers as they are")
+    another = f"{unit} cannot be converted to the model's {wanted}: it is of another kind."
+    if _exponents(found, _BITS) != _exponents(target, _BITS):  # a byte is no bel, and to pint 8
+        raise Problem(path, another)
     try:
         numbers = np.asarray(registry.Quantity(values, found).to(target).magnitude, dtype=float)
         cycles = _exponents(found, ("hertz",)) - _exponents(target, ("hertz",))
         return numbers * (2 * np.pi) ** cycles if cycles else numbers
     except DimensionalityError:
-        message = f"{unit} cannot be converted to the model's {wanted}: it is of another kind.{_meant(unit, target)}"
-        raise Problem(path, message) from None
+        raise Problem(path, another + _meant(unit, target)) from None
 
 
 def _written_out(unit: str) -> str:
@@ -172,11 +183,46 @@ def alike(unit: str, other: str) -> bool:
         return False
 
 
+def foreign(unit: str, wanted: str) -> bool:
+    """Whether a unit is none that is converted, and yet one in which numbers of this kind would be others.
+
+    What is not converted may be read by accident, but taken as it is it may as well be silently wrong.
+    """
+    readings = [_AMBIGUOUS.get(unit, unit)]
+    if len(unit) > 1:  # RPM, KPA, M/S
+        readings += in_other_letters(unit) or [low for low in [unit.lower()] if unusual(_usual(low)) is None]
+    seen = [factor for factor in (_read_as(one, wanted) for one in readings) if factor is not None]
+    return bool(seen) and not any(seen)
+
+
+def _read_as(unit: str, wanted: str) -> bool | None:
+    """Whether a library reads a text as the same unit as another; None where it is of another kind or none."""
+    two, written = np.array([0.0, 1.0]), [_usual(one) for one in (unit, wanted)]
+    if unit.isdigit() or not all(_UNIT.fullmatch(one) for one in written):
+        return None
+    with suppress(Exception), np.errstate(divide="ignore"):  # whatever its parser stumbles over
+        found, target = (_registry().Unit(one) for one in written)
+        return bool(np.allclose(_registry().Quantity(two, found).to(target).magnitude, two, rtol=1e-12, atol=1e-12))
+    return None
+
+
+def meant_for(unit: str, wanted: str) -> str:
+    """What may be meant by a unit where numbers of another kind are wanted, as a question; empty where nothing is."""
+    with suppress(Problem):
+        return _meant(unit, _parsed(_registry(), wanted, ()))
+    return ""
+
+
 @cache
 def _registry() -> pint.UnitRegistry[float]:
     import pint
 
-    return pint.UnitRegistry(autoconvert_offset_to_baseunit=True)
+    registry: pint.UnitRegistry[float] = pint.UnitRegistry(
+        autoconvert_offset_to_baseunit=True, on_redefinition="ignore"
+    )
+    for definition in _DEFINED:
+        registry.define(definition)
+    return registry
 
 
 def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted: pint.Unit | None = None) -> pint.Unit:

@@ -16,15 +16,26 @@ _PREFIXES = {
     "m": f"f p {_SMALL} c d k",
     "g": f"p {_SMALL} c d k M",
     "s": f"f p {_SMALL} k",
-    "mol": f"p {_SMALL} k",
-    "L l": f"{_SMALL} c d h k",
-    "M": f"p {_SMALL}",
-    "A V": f"p {_SMALL} k",
-    "C F": f"p {_SMALL}",
+    "mol": f"a f p {_SMALL} k",
+    "L l": f"f p {_SMALL} c d h k",
+    "M": f"f p {_SMALL}",
+    "A V": f"f p {_SMALL} k",
+    "V": "M",
+    "C F": f"f p {_SMALL}",
     "H T Wb S": f"{_SMALL}",
     "K": _SMALL,
     "Hz Pa J N W bar cal eV Wh VA": _OF_ALL,
     "Pa W J": "h T",
+    "Hz eV Wh": "T",
+    "J": "P E",
+    "N": "da",
+    "bar": "d",
+    "torr atm": "u µ m",
+    "var": "k M G",
+    "G Oe": "u µ m k",
+    "Gal rem": "u µ m",
+    "Ci": f"p {_SMALL} k",
+    "dyn": "k M",
     "ohm Ω Ω": f"{_SMALL} k M G T",
     "rad": "u µ m",
     "B bit": "k M G T",
@@ -39,8 +50,9 @@ _PREFIXES = {
 _ALONE = """
     min h hr sec d yr deg ° °C °F degC degF degR degK delta_degC delta_degF % percent ppm rpm rps turn cycle gon sr dB
     Np psi atm torr mmHg kgf lbf lb lbs oz ft inch in yd mile mi gal hp Btu BTU kn knot mph kph ha acre angstrom Å a
+    arcmin arcsec cmH2O mmH2O inH2O ftH2O cmHg inHg nmi kts ksi kip dyn erg cc fps thou ft_lb dBm dBW ‰
 """  # without a prefix
-_ONLY_BESIDE = {"a", "P"}  # symbols that are labels more often where they stand alone
+_ONLY_BESIDE = {"a", "P", "G"}  # symbols that are labels more often where they stand alone
 _NAMES = """
     meter metre gram second minute hour day week fortnight month year ampere kelvin mole molar liter litre hertz newton
     pascal joule watt volt coulomb farad siemens tesla weber henry ohm radian steradian degree arcminute arcsecond
@@ -48,7 +60,8 @@ _NAMES = """
     atmosphere bar poise stokes calorie electron_volt horsepower knot hectare acre byte bit decibel lux lumen candela
     katal enzyme_unit dalton count dimensionless celsius fahrenheit degree_Celsius degree_Fahrenheit becquerel sievert
     revolutions_per_minute revolutions_per_second standard_gravity g_0 g_n pound_force kilogram_force volt_ampere
-    watt_hour ampere_hour
+    watt_hour ampere_hour nautical_mile micron thou fathom furlong slug dyne erg gauss oersted darcy curie rem permille
+    foot_pound poundal grain carat
 """
 _WORDS = frozenset(_NAMES.split())
 _LONG_PREFIXES = ("femto", "pico", "nano", "micro", "milli", "centi", "deci", "hecto", "kilo", "mega", "giga", "tera")
@@ -73,6 +86,11 @@ def is_usual(name: str) -> bool:
     long = next((prefix for prefix in _LONG_PREFIXES if name.startswith(prefix)), "")
     word = name.removeprefix(long)
     return any(one in _WORDS for one in (name, word, word.removesuffix("s"), word.removesuffix("es")))
+
+
+def in_other_letters(text: str) -> list[str]:
+    """The units that differ from a text in small and capital letters alone: RPM, KPA."""
+    return [one for one in sorted(_SYMBOLS | _WORDS) if one != text and one.lower() == text.lower()]
 
 
 def unusual(text: str) -> str | None:

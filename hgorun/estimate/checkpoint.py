@@ -63,12 +63,14 @@ class Checkpoint:
             told = json.loads(head)
             others = {name: told.get(name, wanted) for name, wanted in settings.items()}  # older ones do not tell
             others = {name: found for name, found in others.items() if found != settings[name]}
-            if told["of"] != identity and others.keys() <= {"gates"}:  # it follows from the others
+            another = told["of"] != identity and others.keys() <= {"gates"}  # it follows from the others
+            if another and not others:
                 raise ConfigError("the checkpoint is of another configuration")
             for name, found in others.items():
                 raise ConfigError(
                     f"the checkpoint was made with {name} {_said(found)}, and this estimator has "
                     f"{_said(settings[name])}: give it the same {name}, or begin anew"
+                    + ("; it is of another configuration" if another else "")
                 )
             size = int(told["notes"])
             with np.load(io.BytesIO(rest[size:]), allow_pickle=False) as arrays:

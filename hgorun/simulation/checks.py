@@ -15,7 +15,7 @@ from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.start import check_start
+from hgorun.simulation.start import check_outputs, check_start
 from hgorun.simulation.steps import counted_steps, steps_between
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
@@ -29,20 +29,13 @@ def check_run(run: PreparedRun) -> None:
     ------
     Problem
     """
-    _check_step(run)
     _check_memory(run)
     check_steps(run, run.step, adaptive=run.adaptive)
     _check_clock(run)
     _check_samples(run)
     check_start(run)
+    check_outputs(run)
     _check_noise(run)
-
-
-def _check_step(run: PreparedRun) -> None:
-    """A step that was given fits into the run: a longer one is mostly in another unit of time."""
-    step, length = run.experiment.blocks.solver.step, run.time.end - run.time.start
-    if isinstance(step, float) and step > length * (1 + 1e-9):
-        raise Problem(("solver", "step"), f"{step:g} is longer than the run, {length:g}: shorten it")
 
 
 def check_events(run: PreparedRun) -> None:

@@ -43,7 +43,7 @@ def check_start(run: PreparedRun) -> None:
             raise Problem(path, why)
         what = f"the right-hand side of {name} is not a finite number at the start of the run"
         raise Problem(path, what + _why(run, bad[:1])[0])
-    _check_outputs(run)
+    check_outputs(run)
     for b, (first, *_) in zip(numbers.observers, system.blocks, strict=True):
         if not sound[first : b.start].all():
             raise Problem(
@@ -67,8 +67,15 @@ def check_start(run: PreparedRun) -> None:
             )
 
 
-def _check_outputs(run: PreparedRun) -> None:
-    """An observer may not be a number since what it measures is none."""
+def check_outputs(run: PreparedRun) -> None:
+    """The outputs must be numbers at the start, as at every later point of the run.
+
+    An observer may not be a number since what it measures is none, at once or after its first sample.
+
+    Raises
+    ------
+    Problem
+    """
     numbers, model = run.numbers, run.plant.model
     (y,) = run.structure.outputs.along(np.array([run.time.start]), numbers.p, numbers.z0[None, :])
     for name, value in zip(model.outputs, y, strict=True):

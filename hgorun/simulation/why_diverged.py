@@ -110,10 +110,10 @@ def _finite(rows: Floats) -> Floats:
 
 
 def _sign_changes(times: Floats, values: Floats) -> float | None:
-    """When values change their sign for the first time, as far as a straight line tells."""
+    """When values change their sign for the first time, as far as a straight line tells; None where they are none."""
     with np.errstate(invalid="ignore"):
-        changed = np.flatnonzero(np.sign(values) != np.sign(values[0]))
-    if not changed.size:
+        changed = np.flatnonzero(np.sign(values) != np.sign(values[:1]))
+    if not changed.size or not changed[0]:  # none, or no number to begin with
         return None
     k = int(changed[0])
     return float(np.interp(0.0, *_rising(values[k - 1 : k + 1], times[k - 1 : k + 1])))

@@ -139,6 +139,9 @@ def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | No
     if _unstable(found, timing):
         yield f"to change: measure more often and sooner, or a smaller {key}: the error grows as it is"
         return
+    if analysis.result.observers[label].lost:
+        yield f"to change: a smaller {key}, or an initial estimate nearer to the truth: as it is, the estimate is lost"
+        return
     shares = _shares(analysis, label, noise) if isinstance(noise, Mapping) else {}
     filtered = "; a larger r may" if isinstance(subject.observer, FilterOrder) else ""
     if shares and min(shares.values()) >= _MOST:

@@ -84,8 +84,10 @@ def test_json_and_nothing_else(shell: Shell) -> None:
     code, out, err = shell("analyze", "vdp.yaml", "--json", "-o", "there")
     assert (code, err) == (0, "")
     found = json.loads(out, parse_constant=pytest.fail)
-    assert list(found) == ["name", "file", "observers"]
+    assert list(found) == ["name", "file", "units", "observers", "figures"]
     assert (found["name"], found["file"]) == ("vdp", "vdp.yaml")
+    assert all(Path(figure).exists() for figure in found["figures"])
+    assert "there/vdp-analysis.png" in found["figures"]
     assert Path("there/vdp-analysis.png").exists()
     assert not Path("results").exists()
     shgo = found["observers"]["SHGO"]

@@ -84,3 +84,12 @@ def test_into_a_file_that_is_not_read(shell: Shell) -> None:
     code, _, err = shell("estimate", "case.yaml", "--export-samples", "log.csv")
     assert code == 2
     assert "is read" in err
+
+
+@pytest.mark.parametrize("shell", [False], indirect=True)
+@pytest.mark.parametrize("beside", [["--export-csv", "e.csv"], ["-o", "r.h5"], ["--holdout", "y=5"]])
+def test_nothing_that_it_does_not_write_is_taken_beside_it(shell: Shell, beside: list[str]) -> None:
+    code, _, err = shell("estimate", "case.yaml", "--export-samples", "samples.csv", *beside)
+    assert code == 2
+    assert "leave out --holdout, --export-csv and --output" in err
+    assert not (shell.folder / "samples.csv").exists()

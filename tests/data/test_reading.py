@@ -225,6 +225,30 @@ def test_a_unit_of_the_file_that_is_not_the_models_is_refused(tmp_path: Path) ->
     assert "the file says Skt, which is not a known unit, the model has rad: taken as they are" in str(note)
 
 
+@pytest.mark.parametrize("header", ["glucose [grad]", "glucose\n[s],[grad]"])
+def test_a_unit_that_is_not_converted_is_never_taken_without_a_word(tmp_path: Path, header: str) -> None:
+    """A hundred of them are a right angle; German degrees are called so, too."""
+    content, column = PLAIN.replace("glucose\n", f"{header}\n"), header.split("\n")[0]
+    said = (
+        r"says grad in .*log\.csv, the model has rad: grad is not among the units that are converted; unit: rad takes"
+    )
+    with pytest.raises(Problem, match=rf"{said} the numbers as they are\. Did you mean `deg`\?"):
+        recorded(tmp_path, content, {"outputs": {"S": {"column": column}}}, units={"S": "rad"})
+    for unit, factor in [("deg", np.pi / 180), ("rad", 1)]:
+        changes = {"outputs": {"S": {"column": column, "unit": unit}}}
+        signal = recorded(tmp_path, content, changes, units={"S": "rad"}).outputs["S"]
+        np.testing.assert_allclose(signal.values, VALUES * factor, rtol=1e-15)
+
+
+def test_seconds_of_arc_in_a_name_are_refused_and_converted(tmp_path: Path) -> None:
+    content, column = PLAIN.replace("glucose\n", "glucose [arcsec]\n"), "glucose [arcsec]"
+    with pytest.raises(Problem, match=r"unit: arcsec} converts, unit: rad takes"):
+        recorded(tmp_path, content, {"outputs": {"S": {"column": column}}}, units={"S": "rad"})
+    changes = {"outputs": {"S": {"column": column, "unit": "arcsec"}}}
+    signal = recorded(tmp_path, content, changes, units={"S": "rad"}).outputs["S"]
+    np.testing.assert_allclose(signal.values, VALUES / 206264.80624709636, rtol=1e-13)
+
+
 @pytest.mark.parametrize("unit", ["V", "mV"])
 def test_a_unit_of_another_kind_is_refused(tmp_path: Path, unit: str) -> None:
     content = PLAIN.replace("glucose\n", f"glucose\n[s],[{unit}]\n")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hgorun.data.named_units import convertible_in_name
+from hgorun.data.named_units import convertible_in_name, foreign_in_name
 from hgorun.data.units import _COMMON, _registry, converted, is_unit, not_known
 from hgorun.data.usual_units import _SYMBOLS, _WORDS, unusual
 from hgorun.errors import Problem
@@ -47,11 +47,68 @@ def test_nor_is_it_one_in_the_name_of_a_column(name: str, wanted: str) -> None:
         (760.0, "Torr", "mmHg", 760.0),
         (1.0, "N m", "J", 1.0),
         (1.0, "Wh/(kg K)", "kJ/(kg K)", 3.6),
+        (206264.806, "arcsec", "rad", 1.0),
+        (60.0, "arcmin", "deg", 1.0),
+        (1.0, "cmH2O", "Pa", 98.0665),
+        (1.0, "mmH2O", "Pa", 9.80665),
+        (1.0, "inH2O", "Pa", 249.089),
+        (1.0, "inHg", "Pa", 3386.389),
+        (1.0, "nmi", "m", 1852.0),
+        (1e4, "gauss", "T", 1.0),
+        (1.0, "mG", "nT", 100.0),
+        (4 * np.pi, "Oe", "kA/m", 1.0),
+        (1.0, "cc", "mL", 1.0),
+        (1.0, "ksi", "MPa", 6.894757),
+        (1e5, "dyn", "N", 1.0),
+        (1e7, "erg", "J", 1.0),
+        (1.0, "‰", "percent", 0.1),
+        (1.0, "darcy", "m^2", 9.869233e-13),
+        (1.0, "mCi", "MBq", 37.0),
+        (1.0, "kip", "kN", 4.448222),
+        (1.0, "ft_lb", "J", 1.355818),
+        (30.0, "dBm", "W", 1.0),
+        (1.0, "fmol", "mol", 1e-15),
+        (1.0, "THz", "GHz", 1000.0),
+        (1.0, "PJ", "TJ", 1000.0),
+        (1.0, "Mvar", "kW", 1000.0),
+        (1.0, "kts", "m/s", 0.514444),
     ],
 )
 def test_usual_units_convert(value: float, unit: str, wanted: str, expected: float) -> None:
     found = converted(np.array([value]), unit, wanted, ())[0]
     assert found == pytest.approx(expected, rel=1e-4)  # the inch of mercury is rounded
+
+
+def test_bytes_are_no_bels() -> None:
+    with pytest.raises(Problem, match="B cannot be converted to the model's dB: it is of another kind"):
+        converted(np.ones(1), "B", "dB", ())
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "found"),
+    [
+        ("a [grad]", "rad", "grad"),
+        ("a in Grad", "rad", "Grad"),
+        ("d (mils)", "m", "mils"),
+        ("d [mil]", "m", "mil"),
+        ("V [bbl]", "m^3", "bbl"),
+        ("B [G]", "T", "G"),
+        ("B [Gauss]", "T", "Gauss"),
+        ("L [B]", "dB", "B"),
+        ("n [RPM]", "rad/s", "RPM"),
+        ("v [M/S]", "km/h", "M/S"),
+        ("v [M/S]", "m/s", ""),
+        ("n [RPM]", "rpm", ""),
+        ("p [MPA]", "MPa", ""),
+        ("x [left]", "m", ""),
+        ("x [2]", "1", ""),
+        ("x [k]", "m", ""),
+        ("x [Skt]", "rad", ""),
+        ("x", "rad", ""),
+    ],
+)
+def test_a_unit_of_the_kind_that_is_not_converted_is_found(name: str, wanted: str, found: str) -> None:
+    assert foreign_in_name(name, wanted) == found
 
 
 def test_what_is_usual_is_known_to_the_library_and_what_is_suggested_is_usual() -> None:

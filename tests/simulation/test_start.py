@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pytest
 
 from hgorun import simulate
 from hgorun.errors import ConfigError
+from hgorun.simulation.why_diverged import _sign_changes
 
 
 def config(dynamics: str, output: str = "x1", **observer: Any) -> dict[str, Any]:
@@ -49,6 +51,27 @@ def test_an_output_that_is_no_number_is_not_put_on_the_observer() -> None:
         simulate(found)
 
 
+@pytest.mark.parametrize("sampling", [{"period": 0.05}, {"period": 0.05, "offset": 0.02}])
+def test_nor_is_one_that_is_sampled(sampling: dict[str, float]) -> None:
+    """All right-hand sides are numbers until the first sample comes."""
+    found = config("-c*x1", output="log(x2)", type="ekf", q=1, R=1)
+    del found["observers"]["S"]["theta"]
+    found["measurement"] = {"sampling": sampling}
+    with pytest.raises(
+        ConfigError, match="output y1 is not a finite number at the start of the run, at x1 = 1, x2 = -2"
+    ):
+        simulate(found)
+
+
+@pytest.mark.parametrize(
+    ("values", "expected"),
+    [([], None), ([np.nan, 1.0], None), ([2.0, 1.0], None), ([1.0, -1.0], 0.5), ([2.0, 1.0, 0.0], 2.0)],
+)
+def test_a_sign_changes_between_two_numbers_alone(values: list[float], expected: float | None) -> None:
+    """What has no rows has no sign."""
+    assert _sign_changes(np.arange(float(len(values))), np.array(values)) == expected
+
+
 def test_an_estimate_that_is_no_number_names_itself() -> None:
     with pytest.raises(ConfigError) as caught:
         simulate(config("-c*x1 + log(x2 + 3)", initial={"x1": 1, "x2": -4}))
@@ -73,14 +96,3 @@ def test_a_number_that_is_not_finite_is_shown() -> None:
 def test_a_pole_of_a_function_of_time_is_at_its_time() -> None:
     with pytest.raises(ConfigError, match="this is not finite at t = 0: it has"):
         simulate(config("-c*x1/t"))
-
-
-@pytest.mark.parametrize("start", [0.0, 7.0])
-def test_a_step_longer_than_the_run_is_refused(start: float) -> None:
-    found = config("-c*x1")
-    found["time"] = {"start": start, "end": start + 0.1, "output_step": 0.05}
-    simulate(found | {"solver": {"step": 0.1}})  # as long as the run
-    with pytest.raises(ConfigError) as caught:
-        simulate(found | {"solver": {"step": 0.11}})
-    assert caught.value.key == "solver.step"
-    assert caught.value.message == "0.11 is longer than the run, 0.1: shorten it"

@@ -96,3 +96,29 @@ def test_of_an_observer_corrected_by_samples_no_limit_is_said_once() -> None:
     together = " ".join("\n".join(advice(analysis)).split())
     assert together.count("jump at the samples") == 1
     assert "no limit of the period or the delay is computed, since all observers here jump" in together
+
+
+def test_no_larger_gain_is_recommended_to_an_observer_that_is_lost() -> None:
+    """Near 0 the plant is stable, and the limits of its linear error are far; its cube drives a wrong start off."""
+    analysis = hgorun.analyze(
+        Experiment(
+            {
+                "time": {"end": 5, "output_step": 0.01},
+                "plant": {
+                    "states": ["a", "b"],
+                    "dynamics": {"a": "b", "b": "-a - b + a**3"},
+                    "output": {"y": "a"},
+                    "initial": {"a": 0.1, "b": 0},
+                },
+                "measurement": {"sampling": {"period": 0.01}},
+                "observers": {"SHGO": {"type": "shgo", "theta": 2, "initial": {"a": 0.1, "b": 500}}},
+                "solver": {"method": "rk4", "step": 0.001},
+            },
+            name="cube",
+        )
+    )
+    assert analysis.result.observers["SHGO"].lost
+    together = " ".join("\n".join(advice(analysis)).split())
+    assert "to change: a smaller theta, or an initial estimate nearer to the truth" in together
+    assert "may grow" not in together
+    assert "larger" not in together
