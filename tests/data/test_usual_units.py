@@ -62,6 +62,7 @@ def test_nor_is_it_one_in_the_name_of_a_column(name: str, wanted: str) -> None:
         (1e5, "dyn", "N", 1.0),
         (1e7, "erg", "J", 1.0),
         (1.0, "‰", "percent", 0.1),
+        (90.0, "mins", "hrs", 1.5),
         (1.0, "ppb", "ppm", 1e-3),
         (1.0, "darcy", "m^2", 9.869233e-13),
         (1.0, "mCi", "MBq", 37.0),
