@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -14,10 +14,11 @@ from hgorun.ensemble.lot import Lot
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.measure import from_origin
 from hgorun.result.metrics.base import Metric, all_metrics
+from hgorun.result.windows import MetricSettings
 from hgorun.simulation.lanes import control_of, reduction_of
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import may_be_astray, may_have_left
+from hgorun.simulation.verdict import late_points, may_be_astray, may_have_left, size_of
 from hgorun.symbolic.evaluate import evaluate
 
 
@@ -70,8 +71,8 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
     Problem, SimulationError
         Where it cannot be made with the memory that there is.
     """
-    run, sup = lot.run, all_metrics()["sup"]  # by which an observer is seen that does not follow what is measured
-    metrics = metrics if sup in metrics else [*metrics, sup]
+    run, late = lot.run, _late_errors(lot.run)
+    metrics = metrics if late in metrics else [*metrics, late]
     reduction = reduction_of(run, metrics) if run.observers else None
     ensemble, control = run.structure.ensemble(how.method), control_of(how)
     if lot.own is None and lot.plans is None:
@@ -88,15 +89,22 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
     named = dict(reduction.named(found.reduced)) if reduction else {metric.name: nothing for metric in metrics}
     return Passed(
         metrics=named,
-        sound=_sound(lot, found, named),
+        sound=_sound(lot, found, named, late.name),
         steps=steps,
         unfinished=np.isneginf(found.plant_diverged),
         rows=found.rows,
     )
 
 
-def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
-    """Of which members there is nothing to be said."""
+def _late_errors(run: PreparedRun) -> Metric:
+    """The largest errors of a part of the run that its end belongs to: those of an observer that goes astray."""
+    sup, late = all_metrics()["sup"], run.grid[late_points(run.grid.size)]
+    first, last = MetricSettings.of(run.experiment.blocks.metrics, run.experiment.blocks.time).since(run.origin).steady
+    return sup if first <= late[0] and late[-1] <= last else replace(sup, name="largest", window="run")
+
+
+def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats], late: str) -> np.ndarray:
+    """Of which members there is nothing to be said, by their metrics and the name of that of their late errors."""
     run = lot.run
     sound = np.isposinf(found.plant_diverged) & ~np.any(np.isfinite(found.diverged), axis=0)
     if run.observers:
@@ -107,9 +115,7 @@ def _sound(lot: Lot, found: Outcome, metrics: dict[str, Floats]) -> np.ndarray:
         x, xhat = ends[:, truth], _ends(lot, found, j)
         sound &= ~may_have_left(x, xhat)
         measured = run.structure.outputs.places or []
-        y, yhat = x[:, measured], xhat[:, measured]
-        largest = metrics["sup"][j, measured]
-        sound &= ~may_be_astray(np.stack([*y, y[-1]]), np.stack([*yhat, y[-1] + largest]))
+        sound &= ~may_be_astray(metrics[late][j, measured], size_of(x, xhat))
         if run.closed:
             sound &= ~may_have_left(ends[:, : run.plant.model.n], x)
     return np.asarray(sound)

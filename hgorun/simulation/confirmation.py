@@ -17,10 +17,10 @@ from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.observers.capabilities import Switching
 from hgorun.result.estimated import Estimated
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.following import ends, may_not_follow, near, no_longer_follows
+from hgorun.simulation.following import may_not_follow, near, no_longer_follows
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import estimates_near, left_for_good, may_have_left, swamped
+from hgorun.simulation.verdict import ends, estimates_near, left_for_good, may_have_left, swamped
 from hgorun.simulation.why_diverged import singular, why_diverged
 from hgorun.symbolic.evaluate import Floats
 
@@ -76,12 +76,12 @@ def _free(run: PreparedRun, raw: Raw, suspects: list[int], again: Again) -> Raw 
 
     Once all suspects have overflowed, it has nothing that the run with the bound does not have.
     """
-    ends = ends_with_suspects(run)
+    with_them = ends_with_suspects(run)
     try:
-        free = again.integrate(again.plan(), suspects if ends else ())
+        free = again.integrate(again.plan(), suspects if with_them else ())
     except SimulationError:
         return None
-    return _with_blocks(run, raw, free, suspects) if ends else free
+    return _with_blocks(run, raw, free, suspects) if with_them else free
 
 
 def ends_with_suspects(run: PreparedRun) -> bool:
@@ -197,7 +197,7 @@ def suspects_of(run: PreparedRun, raw: Raw) -> list[int]:
     """The observers that were given up, or whose estimates may have left for good."""
     if not run.observers:
         return []
-    points, structure = ends(run.grid.size), run.structure
+    points, structure = ends(run.grid.size, run.experiment.grid[2]), run.structure
     rows = raw.rows[points, :, 0]
     estimates = structure.estimates_along(run.grid[points], run.numbers.p, rows)
     truths = Estimated(rows, structure.truths)

@@ -1,10 +1,13 @@
 """Whether an observer still follows what is measured: a bounded estimate may be as wrong as one that grows.
 
 Noise, delays and models that do not fit may make an estimate of any state but the measured ones worse than none. The
-output, though, is what an observer is fed with: its own estimate of an output errs by no more than the size of the
-output, its noise and the first error, unless nothing brings it back. That is so with gains that are too large for the
-period of the samples or for the delay: the error grows from sample to sample, up to where the plant's own damping holds
-it.
+output, though, is what an observer is fed with: its own estimate of an output errs by no more than what there is in the
+run, unless nothing brings it back. That is so with gains that are too large for the period of the samples or for the
+delay: the error changes its sign and grows from sample to sample, up to where the plant's own damping holds it.
+
+What there is in the run is the largest of all states, outputs and first errors, and of the noise as high gains amplify
+it, whatever their units. A single output would not do: it may rest where another one moves or is noisy, or where a
+transient has just begun.
 """
 
 from __future__ import annotations
@@ -19,26 +22,23 @@ from hgorun.measurement.signals import noise_at
 from hgorun.result.estimated import Estimated
 from hgorun.result.status import Verdict
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import astray, late_points, may_be_astray
+from hgorun.simulation.verdict import astray, ends, may_be_astray, size_of
 from hgorun.symbolic.evaluate import Floats
 
-_LOOKED_AT = 16  # of the last points
+_AMPLIFIED = 10.0  # times the noise: what gains just below the largest for a period make of it
 _SAMPLES = 100_000  # whose noise is looked at, where there are more
-
-
-def ends(count: int) -> np.ndarray:
-    """The first of so many points, and some of the last ones."""
-    late = late_points(count)
-    every = max((late.stop - late.start) // _LOOKED_AT, 1)
-    return np.array([0, *reversed(range(count - 1, late.start - 1, -every))])
 
 
 def near(run: PreparedRun, truths: Estimated, estimates: Estimated) -> bool:
     """Whether all observers follow all outputs at the :func:`ends`, since they are not far off in any state."""
+    if not _late_or_sampled(run):
+        return True
     if run.structure.outputs.places is None:
         return False
-    x, xhat = (of.stack().reshape(len(of.values), -1, 1) for of in (truths, estimates))
-    return not bool(np.any(may_be_astray(x, xhat)))
+    x, xhat = (of.stack().swapaxes(1, 2) for of in (truths, estimates))
+    with np.errstate(over="ignore", invalid="ignore"):
+        largest = np.max(np.abs(xhat[1:] - x[1:]), axis=0)
+    return not bool(np.any(may_be_astray(largest, size_of(x, xhat))))
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -52,7 +52,14 @@ def may_not_follow(run: PreparedRun, points: np.ndarray, rows: Floats, j: int, x
     rows, xhat : ndarray, shapes (len(points), states) and (len(points), n)
         All states there, and the estimate of observer j.
     """
-    return bool(may_be_astray(*_outputs(run, points, rows, j, xhat)))
+    y, yhat = _outputs(run, points, rows, j, xhat)
+    largest = np.max(np.abs(yhat[1:] - y[1:]), axis=0)
+    return bool(may_be_astray(largest, size_of(rows[:, run.structure.truths[j]], xhat)))
+
+
+def _late_or_sampled(run: PreparedRun) -> bool:
+    """Whether any output arrives late or in samples: to what is at hand at all times no gain is too large."""
+    return any(not (s.continuous and s.undelayed) for channel in run.channels for s in channel.stretches)
 
 
 @np.errstate(over="ignore", invalid="ignore")
@@ -64,21 +71,22 @@ def no_longer_follows(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdi
     xhat : ndarray, shape (N, n)
         The estimate of observer j on the run's grid.
     """
-    points, rows = ends(len(xhat)), raw.rows[:, :, 0]
-    if not may_not_follow(run, points, rows[points], j, xhat[points]):
+    points, rows = ends(len(xhat), run.experiment.grid[2]), raw.rows[:, :, 0]
+    if not _late_or_sampled(run) or not may_not_follow(run, points, rows[points], j, xhat[points]):
         return None
     y, yhat = _outputs(run, np.arange(len(xhat)), rows, j, xhat)
     largest = np.max(np.abs(y), axis=0)
-    noise = np.array([_noise(run, c, size) for c, size in zip(run.channels, largest, strict=True)])
-    found = astray(y, yhat, noise)
+    noise = [_AMPLIFIED * _noise(run, c, size) for c, size in zip(run.channels, largest.tolist(), strict=True)]
+    states = rows[:, run.structure.truths[j]]
+    size = max(float(size_of(states, xhat)), float(size_of(y, yhat)), *noise)
+    found = astray(y, yhat, size, points[1:])
     if found is None:
         return None
     output, point = found
-    gap, name = np.abs(yhat - y)[:, output], run.plant.model.outputs[output]
-    largest_gap, least = np.nanmax(gap[point:]), max(largest[output] + noise[output], gap[0])
+    name, error = run.plant.model.outputs[output], np.nanmax(np.abs(yhat - y)[point:, output])
     reason = (
-        f"its estimate of {name} errs by up to {largest_gap:.2g}, where {name}, its noise and the first error are at "
-        f"most {least:.2g}: it no longer follows what is measured"
+        f"its estimate of {name} errs by up to {error:.2g}, this way and that, where all states, outputs, first errors "
+        f"and {_AMPLIFIED:g} times the noise are at most {size:.2g}: it no longer follows what is measured"
     )
     return Verdict("diverged", float(run.grid[point]), reason)
 

@@ -7,8 +7,8 @@ that rests at zero and is estimated so at the start, only the errors tell the si
 larger than in the first tenth, since errors that fade end in rounding, which may be far above their smallest. An
 estimate that peaks and comes back is not lost.
 
-An observer goes astray where its estimate of an output is off in the last tenth of the run by more than twice what the
-output, its noise and the first error are at most, see :mod:`hgorun.simulation.following`.
+An observer goes astray where its estimate of an output swings about it, and in the last tenth of the run by more than
+twice what all states, outputs, first errors and amplified noise are at most, see :mod:`hgorun.simulation.following`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,9 @@ _GROWN = 1e3  # times the smallest errors of the run
 _ROUNDING = 1e-9  # times the largest state: one that is smaller all along may be rounding
 _SMALLEST = 0.1  # of the points: those with the smallest errors
 _LATE = 0.1  # of the points: the last
-_ASTRAY = 2.0  # times the size of an output: twice is as far as two estimates of one size can be from each other
+_ASTRAY = 2.0  # times the size of a run: twice is as far as two numbers of one size can be from each other
+_SWINGS = 4  # changes of an error's sign: a transient has fewer, and a constant error of the model has none
+_LOOKED_AT = 16  # of the last points
 
 
 def left_for_good(x: Floats, xhat: Floats) -> int | None:
@@ -79,50 +81,75 @@ def late_points(count: int) -> slice:
     return slice(count - max(int(_LATE * count), 1), count)
 
 
-@np.errstate(over="ignore")
-def astray(y: Floats, yhat: Floats, noise: Floats) -> tuple[int, int] | None:
+def ends(count: int, every: int = 1) -> NDArray[np.int64]:
+    """The first of so many points, and some of the last ones: whole multiples of every so many points from the end."""
+    late = late_points(count)
+    apart = every * max((late.stop - late.start) // (_LOOKED_AT * every), 1)
+    return np.array([0, *reversed(range(count - 1, late.start - 1, -apart))])
+
+
+@np.errstate(invalid="ignore", over="ignore")
+def astray(y: Floats, yhat: Floats, size: float, late: NDArray[np.int64]) -> tuple[int, int] | None:
     """The output that an observer does not follow, and the first of the points from which on it does not.
 
     Parameters
     ----------
     y, yhat : ndarray, shape (N, q)
         The outputs without noise, and as they are estimated.
-    noise : ndarray, shape (q,)
-        How large it is, at most.
+    size : float
+        What all states, outputs, first errors and amplified noise are at most.
+    late : ndarray of int
+        The last points, of which one at least must be off.
 
     Returns
     -------
     (int, int) or None
-        None where it follows all of them. An output that is zero and has no noise says nothing.
+        None where it follows all of them. A run in which everything is zero says nothing.
     """
-    gap = _gap(y, yhat)
-    size = np.maximum(np.max(np.abs(y), axis=0) + noise, np.where(np.isfinite(gap[0]), gap[0], 0.0))
-    beyond = (gap > _ASTRAY * size) & (size > 0)
-    lost = np.any(beyond[late_points(len(y))], axis=0)
-    if not np.any(lost):
-        return None
-    output = int(np.argmax(lost))
-    points = np.flatnonzero(beyond[:, output])
-    quiet = np.flatnonzero(np.diff(points) > max(int(_LATE * len(y)), 1))  # it may have followed in between
-    return output, int(points[quiet[-1] + 1] if quiet.size else points[0])
+    error = yhat - y
+    beyond = (np.abs(error) > _ASTRAY * size) & (size > 0)
+    for output in np.flatnonzero(np.any(beyond[late], axis=0)).tolist():
+        points = np.flatnonzero(beyond[:, output])
+        quiet = np.flatnonzero(np.diff(points) > max(int(_LATE * len(y)), 1))  # it may have followed in between
+        start = int(points[quiet[-1] + 1] if quiet.size else points[0])
+        if np.count_nonzero(np.diff(np.sign(error[start:, output]))) >= _SWINGS:
+            return output, start
+    return None
 
 
-@np.errstate(over="ignore")
-def may_be_astray(y: Floats, yhat: Floats) -> NDArray[np.bool_]:
-    """Whether an observer may have gone astray, from the first point and those at the end, whatever the noise is.
+@np.errstate(invalid="ignore", over="ignore")
+def size_of(x: Floats, xhat: Floats) -> Floats:
+    """What the states and the first errors are at most, whatever their units.
 
     Parameters
     ----------
-    y, yhat : ndarray, shape (points, q, ...)
-        The first point, and then the last ones.
+    x, xhat : ndarray, shape (points, n, ...)
+        The first point is that of the run.
+
+    Returns
+    -------
+    ndarray, shape (...)
+    """
+    first = _gap(x[0], xhat[0])
+    first = np.max(np.where(np.isfinite(first), first, 0.0), axis=0)
+    return np.asarray(np.maximum(np.max(np.abs(x), axis=(0, 1)), first))
+
+
+def may_be_astray(largest: Floats, size: Floats) -> NDArray[np.bool_]:
+    """Whether an observer may have gone astray, whatever the noise is, and whether or not its errors swing.
+
+    Parameters
+    ----------
+    largest : ndarray, shape (q, ...)
+        The largest late error of each output.
+    size : ndarray, shape (...)
+        No more than that of the run.
 
     Returns
     -------
     ndarray of bool, shape (...)
     """
-    gap = _gap(y, yhat)
-    size = np.maximum(np.max(np.abs(y), axis=0), np.where(np.isfinite(gap[0]), gap[0], 0.0))
-    return np.asarray(np.any((np.max(gap[1:], axis=0) > _ASTRAY * size) & (size > 0), axis=0))
+    return np.asarray(np.any(largest > _ASTRAY * size, axis=0))
 
 
 def estimates_near(truths: Estimated, estimated: Estimated) -> bool:

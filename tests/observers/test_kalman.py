@@ -33,6 +33,7 @@ def samples(std: float, period: float = 0.2) -> Block:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", [KalmanBucyFilter, ExtendedKalmanFilter])
+@pytest.mark.measured
 def test_contract(family: type[AnyObserver]) -> None:
     check_observer(family)
 

@@ -114,6 +114,7 @@ def test_peaks_grow_with_theta_or_do_not() -> None:
     assert np.log2(inner[1] / inner[0]) == pytest.approx(1, abs=0.02)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [NOISE, {"sampling": {"period": 0.02}, "delay": 0.01}])
 def test_without_limits_they_are_the_linear_observers_to_the_last_bit(measurement: Block) -> None:
@@ -305,6 +306,7 @@ def test_linear_theory_holds_inside_the_saturations_and_says_so() -> None:
         assert values.get("nonlinear_share", 0) == 0
 
 
+@pytest.mark.measured
 @pytest.mark.parametrize(
     ("name", "more"),
     [

@@ -400,6 +400,7 @@ def test_lyapunov_and_riccati_form_of_the_gain_are_one() -> None:
     assert gaps[-1] < 1e-6
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
 @pytest.mark.parametrize("equation", ["riccati", "lyapunov"])

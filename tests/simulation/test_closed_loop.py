@@ -116,6 +116,7 @@ def test_a_loop_that_diverges_leaves_the_others_their_bits(cubic: Experiment, fr
 OSCILLATOR = inline({"x1": "x2", "x2": "-x1 - 0.5*x2 + u"}, "x1", 1.0)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "measurement",
@@ -209,6 +210,7 @@ def naive(period: float | None, windup: bool, *, state_feedback: bool, h: float 
     return np.array(rows)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("period", "windup", "close"), [(None, False, 1e-6), (0.25, False, 1e-6), (None, True, 3e-4), (0.25, True, 3e-4)]

@@ -10,37 +10,57 @@ import pytest
 from examples import load, run
 
 import hgorun
-from hgorun.simulation.verdict import astray, may_be_astray
+from hgorun.ensemble.growing import Sweep
+from hgorun.simulation.verdict import astray, ends, may_be_astray, size_of
 
 T = np.linspace(0, 10, 1001)[:, None]
-QUIET = np.zeros(1)
+LATE_POINTS = ends(1001)[1:]
 
 
 @pytest.mark.parametrize("unit", [1e-12, 1.0, 1e12])
 def test_the_rule_knows_no_units(unit: float) -> None:
     y = unit * np.cos(T)
     alternates = y + 5 * unit * np.sign(np.sin(30 * T)) * (T > 4)
-    assert astray(y, y + 30 * unit * np.exp(-3 * T), QUIET) is None
-    assert astray(y, -y, QUIET) is None  # as far as two of one size can be from each other
-    found = astray(y, alternates, QUIET)
-    assert found is not None
-    assert found == (0, 401)
-    assert astray(y, alternates, np.full(1, 2 * unit)) is None
+    assert astray(y, y + 30 * unit * np.exp(-3 * T), unit, LATE_POINTS) is None
+    assert astray(y, -y, unit, LATE_POINTS) is None  # as far as two of one size can be from each other
+    assert astray(y, alternates, unit, LATE_POINTS) == (0, 401)
+    assert astray(y, alternates, 3 * unit, LATE_POINTS) is None
     for yhat in (-y, alternates):
-        assert may_be_astray(y[[0, -3, -2, -1]], yhat[[0, -3, -2, -1]]).tolist() == (yhat is alternates)
+        late = np.max(np.abs(yhat - y)[LATE_POINTS], axis=0)
+        assert may_be_astray(late, size_of(y, yhat)).tolist() == (yhat is alternates)
 
 
 def test_who_follows_again_has_not_gone_astray() -> None:
+    y, swings = np.cos(T), 9 * np.sign(np.sin(30 * T))
+    assert astray(y, y + swings * ((T > 2) & (T < 5)), 1.0, LATE_POINTS) is None
+    assert astray(y, y + swings * (((T > 2) & (T < 4)) | (T > 8)), 1.0, LATE_POINTS) == (0, 801)
+
+
+def test_an_error_that_does_not_swing_is_of_the_model_or_a_transient() -> None:
     y = np.cos(T)
-    assert astray(y, y + 9.0 * ((T > 2) & (T < 5)), QUIET) is None
-    found = astray(y, y + 9.0 * (((T > 2) & (T < 4)) | (T > 8)), QUIET)
-    assert found is not None
-    assert found[1] == 801
+    assert astray(y, y + 9.0, 1.0, LATE_POINTS) is None
+    assert astray(y, y + np.exp(T), 1.0, LATE_POINTS) is None
+    assert astray(y, y + 9 * np.sin(T), 1.0, LATE_POINTS) is None  # three changes of sign
 
 
-def test_an_output_that_is_zero_says_nothing() -> None:
-    assert astray(0 * T, np.sin(T), QUIET) is None
-    assert not may_be_astray(0 * T, np.sin(T))
+def test_a_run_in_which_everything_is_zero_says_nothing() -> None:
+    assert astray(0 * T, np.sin(30 * T), 0.0, LATE_POINTS) is None
+
+
+def test_the_size_is_that_of_all_states_and_first_errors() -> None:
+    x = np.array([[1.0, -4.0], [2.0, 3.0]])
+    assert size_of(x, x) == 4
+    assert size_of(x, x + np.array([[0.0, 7.0], [9.0, 9.0]])) == 7
+    assert size_of(x, x + np.array([[0.0, np.nan], [9.0, 9.0]])) == 4
+
+
+@pytest.mark.parametrize(("count", "every"), [(2, 1), (11, 1), (1001, 1), (1001, 10), (6001, 3)])
+def test_the_last_points_lie_on_the_grid_of_the_metrics(count: int, every: int) -> None:
+    """Of these alone a sweep knows the errors."""
+    first, *late = ends(count, every).tolist()
+    assert first == 0
+    assert late[-1] == count - 1
+    assert all(point % every == 0 and point >= 0.9 * count - 1 for point in late)
 
 
 def van_der_pol(thetas: dict[str, float], measurement: dict[str, Any], **other: Any) -> dict[str, Any]:
@@ -56,7 +76,7 @@ def van_der_pol(thetas: dict[str, float], measurement: dict[str, Any], **other: 
 
 
 SAMPLED, LATE = {"sampling": {"period": 0.1}}, {"delay": 0.1}
-NOISY = SAMPLED | {"noise": [{"type": "gaussian", "std": 1.0}]}
+NOISY = SAMPLED | {"noise": [{"type": "gaussian", "std": 0.05}]}
 
 
 @pytest.mark.parametrize(
@@ -83,13 +103,77 @@ def test_gains_that_are_too_large_for_anything(tmp_path: Path) -> None:
     assert run(tmp_path, config).status == "diverged"
 
 
+def words(swept: Sweep) -> list[str]:
+    return [["ok", "inaccurate", "diverged", "undefined", "failed"][int(k)] for k in np.ravel(swept.status)]
+
+
 def test_a_sweep_says_it_as_a_run_alone_does(tmp_path: Path) -> None:
-    """Of an output that is zero where the run begins, and with noise as large as it."""
+    """Of an output that is zero where the run begins, and with noise."""
     thetas = {"A": 3.0, "B": 30.0, "C": 80.0, "D": 100.0}
     alone = [one.status for one in run(tmp_path, van_der_pol(thetas, NOISY)).observers.values()]
     base = load(tmp_path, van_der_pol({"S": 1}, NOISY))
-    swept = hgorun.sweep(base, {"observers.S.theta": list(thetas.values())})
-    words = ["ok", "inaccurate", "diverged", "undefined", "failed"]
-    assert [words[int(k)] for k in np.ravel(swept.status)] == alone
+    assert words(hgorun.sweep(base, {"observers.S.theta": list(thetas.values())})) == alone
     assert alone[:2] == ["ok", "ok"]
     assert alone[3] == "diverged"
+
+
+def test_a_sweep_sees_errors_after_the_window_of_its_metrics(tmp_path: Path) -> None:
+    """The run ends between two samples, where the error is small."""
+    other = {"time": {"end": 9.91, "output_step": 0.01}, "metrics": {"window": [0, 0.05]}}
+    thetas = {f"S{k}": theta for k, theta in enumerate((30.0, 60.0, 70.0, 80.0, 90.0))}
+    alone = [one.status for one in run(tmp_path, van_der_pol(thetas, SAMPLED, **other)).observers.values()]
+    base = load(tmp_path, van_der_pol({"S": 1}, SAMPLED, **other))
+    assert words(hgorun.sweep(base, {"observers.S.theta": list(thetas.values())})) == alone
+    assert "ok" in alone
+    assert "diverged" in alone
+
+
+START = {"initial": {"x1": 0.01, "x2": 0}}
+FAR_IN_X2 = {"S": {"type": "shgo", "theta": 5, "initial": {"x1": 0.01, "x2": 3}}}
+QUIET = {  # the second output is next to nothing beside the first
+    "states": ["x1", "x2", "d"],
+    "dynamics": {"x1": "x2", "x2": "-x1 - x2 + d", "d": "0"},
+    "output": {"a": "x1", "b": "x2 + 1e-12"},
+    "initial": {"x1": 1, "x2": 0, "d": 1},
+}
+PUSHED = {  # the observers know nothing of what keeps it at rest
+    "states": ["x1", "x2"],
+    "dynamics": {"x1": "x2", "x2": "-x1 - x2 + 1"},
+    "output": "x1",
+    "initial": {"x1": 0.001, "x2": 0},
+    "disturbance": {"x2": "-1"},
+}
+AT_REST = {"type": "integrator_chain", "n": 2, "phi": "0", "initial": {"x1": 0, "x2": 0}}
+KALMAN = {"type": "ekf", "q": 0.01, "R": {"a": 0.0025, "b": 0.01}, "initial": {"x1": 1, "d": 1}}
+
+
+@pytest.mark.parametrize(
+    ("plant", "observers", "measurement", "end"),
+    [
+        pytest.param({"type": "van_der_pol"} | START, FAR_IN_X2, {"delay": 0.3}, 0.3, id="ends in the first transient"),
+        pytest.param(
+            {"type": "van_der_pol"} | START, FAR_IN_X2, {"sampling": {"period": 0.5}}, 0.4, id="ends before a sample"
+        ),
+        pytest.param(
+            QUIET,
+            {"K": KALMAN},
+            SAMPLED | {"outputs": {"a": {"noise": [{"type": "gaussian", "std": 0.05}]}}},
+            10,
+            id="quiet output beside a noisy one",
+        ),
+        pytest.param(PUSHED, {"S": {"type": "shgo", "theta": 2}}, SAMPLED, 10, id="constant error of the model"),
+        pytest.param(
+            AT_REST,  # both poles at -theta: stable below 50
+            {"S": {"type": "shgo", "theta": 45, "initial": {"x1": 0, "x2": 0}}},
+            NOISY,
+            10,
+            id="noise that is amplified",
+        ),
+    ],
+)
+def test_an_observer_that_does_what_it_can_is_ok(
+    plant: dict[str, Any], observers: dict[str, Any], measurement: dict[str, Any], end: float, tmp_path: Path
+) -> None:
+    time = {"end": end, "output_step": 0.01}
+    config = {"time": time, "plant": plant, "measurement": measurement, "observers": observers}
+    assert [one.reason for one in run(tmp_path, config).observers.values()] == [None]

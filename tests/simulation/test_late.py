@@ -189,6 +189,7 @@ def test_automatic_steps() -> None:
     np.testing.assert_allclose(result.observers["K"].xhat[-1], z[:2], rtol=0, atol=1e-5)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_members_of_an_ensemble(tmp_path: object) -> None:
     base = experiment(PENDULUM, {"K": EKF, "S": SHGO}, end=2, output_step=0.05, step=STEP, measurement=late("0.37"))

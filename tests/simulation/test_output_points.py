@@ -152,6 +152,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the unit of ru_maxrss is that of Linux")
+@pytest.mark.measured
 def test_memory_does_not_grow_with_trajectories(tmp_path: Path) -> None:
     """What grows are the times of the output points; their rows would take some 300 bytes each."""
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -391,6 +391,7 @@ def test_every_plant(name: str, scenario: str, tmp_path: Path) -> None:
 # ---- what needs more than a table ----
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_start_away_from_zero(tmp_path: Path) -> None:
     """Samples, holds and delays count from the start; functions of time do not."""

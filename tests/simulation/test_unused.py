@@ -78,6 +78,7 @@ def test_observers_use_them() -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.measured
 def test_set_is_refused_and_an_overridden_use_is_none(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
