@@ -65,10 +65,20 @@ _DEFINED = (
     "gauss_in_tesla = 1e-4 tesla = G = gauss",
     "oersted_in_ampere_per_meter = 250 / pi * ampere / meter = Oe = oersted",
     "volt_ampere_reactive = watt = var",
+    "part_per_billion = 1e-9 = ppb",
 )
 """Units that pint has none of, or in a system where they are of another kind."""
-_AMBIGUOUS = {"mil": "thou", "mils": "thou", "mD": "millidarcy"}
-"""What units may be that pint reads as something else; none of them is converted."""
+_ABBREVIATIONS = {
+    **dict.fromkeys(("mil", "mils"), "thou"),
+    "mD": "millidarcy",
+    **dict.fromkeys(("psia", "psig"), "psi"),
+    **dict.fromkeys(("bara", "barg"), "bar"),
+    **{"cfm": "ft^3/min", "cfs": "ft^3/s", "gpm": "gal/min", "lpm": "L/min", "slpm": "L/min", "sccm": "mL/min"},
+    **{"fpm": "ft/min", "lbm": "lb", "sqft": "ft^2", "kp": "kgf", "PS": "metric_horsepower"},
+    **dict.fromkeys(("ft-lb", "lb-ft", "ft.lb", "ft·lb"), "ft_lb"),
+    **{"Nm": "N*m", "kNm": "kN*m", "mNm": "mN*m"},
+}
+"""What pint has none of or reads as something else, as it may be meant; none of these is converted."""
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade")
 
 
@@ -188,7 +198,7 @@ def foreign(unit: str, wanted: str) -> bool:
 
     What is not converted may be read by accident, but taken as it is it may as well be silently wrong.
     """
-    readings = [_AMBIGUOUS.get(unit, unit)]
+    readings = [_ABBREVIATIONS.get(unit, unit)]
     if len(unit) > 1:  # RPM, KPA, M/S
         readings += in_other_letters(unit) or [low for low in [unit.lower()] if unusual(_usual(low)) is None]
     seen = [factor for factor in (_read_as(one, wanted) for one in readings) if factor is not None]

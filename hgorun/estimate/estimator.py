@@ -17,7 +17,7 @@ from hgorun.estimate.arriving import Arriving
 from hgorun.estimate.checkpoint import Checkpoint, Settings, damaged
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.following import Following
-from hgorun.estimate.given import as_number
+from hgorun.estimate.given import as_number, positive_by_name, require_names
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.estimate.remembered import Remembered
 from hgorun.estimate.samples import stated
@@ -71,7 +71,8 @@ class Estimator:
             gates = said.gates if gates is None else gates
             std = said.std if std is None else std
             inputs = said.inputs if inputs is None else inputs
-        gates = {name: _positive(f"gates[{name!r}]", gate) for name, gate in gates.items()}
+        gates = positive_by_name("gates", gates)
+        require_names("std", std)
         if not isinstance(remembered, int) or remembered < 0:
             raise ConfigError(f"remembered: expected a whole number of events, 0 or more, found {remembered!r:.50}")
         experiment = with_noise(experiment, std)
@@ -288,13 +289,3 @@ class Estimator:
         except Exception as error:
             raise damaged(error) from error
         self._past.replace(found.events, before)
-
-
-def _positive(name: str, value: object) -> float:
-    try:
-        number = as_number(name, value)
-    except TypeError as error:
-        raise ConfigError(str(error)) from None
-    if not 0 < number < np.inf:
-        raise ConfigError(f"{name}: expected a number greater than 0, found {number:g}")
-    return number

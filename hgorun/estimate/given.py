@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
-from hgorun.errors import Problem
+from hgorun.errors import ConfigError, Problem
 from hgorun.simulation.experiment import Experiment
 
 
@@ -32,10 +33,43 @@ def numbers_by_name(name: str, values: Any) -> list[tuple[str, float]]:
     TypeError
     """
     if not isinstance(values, dict | Mapping):
-        raise TypeError(f"{name}: expected numbers by name, as {{'a': 0.5}}, found {values!r:.50}")
+        raise TypeError(_not_by_name(name, values))
     return [
         (one, value if type(value) is float else as_number(f"{name}[{one!r}]", value)) for one, value in values.items()
     ]
+
+
+def _not_by_name(name: str, values: Any) -> str:
+    return f"{name}: expected numbers by name, as {{'a': 0.5}}, found {values!r:.50}"
+
+
+def require_names(name: str, values: Any) -> None:
+    """Refuse what has no names.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if not isinstance(values, Mapping):
+        raise ConfigError(_not_by_name(name, values))
+
+
+def positive_by_name(name: str, values: Any) -> dict[str, float]:
+    """Numbers greater than 0 by their names.
+
+    Raises
+    ------
+    ConfigError
+    """
+    require_names(name, values)
+    try:
+        found = dict(numbers_by_name(name, values))
+    except TypeError as error:
+        raise ConfigError(str(error)) from None
+    for one, number in found.items():
+        if not 0 < number < math.inf:
+            raise ConfigError(f"{name}[{one!r}]: expected a number greater than 0, found {number:g}")
+    return found
 
 
 def require_observers(experiment: Experiment) -> None:

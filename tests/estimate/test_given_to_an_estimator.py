@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -148,6 +149,13 @@ def test_predictions_do_not_see_what_happens_between_two_of_them(pushed: Experim
 def test_a_gate_is_a_positive_number(pushed: Experiment, gate: float) -> None:
     with pytest.raises(ConfigError, match=r"^gates\['y'\]: expected a number"):
         Estimator(pushed, gates={"y": gate}, std={"y": 0.1})
+
+
+@pytest.mark.parametrize("key", ["gates", "std"])
+def test_gates_and_deviations_are_given_by_name(pushed: Experiment, key: str) -> None:
+    given: dict[str, Any] = {key: 3}
+    with pytest.raises(ConfigError, match=rf"^{key}: expected numbers by name, as \{{'a': 0.5\}}, found 3$"):
+        Estimator(pushed, **given)
 
 
 @pytest.mark.parametrize("remembered", [-1, 2.5, "x"])
