@@ -7,6 +7,7 @@ styles are those of the runs.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -181,32 +182,24 @@ def _colours(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) ->
 def _firsts(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> dict[int, int]:
     """Where every observer stands first: its own place, or that in an earlier run.
 
-    Of more runs in one panel than there are line styles, and with one text for two of them, each has its own.
+    Of more runs in one panel than there are line styles, and with one text for two of them in the figure, whose legend
+    has it once, each has its own.
     """
     alike: dict[tuple[str, str, int | None], list[int]] = {}
     for order, actor in sorted(_actors(panels).items()):
         alike.setdefault((actor.label, actor.type, actor.filter_order), []).append(order)
     one_colour = {
-        orders[0]: all(_told_apart([texts[a.order] for a in panel if a.order in orders]) for panel in panels)
+        orders[0]: len({texts[order] for order in orders}) == len(orders)
+        and all(sum(a.order in orders for a in panel) <= len(DASHES) for panel in panels)
         for orders in alike.values()
     }
     return {order: orders[0] if one_colour[orders[0]] else order for orders in alike.values() for order in orders}
 
 
-def _told_apart(texts: Sequence[str]) -> bool:
-    """Whether line styles alone can tell so many lines of a panel apart, and a legend says which is which."""
-    return len(set(texts)) == len(texts) <= len(DASHES)
-
-
-def _styles_of_runs(
-    actors: Mapping[int, HasFamily], firsts: Mapping[int, int], texts: Mapping[int, str]
-) -> dict[str, int]:
-    """The line styles of runs that show one observer, if its texts tell them apart; none of too many runs."""
-    several = [
-        o
-        for o, first in sorted(firsts.items())
-        if any(texts[o] != texts[other] for other, its in firsts.items() if its == first)
-    ]
+def _styles_of_runs(actors: Mapping[int, HasFamily], firsts: Mapping[int, int]) -> dict[str, int]:
+    """The line styles of runs that show one observer; none of too many runs."""
+    count = Counter(firsts.values())
+    several = [order for order, first in sorted(firsts.items()) if count[first] > 1]
     runs = list(dict.fromkeys(actors[o].run for o in several))
     return {run: style for style, run in enumerate(runs)} if len(runs) <= len(DASHES) else {}
 
@@ -225,7 +218,7 @@ def _dashes(
     Those without the colour of their family take one that is rare beside them.
     """
     actors = _actors(panels)
-    runs = _styles_of_runs(actors, _firsts(panels, texts), texts)
+    runs = _styles_of_runs(actors, _firsts(panels, texts))
     chosen: dict[int, int] = {}
     for order, beside in _neighbours(panels).items():
         colour, own = _family(actors[order].type, actors[order].filter_order)

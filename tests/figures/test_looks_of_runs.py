@@ -83,3 +83,13 @@ def test_no_entry_stands_alone_below_a_row_of_others(count: int) -> None:
     assert len(rows) > 1
     assert min(rows) >= max(rows) - len(rows) + 1
     assert min(rows) > 1
+
+
+def test_one_text_of_several_runs_is_one_look_beside_another_of_the_same_observer() -> None:
+    """As with and without noise, for two periods in two panels: the legend has two entries for four runs."""
+    quiet, noisy, other_quiet, other_noisy = cast(RUNS[:4], ["fast"])
+    labels = {f"{run}/fast": ("z", "zn")[i % 2] for i, run in enumerate(RUNS[:4])}
+    look = found([[quiet, noisy], [other_quiet, other_noisy]], labels)
+    assert look["early", "fast"] == look["third", "fast"]
+    assert look["late", "fast"] == look["fourth", "fast"]
+    assert look["early", "fast"].colour != look["late", "fast"].colour
