@@ -141,9 +141,7 @@ def _target(options: Estimate, name: str) -> Path:
 
 def _refuse_with_samples(options: Estimate) -> None:
     """What is not written where samples are."""
-    if options.export_samples is not None and (
-        options.holdout or options.export_csv is not None or options.output is not None
-    ):
+    if options.export_samples is not None and options.asks_for_a_result:
         raise ConfigError("--export-samples estimates nothing: leave out --holdout, --export-csv and --output")
 
 

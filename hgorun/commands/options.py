@@ -192,6 +192,11 @@ class Estimate(Configured, Drawing):
     ] = True
     strict: Strict = False
 
+    @property
+    def asks_for_a_result(self) -> bool:
+        """Whether something is asked for that only an estimate of recorded data has."""
+        return bool(self.holdout) or self.export_csv is not None or self.output is not None
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Rerun(Printing):

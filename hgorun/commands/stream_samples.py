@@ -124,7 +124,7 @@ def refuse_results(options: Estimate) -> None:
     """What a stream does not have."""
     if len(options.data) > 1:
         raise ConfigError(f"{options.data[0]} is a stream; there are no files beside it")
-    if options.holdout or options.export_csv is not None or options.output is not None:
+    if options.asks_for_a_result:
         raise ConfigError("a stream writes no result: leave out --holdout, --export-csv and --output")
     if options.every is not None and not 0 < options.every < math.inf:
         raise ConfigError(f"--every: expected a time above 0, found {options.every:g}")
