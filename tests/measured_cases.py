@@ -1,4 +1,6 @@
-"""What coverage need not measure: slow tests not marked ``measured``, and of ``measured_once`` all cases but the first.
+"""What coverage need not measure: slow and costly tests that are not marked ``measured``, and further cases.
+
+Of tests that are marked ``measured_once`` these are all cases but the first.
 
 A traced interpreter is two or three times slower, in the libraries that are called as well. Drawings and pages are not
 traced: matplotlib and bokeh run nothing of this package there.
@@ -27,7 +29,7 @@ R = TypeVar("R")
 
 
 class Measured:
-    """Which tests coverage measures: those that are not slow, or are marked ``measured``."""
+    """Which tests coverage measures: those that take no turns, or are marked ``measured``."""
 
     def __init__(self) -> None:
         self._seen = set[str]()
@@ -42,9 +44,9 @@ class Measured:
 
 
 def is_wanted(item: pytest.Item) -> bool:
-    """Whether a test is not slow, or marked ``measured``."""
+    """Whether a test is neither slow nor costly, or marked ``measured``."""
     marks = {mark.name for mark in item.iter_markers()}
-    return "unmeasured" not in marks and ("slow" not in marks or "measured" in marks)
+    return "unmeasured" not in marks and ("measured" in marks or not marks & {"slow", "costly"})
 
 
 @contextmanager

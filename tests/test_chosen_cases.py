@@ -78,11 +78,11 @@ class Marked:
         return name if name in self.marks else None
 
 
-def test_in_so_many_turns_every_case_of_a_slow_test_is_tried_once() -> None:
+def test_in_so_many_turns_every_case_of_a_slow_or_costly_test_is_tried_once() -> None:
     slow = [f"a.py::{test}[{case}]" for test in "pqrs" for case in range(TURNS + 1)]
     slow += [f"b.py::t{k}" for k in range(40)]
     always = ["a.py::fast", "a.py::needed"]
-    given = [cast(pytest.Item, Marked(name, "slow")) for name in slow]
+    given = [cast(pytest.Item, Marked(name, ("slow", "costly")[place % 2])) for place, name in enumerate(slow)]
     given += [cast(pytest.Item, Marked(always[0])), cast(pytest.Item, Marked(always[1], "slow", "measured"))]
     turns = [names(in_turn(given, turn)) for turn in range(7, 7 + TURNS)]
     assert sorted(name for turn in turns for name in turn) == sorted([*slow, *always * TURNS])
