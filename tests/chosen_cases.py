@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from zlib import crc32
 
 import pytest
+from measured_cases import takes_turns
 
 # Where libraries are used directly: types, files, machine code, pages, figures, other programs' systems, symbols,
 # processes, command lines, streams. What the rest uses is NumPy's, SciPy's and CasADi's arithmetic, alike in all tests
@@ -52,8 +53,7 @@ def in_turn(items: Iterable[pytest.Item], turn: int) -> list[pytest.Item]:
     kept, tried = [], dict[str, int]()
     for item in items:
         test = _test(item)
-        waiting = any(item.get_closest_marker(mark) for mark in ("slow", "costly"))
-        if not waiting or item.get_closest_marker("measured"):
+        if not takes_turns(item):
             kept.append(item)
             continue
         case = tried[test] = tried.get(test, -1) + 1

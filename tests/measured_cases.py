@@ -44,9 +44,16 @@ class Measured:
 
 
 def is_wanted(item: pytest.Item) -> bool:
-    """Whether a test is neither slow nor costly, or marked ``measured``."""
-    marks = {mark.name for mark in item.iter_markers()}
-    return "unmeasured" not in marks and ("measured" in marks or not marks & {"slow", "costly"})
+    """Whether a test takes no turns and is not marked ``unmeasured``."""
+    return item.get_closest_marker("unmeasured") is None and not takes_turns(item)
+
+
+def takes_turns(item: pytest.Item) -> bool:
+    """Whether a test is slow or costly, and not marked ``measured``; that mark may name the cases that it is for."""
+    needed = item.get_closest_marker("measured")
+    if needed is not None and (not needed.args or item.nodeid.partition("[")[2][:-1] in needed.args):
+        return False
+    return any(item.get_closest_marker(mark) is not None for mark in ("slow", "costly"))
 
 
 @contextmanager
