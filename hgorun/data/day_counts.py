@@ -82,7 +82,9 @@ def odd_seconds(unit: int, span: Span, *, said: bool) -> str | None:
         return None
     first, last = (end / unit for end in span)
     rest = " and no unit" if said else ""
-    read = {f"unit: {name}": (size, 0) for name, size in _UNITS.items()} | {f"format: excel{rest}": (DAY, WORKBOOKS["excel"])}
+    read = {f"unit: {name}": (size, 0) for name, size in _UNITS.items()} | {
+        f"format: excel{rest}": (DAY, WORKBOOKS["excel"])
+    }
     for how, (size, start) in read.items():
         if _of_our_days(first * size + start, last * size + start):
             return f"the first date is {_day(span[0])}; with {how} it would be {_day(first * size + start)}"

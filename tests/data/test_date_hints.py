@@ -15,7 +15,14 @@ from hgorun.errors import HgorunError
 
 BEGIN = datetime(2026, 3, 14, 10, 1, 30)
 EARLY = datetime(2026, 3, 1, 10, 1, 30)  # day and month may be exchanged
-FORMS = ["%d.%m.%Y %H:%M:%S", "%m/%d/%Y %H:%M", "%d-%m-%Y %H:%M:%S", "%Y/%m/%dT%H:%M", "%Y%m%dT%H%M%S", "%Y-%d-%m %H:%M"]
+FORMS = [
+    "%d.%m.%Y %H:%M:%S",
+    "%m/%d/%Y %H:%M",
+    "%d-%m-%Y %H:%M:%S",
+    "%Y/%m/%dT%H:%M",
+    "%Y%m%dT%H%M%S",
+    "%Y-%d-%m %H:%M",
+]
 
 
 def stamped(start: datetime, form: str, minutes: int = 0) -> list[str]:

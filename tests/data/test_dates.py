@@ -130,8 +130,7 @@ def test_midnight_ends_the_day_and_leap_seconds_are_told() -> None:
     [
         (
             "2024-13-01",
-            "no month 13; a date of another form needs its pattern, such as "
-            'time: {column: when, format: "%Y-%d-%m"}',
+            'no month 13; a date of another form needs its pattern, such as time: {column: when, format: "%Y-%d-%m"}',
         ),
         ("2024-31-12T10:00", 'such as time: {column: when, format: "%Y-%d-%mT%H:%M"}'),
         ("2024-13-32", "there is no month 13"),
