@@ -41,6 +41,13 @@ def message_of(folder: Path, columns: dict[str, list[str]], data: dict[str, obje
     return ""
 
 
+def block(key: str, clock: object) -> dict[str, object]:
+    """The block of a log in which a column of dates is that of a key."""
+    if key == "available":
+        return {"time": "t", "outputs": {"y": {"column": "y", "available": clock}}}
+    return {"time": clock, "outputs": {"y": "y"}}
+
+
 @pytest.mark.parametrize("key", ["time", "available"])
 @pytest.mark.parametrize("form", FORMS)
 @pytest.mark.parametrize("column", ["known", "date: known"])
@@ -48,15 +55,12 @@ def test_the_key_that_is_said_reads_the_log(tmp_path: Path, key: str, form: str,
     values = [f"{k % 4}.5" for k in range(9)]
     other = stamped(BEGIN, "%Y-%m-%dT%H:%M:%S", 0 if key == "available" else 60)
     columns = {"t": other, "y": values, column: stamped(BEGIN, form, 5)}
-    asked: dict[str, object] = {key: column}
-    data = {"time": "t", "outputs": {"y": {"column": "y", **asked}}} if key == "available" else None
-    told = message_of(tmp_path, columns, data or {**asked, "outputs": {"y": "y"}})
+    told = message_of(tmp_path, columns, block(key, column))
     said = re.search(rf"needs its pattern, such as ({key}: {{.*}})$", told)
     assert said, told
     written = yaml.safe_load(said[1])
     assert written[key]["column"] == column
-    data = {"time": "t", "outputs": {"y": {"column": "y", **written}}} if key == "available" else None
-    assert message_of(tmp_path, columns, data or {**written, "outputs": {"y": "y"}}) == ""
+    assert message_of(tmp_path, columns, block(key, written[key])) == ""
 
 
 def test_where_day_and_month_may_be_either_both_are_said(tmp_path: Path) -> None:
