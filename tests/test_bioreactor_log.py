@@ -107,6 +107,7 @@ def test_substrate_from_biomass(estimate: Estimate) -> None:
     assert {"held out", "reference"} <= legend
 
 
+@pytest.mark.costly
 def test_the_right_kinetics(estimate: Estimate) -> None:
     found, _ = estimate(RIGHT)
     for label, (holdout, rms, inside) in table("with the right kinetics | hold-out").items():
@@ -121,6 +122,7 @@ def test_the_stuck_sensor(estimate: Estimate) -> None:
         assert [worst_biomass(found, label) for found in runs] == pytest.approx(errors, abs=0.006)
 
 
+@pytest.mark.costly
 def test_with_the_laboratory_samples(estimate: Estimate) -> None:
     found, err = estimate(LABORATORY)
     assert re.findall(r"^demos/bioreactor/laboratory.csv:.*$", PAGE, re.MULTILINE)[0] in err

@@ -69,6 +69,7 @@ def test_the_example_with_a_broker_runs(tmp_path: Path) -> None:
     assert found[2] == estimate
 
 
+@pytest.mark.costly
 def test_the_gains_of_the_page_are_found(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -95,6 +95,8 @@ def test_the_command_line_costs_nothing_before_a_command_runs() -> None:
     assert imported("import hgorun.cli", HEAVY) == set()
 
 
+@pytest.mark.measured("command line")
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "program",
     [

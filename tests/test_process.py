@@ -56,6 +56,7 @@ def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
     assert (done.returncode, done.stderr) == (141, "")
 
 
+@pytest.mark.costly
 def test_python_ends_without_looking_at_every_object(folder: Path) -> None:
     code = (
         "import atexit, gc, sys; from hgorun.__main__ import run; sys.argv = ['hgorun', 'list', 'plants'];"
@@ -65,6 +66,7 @@ def test_python_ends_without_looking_at_every_object(folder: Path) -> None:
     assert done.stderr == "True\n"
 
 
+@pytest.mark.costly
 def test_closed_streams_are_nobodys_file(folder: Path) -> None:
     assert shell(folder, "$HGORUN simulate nofile.yaml 2>&-").returncode == 2
     done = shell(folder, "$HGORUN simulate c.yaml >&- 2>&-")
@@ -72,6 +74,7 @@ def test_closed_streams_are_nobodys_file(folder: Path) -> None:
     assert (folder / "results/c.h5").read_bytes().startswith(b"\x89HDF")
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("encoding", ["cp1252", "ascii"])
 def test_a_stream_that_cannot_hold_a_label_shows_a_replacement(encoding: str, folder: Path) -> None:
     done = shell(folder, "$HGORUN simulate c.yaml", PYTHONIOENCODING=encoding)
@@ -79,6 +82,7 @@ def test_a_stream_that_cannot_hold_a_label_shows_a_replacement(encoding: str, fo
     assert "HGO ?" in done.stdout
 
 
+@pytest.mark.costly
 def test_a_file_name_that_is_no_text(folder: Path) -> None:
     os.rename(os.fsencode(folder / "c.yaml"), os.fsencode(folder) + b"/\xff.yaml")
     done = shell(folder, "$HGORUN simulate $'\\xff.yaml' -q")
@@ -86,6 +90,7 @@ def test_a_file_name_that_is_no_text(folder: Path) -> None:
     assert os.listdir(os.fsencode(folder / "results")) == [b"\xff.h5"]
 
 
+@pytest.mark.costly
 def test_a_notebooks_backend_does_not_hinder(folder: Path) -> None:
     done = shell(folder, "$HGORUN compare c.yaml -q", MPLBACKEND="module://not_installed.inline")
     assert (done.returncode, done.stderr) == (0, "")
@@ -184,6 +189,7 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
 """
 
 
+@pytest.mark.costly
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="elsewhere memory is kept as it is")
 def test_memory_that_is_kept_is_not_asked_for_again() -> None:
     kept, given_back = (

@@ -41,6 +41,7 @@ def test_the_example_prints_what_the_readme_says(
     assert [line.strip() for line in capsys.readouterr().out.strip().splitlines()] == expected
 
 
+@pytest.mark.costly
 def test_the_example_with_a_recording_prints_what_the_readme_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -72,6 +73,7 @@ def test_the_way_to_a_figure_of_your_own_plant(
     assert (tmp_path / "results" / "mine-comparison.png").exists()
 
 
+@pytest.mark.costly
 def test_the_python_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "bioreactor.yaml").write_text(block("yaml", "mu*x1*x2"))
     monkeypatch.chdir(tmp_path)
@@ -80,6 +82,7 @@ def test_the_python_example_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     assert (tmp_path / "bioreactor.png").exists()
 
 
+@pytest.mark.costly
 def test_the_tutorial_observer_runs_from_outside_the_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A package with an entry point and the README's class: hgorun finds it by name."""
     (tmp_path / "my_package.py").write_text(block("python", "pi_observer"))

@@ -78,7 +78,6 @@ def test_table_and_figure(shell: Shell) -> None:
     assert "written: results/vdp-analysis.png, results/vdp-analysis.pdf" in out
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_json_and_nothing_else(shell: Shell) -> None:
     code, out, err = shell("analyze", "vdp.yaml", "--json", "-o", "there")
@@ -202,7 +201,6 @@ def test_compare_has_what_is_predicted(shell: Shell) -> None:
     assert "beta theta" in out
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
     figure = peaking(analysis.result, analysis.transients)
@@ -311,7 +309,7 @@ EVERYTHING: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.measured
+@pytest.mark.measured("Meiners", "Katayama", "Lee", "two outputs", "coordinates")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", EVERYTHING)
 def test_every_family_is_analysed(name: str) -> None:
@@ -325,6 +323,7 @@ def test_every_family_is_analysed(name: str) -> None:
     assert max(map(len, table.text(made).splitlines())) <= 100
 
 
+@pytest.mark.costly
 def test_equal_observers_in_x_and_z_have_equal_transients() -> None:
     config = json.loads(json.dumps(EVERYTHING["coordinates"]))
     del config["observers"]["x"]["saturation"]

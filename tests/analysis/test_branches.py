@@ -24,6 +24,8 @@ observers:
 """
 
 
+@pytest.mark.measured("0.1-True")
+@pytest.mark.costly
 @pytest.mark.parametrize(("start", "apart"), [(0.1, True), (0.9, False)])
 def test_no_gain_is_recommended_on_the_wrong_branch(tmp_path: Path, start: float, apart: bool) -> None:
     path = tmp_path / "a.yaml"

@@ -91,7 +91,6 @@ def smallest_delay() -> float:
     return min(found)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_limits_of_an_observer_beside_one_with_gains() -> None:
     T: Block = {"type": "treangle", "theta": 3, "gains": [2.2, 1.9, 2.1, 0.9]}
@@ -102,7 +101,7 @@ def test_limits_of_an_observer_beside_one_with_gains() -> None:
     assert values["delay_critical"] == pytest.approx(0.88756, rel=1e-4)
 
 
-@pytest.mark.measured
+@pytest.mark.measured("fhgo2-")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "gains"),
@@ -136,6 +135,7 @@ def test_a_resolved_configuration_can_be_read_again(plant: Any, block: Block) ->
     assert hgorun.Experiment(made.resolved()).resolved() == made.resolved()
 
 
+@pytest.mark.costly
 def test_an_observer_that_has_no_undisturbed_run_takes_nothing_from_the_others(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -227,7 +227,6 @@ def test_theta_bound_with_slopes_scaled_with_theta() -> None:
     assert number(found, "theta_bound") == pytest.approx(scipy.optimize.brentq(excess, 1, 1e4), rel=1e-6)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(("measurement", "words"), [({}, ""), ({"jitter": 0.01}, "out"), ({"dropout": 0.3}, "out")])
 def test_limits_of_samples_that_get_lost_are_of_regular_ones(measurement: dict[str, float], words: str) -> None:

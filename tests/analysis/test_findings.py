@@ -68,7 +68,6 @@ def test_a_finding_from_outside_is_like_a_built_in_one(
     assert "damping" not in {finding.name for finding in all_findings()}
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_an_observer_from_outside_gets_the_theory(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The same numbers as the built-in observer of the same equations."""

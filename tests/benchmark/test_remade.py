@@ -42,7 +42,6 @@ def made(random: np.random.Generator, noise: float) -> Score:
     return score(errors_of(np.array([value]))[0], search.tried)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.3, 0.02])
 def test_tables_made_anew_lie_in_the_interval(noise: float) -> None:

@@ -88,6 +88,7 @@ def test_scores_are_those_of_runs_made_one_by_one(done: tuple[Path, Benchmark]) 
         assert entry.score.steady[k] == pytest.approx(np.sqrt(np.mean(error[late] ** 2)), rel=1e-2)
 
 
+@pytest.mark.costly
 def test_the_knob_is_the_best_that_was_tried(done: tuple[Path, Benchmark]) -> None:
     folder, asked = done
     for entry in asked.entries(folder / "small" / "entries"):

@@ -67,7 +67,7 @@ def test_a_result_file_cannot_be_changed(shell: Shell) -> None:
         assert "not to result files" in err
 
 
-@pytest.mark.measured
+@pytest.mark.measured("png")
 @pytest.mark.slow
 @pytest.mark.parametrize("suffix", ["png", "pdf"])
 def test_a_comparison_is_drawn_where_it_is_asked_for(suffix: str, shell: Shell) -> None:

@@ -121,6 +121,7 @@ def test_check_step_reports_the_integration_error(shell: Shell) -> None:
     assert all(0 <= e < 1e-6 for e in error.values())
 
 
+@pytest.mark.costly
 def test_compare_configurations_and_files(shell: Shell) -> None:
     assert shell("simulate", "small.yaml", "--quiet", "-o", "first.h5")[0] == 0
     code, out, _ = shell("compare", "first.h5", "small.yaml")

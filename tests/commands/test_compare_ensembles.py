@@ -96,7 +96,6 @@ def test_single_runs_are_not_compared_with_ensembles(shell: Shell) -> None:
     assert "for ensembles" in err
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_strict(shell: Shell) -> None:
     assert shell("compare", "a.sweep.h5", "--strict", "-q", "--no-plots")[0] == 3
@@ -119,7 +118,6 @@ def test_an_ensemble_without_observers(shell: Shell) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 2])
-@pytest.mark.measured
 def test_few_members(shell: Shell, size: int) -> None:
     values = np.ones((size, 2, 1))
     status = np.full((size, 2), 2)

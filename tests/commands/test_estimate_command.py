@@ -270,7 +270,7 @@ def test_a_file_that_is_held_out_is_on_the_clock_of_the_log(shell: Shell, log: s
     assert message in err
 
 
-@pytest.mark.measured
+@pytest.mark.measured("False-StringIO")
 @pytest.mark.slow
 @pytest.mark.parametrize("of", [io.StringIO, bytes_of])
 @pytest.mark.parametrize("resent", [True, False])

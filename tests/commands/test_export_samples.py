@@ -49,7 +49,7 @@ def in_folder(
     return shell
 
 
-@pytest.mark.measured
+@pytest.mark.measured("True")
 @pytest.mark.slow
 @pytest.mark.parametrize("shell", [False, True], indirect=True)
 def test_a_stream_of_the_samples_has_the_estimates_of_the_log(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:

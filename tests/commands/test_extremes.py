@@ -173,6 +173,7 @@ def test_json_of_several_runs_is_a_list(
     assert [(found["name"], found["file"]) for found in json.loads(out)] == [("a", "c.yaml"), ("b", "c.yaml")]
 
 
+@pytest.mark.costly
 def test_a_legend_may_name_an_observer_of_a_run_that_is_not_drawn(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

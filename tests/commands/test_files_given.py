@@ -28,7 +28,6 @@ def test_a_result_that_is_replaced_is_told(shell: Shell) -> None:
     assert again.endswith("written: results/a.h5 (replaced), b.csv\n")
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_files_of_one_name_are_called_alike_by_simulate_and_compare(shell: Shell) -> None:
     (shell.folder / "b").mkdir()

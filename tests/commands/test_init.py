@@ -29,7 +29,6 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_plant_gives_a_commented_configuration_that_runs(shell: Shell) -> None:
     code, out, _ = shell("init", "--plant", "contois", "-o", "my.yaml")
@@ -56,7 +55,6 @@ def test_a_plant_gives_a_commented_configuration_that_runs(shell: Shell) -> None
     assert shell("init", "--plant", "contois", "-o", "my.yaml", "--force")[0] == 0
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("name", PLANTS.names())
 def test_every_plant_has_one_whose_observers_follow_it(name: str, tmp_path: Path) -> None:
@@ -212,7 +210,6 @@ def test_the_schema_beside_a_file_is_kept(shell: Shell) -> None:
     assert json.loads((shell.folder / "hgorun.schema.json").read_text())["$defs"]
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
     code, out, _ = shell("init", "fermentation")

@@ -240,7 +240,6 @@ def test_a_file_of_another_kind_is_told_what_it_is(shell: Shell) -> None:
     assert (code, "results/d: there is no such folder" in err) == (2, True)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_figure_that_is_named_is_the_only_one_and_what_it_replaces_is_told(shell: Shell) -> None:
     (shell.folder / "c.yaml").write_text(CONFIG)

@@ -162,6 +162,8 @@ def test_connections_that_are_cut_lose_nothing(shell: Shell, monkeypatch: pytest
     assert all("trying again" in one for one in told)
 
 
+@pytest.mark.measured("None")
+@pytest.mark.costly
 @pytest.mark.parametrize("every", [None, 0.07])
 def test_processes_that_are_killed_lose_nothing(
     shell: Shell, monkeypatch: pytest.MonkeyPatch, broker: Broker, every: float | None

@@ -89,7 +89,6 @@ def file(result: hgorun.Result, tmp_path: Path) -> Path:
     return result.save(tmp_path / "everything.h5")
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_result_is_made_again(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     code, out = told(capsys, file)
@@ -106,6 +105,7 @@ def test_a_result_is_made_again(file: Path, capsys: pytest.CaptureFixture[str]) 
         assert sorted(paths) == sorted(found)
 
 
+@pytest.mark.costly
 def test_a_check_writes_nothing(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert rerun(Rerun(file=file, check=True)) == 0
     assert capsys.readouterr().out.startswith("the same: ")
@@ -170,7 +170,9 @@ def test_numbers_that_do_not_fit_are_refused(result: hgorun.Result, tmp_path: Pa
         (lambda f: (f.attrs.modify("config_resolved", "x: ["), f.attrs.__delitem__("sha256")), "config_resolved:1"),
     ],
 )
-@pytest.mark.measured
+@pytest.mark.measured(
+    "<lambda>-attribute step must be a positive number1", "<lambda>-design is not a group", "<lambda>-damaged"
+)
 def test_files_that_are_not_sound_are_refused(change: Callable[[h5py.File], object], message: str, file: Path) -> None:
     with h5py.File(file, "r+") as f:
         change(f)
@@ -186,7 +188,6 @@ def test_a_file_without_digests_is_refused(file: Path) -> None:
         rerun(Rerun(file=file, check=True))
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_the_resolved_configuration_is_the_same_again(file: Path, result: hgorun.Result) -> None:
     rerun(Rerun(file=file, quiet=True))

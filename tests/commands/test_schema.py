@@ -168,6 +168,7 @@ def full_and_compact() -> tuple[jsonschema.protocols.Validator, jsonschema.proto
     return jsonschema.Draft202012Validator(full), jsonschema.Draft202012Validator(compact(full))
 
 
+@pytest.mark.costly
 @pytest.mark.measured_once
 @pytest.mark.parametrize(("share", "changes"), [(8, 1), pytest.param(2, 6, marks=pytest.mark.slow)])
 def test_the_compact_schema_takes_and_refuses_what_the_full_one_does(

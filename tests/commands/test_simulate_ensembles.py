@@ -34,7 +34,6 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_ensembles_are_carried_out_beside_the_single_runs(shell: Shell) -> None:
     code, out, err = shell("simulate", "s.yaml", "--json")
@@ -50,7 +49,6 @@ def test_ensembles_are_carried_out_beside_the_single_runs(shell: Shell) -> None:
     assert [p["at"] for p in gains["points"]] == [{"observers.SHGO.theta": theta} for theta in (2.0, 4.0, 5.0)]
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_members_are_those_of_the_study(shell: Shell) -> None:
     shell("simulate", "s.yaml", "-q")
@@ -84,7 +82,6 @@ def test_statistics_are_printed(shell: Shell) -> None:
     assert "written: results/s/many.sweep.h5" in out
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_one_ensemble_can_have_a_file_of_its_own(shell: Shell) -> None:
     (shell.folder / "s.yaml").write_text(FILE.replace("  one: {}\n", "").partition("  gains")[0])
@@ -95,7 +92,6 @@ def test_one_ensemble_can_have_a_file_of_its_own(shell: Shell) -> None:
     assert "all runs are ensembles: many" in err
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_trajectories_of_another_horizon_each_are_not_kept(shell: Shell) -> None:
     (shell.folder / "s.yaml").write_text(FILE.replace("observers.SHGO.theta: 1/eps", "time.end: 1/eps"))

@@ -39,7 +39,6 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_sweep_is_carried_out_and_collected(shell: Shell) -> None:
     assert shell("sweep", "s.yaml") == (
@@ -65,7 +64,6 @@ def test_a_sweep_is_carried_out_and_collected(shell: Shell) -> None:
     assert (code, json.loads(out)["members"]) == (0, 12)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_output_names_the_file_or_the_folder_around(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "-q", "-o", "x.h5")[0] == 0
@@ -117,7 +115,6 @@ def test_folders_of_different_sweeps_are_not_merged(shell: Shell) -> None:
     assert not (shell.folder / "both").exists()
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_change_is_refused_with_the_difference(shell: Shell) -> None:
     shell("sweep", "s.yaml", "-q")
@@ -281,7 +278,6 @@ def test_beginning_anew_names_a_folder_that_is_in_the_way(shell: Shell) -> None:
     assert (code, "s.sweep.h5: cannot be removed: " in err) == (2, True)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_block_that_nobody_has_written_is_refused_by_every_command(shell: Shell) -> None:
     shell("sweep", "s.yaml", "-o", "out", "-q")

@@ -71,7 +71,6 @@ def test_the_model_is_found_with_the_gain(shell: Shell, logs: list[str]) -> None
     assert written["plant"]["parameters"]["k"] == pytest.approx(one["gains"]["plant.parameters.k"], rel=1e-5)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_the_score_of_two_recordings_is_their_root_mean_square(shell: Shell) -> None:
     changed(shell, "gains", {"observers.*.theta": {"log": [2, 2.0000001]}})

@@ -159,6 +159,7 @@ def test_aliases_are_written_out() -> None:
     assert data("{a: &e , b: *e}") == {"a": None, "b": None}
 
 
+@pytest.mark.costly
 @given(
     st.recursive(
         st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False) | st.text("ab: #-'\"{é\n", max_size=8),
@@ -327,6 +328,7 @@ def test_the_number_of_values_is_bounded() -> None:
     assert "100,000" in str(refusal("[" + "1," * 100_000 + "]"))
 
 
+@pytest.mark.costly
 @pytest.mark.usefixtures("parser")
 def test_a_billion_laughs_is_refused_soon() -> None:
     text = "a0: &a0 [x,x,x,x,x,x,x,x,x]\n"

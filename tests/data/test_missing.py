@@ -74,6 +74,8 @@ def test_the_keys_hold_in_files_of_arrays(tmp_path: Path, name: str, values: Any
     assert (signal.taken.tolist(), signal.values.tolist()) == ([0, 3], [1.5, 2.5])
 
 
+@pytest.mark.measured("log.parquet")
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["log.parquet", "log.h5"])
 def test_truth_is_no_number_but_tells_quality(tmp_path: Path, name: str) -> None:
     truth = np.array([True, False, True])

@@ -29,6 +29,7 @@ def test_the_output_on_the_page_is_that_of_the_command(shell: Shell, monkeypatch
     assert out.splitlines()[: len(expected)] == expected
 
 
+@pytest.mark.costly
 def test_bounds_are_as_far_from_the_limits_as_the_page_says() -> None:
     experiment = hgorun.Experiment(
         {

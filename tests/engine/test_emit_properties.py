@@ -317,6 +317,8 @@ SPECIAL = np.array(
 )
 
 
+@pytest.mark.measured("4")
+@pytest.mark.costly
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("lanes", LANES)
 def test_every_operation_on_all_pairs_of_special_values(lanes: int) -> None:

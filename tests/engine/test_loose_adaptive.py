@@ -24,6 +24,7 @@ TIGHT = Tolerance(rtol=1e-7, atol=None, max_step=0.3, first_step=0.3)
 GIVEN = Tolerance(rtol=1e-5, atol=1e-7, max_step=0.15, first_step=1e-3)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("method", "tolerance"), [("dopri5", TIGHT), ("rodas5p", GIVEN)])
 def test_lanes_with_plans_of_their_own_are_runs_of_their_own(method: str, tolerance: Tolerance) -> None:
     """Bit for bit, with all actions, jumps, regimes, rejected steps, and observers that diverge."""

@@ -263,6 +263,7 @@ def test_progress_grows_to_one() -> None:
     assert 0 < told[0] < 1
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("method", ["euler", "rk4"])
 def test_lanes_with_plans_of_their_own_are_runs_of_their_own(method: str) -> None:
     """Bit for bit, with all actions, jumps, regimes, other numbers of steps, and observers that diverge."""
@@ -284,6 +285,8 @@ def test_lanes_with_plans_of_their_own_are_runs_of_their_own(method: str) -> Non
     assert 0 < diverged < len(plans)
 
 
+@pytest.mark.measured("True-rk4")
+@pytest.mark.costly
 @pytest.mark.parametrize(("delayed", "method"), [(True, "rk4"), (False, "dopri5")])
 def test_what_cannot_run_side_by_side_runs_on_threads(delayed: bool, method: str) -> None:
     """Continuous delays and embedded errors with plans of their own, of other numbers of samples."""

@@ -37,7 +37,6 @@ def test_values_are_refused_as_they_were_written(tmp_path: Path, path: str, valu
         hgorun.sweep(hgorun.load(tmp_path / "a.yaml"), {path: values})
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("values", [[1, 2], ["1", "2"]])
 def test_whole_numbers_may_be_text(tmp_path: Path, values: list[int | str]) -> None:
@@ -63,7 +62,6 @@ def test_seeds_end_at_the_largest_one(tmp_path: Path) -> None:
         hgorun.load_study(path)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_seeds_keep_all_their_digits(tmp_path: Path) -> None:
     seeds = [2**53 + 1, 2**53 + 3, SEEDS - 1]

@@ -96,7 +96,7 @@ def alone(base: Experiment, members: Members, i: int, block: Block) -> None:
         assert np.array_equal(block.integration_error[i], errors, equal_nan=True)
 
 
-@pytest.mark.measured
+@pytest.mark.measured("multiplicative-span", "jitter-size of noise")
 @pytest.mark.slow
 @pytest.mark.one_in(3)
 @pytest.mark.parametrize("axes", AXES)
@@ -108,7 +108,7 @@ def test_given_steps(measured: str, axes: str) -> None:
         alone(base, members, i, block)
 
 
-@pytest.mark.measured
+@pytest.mark.measured("multiplicative-parameter")
 @pytest.mark.slow
 @pytest.mark.parametrize("axes", ["seed", "theta", "lost and refused", "parameter"])
 @pytest.mark.parametrize("measured", ["held", "multiplicative"])
@@ -119,7 +119,7 @@ def test_automatic_steps(measured: str, axes: str) -> None:
         alone(base, members, i, block)
 
 
-@pytest.mark.measured
+@pytest.mark.measured("0.01-False", "None-True")
 @pytest.mark.slow
 @pytest.mark.parametrize("root", [False, True])
 @pytest.mark.parametrize("step", [0.01, None])
@@ -143,7 +143,7 @@ def test_members_whose_plant_or_estimate_is_lost(step: float | None, root: bool)
         alone(base, members, i, block)
 
 
-@pytest.mark.measured
+@pytest.mark.measured("one state", "no observer", "output function", "two outputs")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("plant", "observers", "more"),
@@ -203,7 +203,6 @@ def test_what_is_narrow_in_a_state() -> None:
         alone(base, members, i, block)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_two_hundred_members_at_random() -> None:
     base = van_der_pol(MEASURED["sampled"], 0.02)

@@ -130,6 +130,7 @@ def test_a_folder_in_the_place_of_a_block_is_refused_by_name(tmp_path: Path) -> 
         list(store.blocks())
 
 
+@pytest.mark.costly
 def test_many_blocks_are_read_in_order(tmp_path: Path) -> None:
     of = small()
     store = Store.opened(tmp_path / "a.sweep", of)

@@ -12,6 +12,7 @@ from hgorun.ensemble.fronts import knee, non_dominated
 NUMBERS = st.one_of(st.integers(0, 4).map(float), st.just(float("inf")), st.just(float("nan")))
 
 
+@pytest.mark.costly
 @settings(deadline=None)
 @given(st.lists(st.tuples(NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=12))
 def test_nothing_beats_what_is_chosen(points: list[tuple[float, float, float]]) -> None:

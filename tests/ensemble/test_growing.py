@@ -19,6 +19,7 @@ from hgorun.errors import ConfigError
 AXES = {"observers.SHGO.theta": {"log": [2, 20, 4]}, "seed": {"count": 3}}
 
 
+@pytest.mark.costly
 def test_a_call_gives_the_members_with_labels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     found = hgorun.sweep(base(), AXES, {"metrics": ["rmse"]})
@@ -34,7 +35,6 @@ def test_a_call_gives_the_members_with_labels(tmp_path: Path, monkeypatch: pytes
     assert labelled["rmse"].mean("seed").sizes["observers.SHGO.theta"] == 4
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_call_with_a_file_goes_on_where_it_was(tmp_path: Path) -> None:
     output = tmp_path / "a.sweep.h5"
@@ -80,6 +80,7 @@ def test_a_folder_is_read_while_it_grows(tmp_path: Path) -> None:
         hgorun.read_sweep(store.folder, max_memory=10)
 
 
+@pytest.mark.costly
 def test_a_folder_that_is_whole_reads_like_its_file(tmp_path: Path) -> None:
     place = Place.of(tmp_path / "a.h5")
     sweep_to(small(trajectories={"every": 5}), place)
@@ -90,6 +91,7 @@ def test_a_folder_that_is_whole_reads_like_its_file(tmp_path: Path) -> None:
     assert (folder.trajectories is None, file.trajectories is None) == (False, False)
 
 
+@pytest.mark.costly
 def test_an_ensemble_may_be_of_a_plant_alone(tmp_path: Path) -> None:
     place = Place.of(tmp_path / "a.h5")
     alone = base().varied({"observers.SHGO": None, "observers.FHGO": None})
@@ -102,6 +104,7 @@ def test_an_ensemble_may_be_of_a_plant_alone(tmp_path: Path) -> None:
     assert (told.members, told.failed, told.observers, told.status) == (2, 0, {}, "ok")
 
 
+@pytest.mark.costly
 def test_text_is_an_axis_too(tmp_path: Path) -> None:
     place = Place.of(tmp_path / "a.h5")
     sweep_to(ensemble({"solver.method": ["rk4", "euler"], "observers.FHGO.delta": [3, 4.5]}), place)

@@ -55,7 +55,6 @@ def by_blocks(order: list[tuple[int, int]]) -> Executor:
     return run
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_member_has_the_bits_that_it_has_alone(tmp_path: Path) -> None:
     of = small(trajectories="all")
@@ -71,7 +70,7 @@ def test_a_member_has_the_bits_that_it_has_alone(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("kept", ["none", {"every": 5}, {"worst": 3, "by": "rmse", "observer": "SHGO", "state": "x2"}])
-@pytest.mark.measured
+@pytest.mark.measured("kept1", "kept2")
 def test_the_file_does_not_tell_how_it_came_about(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kept: str | dict[str, Any]
 ) -> None:
@@ -97,7 +96,7 @@ def test_the_file_does_not_tell_how_it_came_about(
     ],
     ids=["automatic steps", "divergence", "random times", "delays"],
 )
-@pytest.mark.measured
+@pytest.mark.measured("delays")
 def test_blocks_decide_nothing(
     tmp_path: Path, measurement: dict[str, Any], step: float | None, axes: dict[str, Any]
 ) -> None:
@@ -128,7 +127,6 @@ def test_processes_give_the_same_file(tmp_path: Path) -> None:
     assert (tmp_path / "a.h5").read_bytes() == undisturbed(tmp_path, of)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_xarray_opens_the_file_with_the_axes_as_dimensions(tmp_path: Path) -> None:
     import xarray
@@ -157,6 +155,7 @@ def _has_netcdf4() -> bool:
     return True
 
 
+@pytest.mark.costly
 def test_zipped_members_have_their_axes_as_coordinates(tmp_path: Path) -> None:
     import xarray
 
@@ -186,6 +185,7 @@ def test_a_member_that_fails_is_recorded_and_stops_nobody(tmp_path: Path) -> Non
     assert np.isnan(found.trajectories.x[:, 0, 0]).tolist() == [False, True, False]
 
 
+@pytest.mark.costly
 def test_a_plant_that_diverges_fails_alone(tmp_path: Path) -> None:
     of = ensemble({"plant.parameters.mu": [1.0, -400.0], "seed": {"count": 2}})
     sweep_to(of, Place.of(tmp_path / "a.h5"))
@@ -240,7 +240,6 @@ def _wrong_status(path: Path) -> None:
         file["status"][...] = 99
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("damage", [_flipped, _zeros, _no_status, _wrong_status])
 def test_a_damaged_collected_file_is_collected_again(tmp_path: Path, damage: Callable[[Path], None]) -> None:
@@ -252,6 +251,7 @@ def test_a_damaged_collected_file_is_collected_again(tmp_path: Path, damage: Cal
     assert place.file.read_bytes() == whole
 
 
+@pytest.mark.costly
 def test_another_title_is_collected_without_carrying_anything_out(tmp_path: Path) -> None:
     place, of = Place.of(tmp_path / "a.h5"), small()
     blocks = [one.path.name for one in sweep_to(replace(of, title="before"), place).stored()]
@@ -298,7 +298,6 @@ def test_parts_are_all_members_once() -> None:
             Part.read(text)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_parts_in_several_folders_are_merged(tmp_path: Path) -> None:
     of = small()
@@ -423,6 +422,7 @@ def test_kills_at_any_moment_leave_the_same_file(tmp_path: Path, executor: str) 
         assert left == []
 
 
+@pytest.mark.costly
 def test_what_a_killed_process_has_left_of_the_file_goes(tmp_path: Path) -> None:
     place = Place.of(tmp_path / "a.h5")
     process = subprocess.Popen([sys.executable, "-c", ""])

@@ -37,7 +37,6 @@ def plant_of(dynamics: Mapping[str, str], output: Any) -> Block:
 OSCILLATOR = plant_of({"a": "b", "b": "-4*a"}, "a")
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 3, 6])
 @pytest.mark.parametrize("size", [1.0, 1e-9, 1e9])

@@ -50,7 +50,7 @@ def found(blocks: dict[str, Block], which: Sequence[int] | np.ndarray, *, gate: 
 CASES = {"one output": {"chain": CHAIN}, "two": {"bucy": BUCY}, "beside one that goes back": {"bucy": BUCY, "ekf": EKF}}
 
 
-@pytest.mark.measured
+@pytest.mark.measured("two")
 @pytest.mark.slow
 @pytest.mark.parametrize("blocks", CASES.values(), ids=list(CASES))
 def test_the_estimate_is_that_of_the_log_without_the_rows_of_outliers(blocks: dict[str, Block]) -> None:

@@ -80,6 +80,8 @@ def short(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     return monkeypatch
 
 
+@pytest.mark.measured("log1-more1")
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("log", "more"),
     [

@@ -49,6 +49,8 @@ def of_a_driven_plant(request: pytest.FixtureRequest) -> PreparedRun:
     return prepare(experiment(DRIVEN, {"M": MHE}, step=0.01, time=time, measurement={"sampling": {"period": 0.25}}))
 
 
+@pytest.mark.measured("0.0")
+@pytest.mark.costly
 def test_inputs_that_are_functions_of_time_are_asked_for_in_recordings(driven: PreparedRun) -> None:
     simulated = simulate_prepared(driven)
     found = estimate(driven.experiment.source, of_simulation(driven), sensitivity=False)

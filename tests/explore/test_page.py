@@ -153,7 +153,6 @@ def test_in_a_real_browser(shell: Shell) -> None:
     assert seen["after"] == ",".join(["x1"] * 8)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.skipif(browser.CHROMIUM is None, reason="there is no Chromium")
 def test_numbers_have_significant_digits(shell: Shell) -> None:

@@ -316,6 +316,7 @@ def test_bounds_have_the_names_of_their_equations(tmp_path: Path) -> None:
         assert own["words"].startswith(late + "hold: d_M = 0.1 is not below delay_bound = ")
 
 
+@pytest.mark.costly
 def test_the_theory_follows(file: Path) -> None:
     """Its numbers are those of ``hgorun analyze``; what has not changed is not computed again."""
     file.write_text(OSCILLATOR.replace("  sampling: {period: 0.1}\n", "").replace("std: 0.01", "std: 0.01, hold: 0.1"))

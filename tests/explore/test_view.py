@@ -101,6 +101,7 @@ def test_curves_are_those_of_a_simulation(drawn: Drawn) -> None:
     assert drawn.told == {**drawn.paper.told[-1], "drawn": drawn.sent[-1]}
 
 
+@pytest.mark.costly
 def test_only_what_has_changed_is_sent(drawn: Drawn) -> None:
     """A small change of one observer redraws that one, in one message; nothing, nothing."""
     drawn.sent.clear()
@@ -125,6 +126,7 @@ def test_an_observer_that_is_off_has_no_lines(drawn: Drawn) -> None:
     assert len(drawn.lines("error0")) == before
 
 
+@pytest.mark.costly
 def test_bounds_are_beside_errors(drawn: Drawn) -> None:
     """In a figure of its own where the coordinates of the theory are no states."""
     drawn.worker.finish()

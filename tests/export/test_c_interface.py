@@ -115,7 +115,6 @@ def test_inputs_that_are_told_to_an_observer_that_jumps(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", RUNS)
-@pytest.mark.measured
 def test_numbers(name: str, compiled: dict[str, Compiled]) -> None:
     run = RUNS[name]
     found = driven(run)
@@ -207,7 +206,6 @@ def test_many_samples_keep_their_digits(compiled: dict[str, Compiled]) -> None:
     assert np.max(np.abs(own - found.estimates["O"])) <= 1e-12
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("compiler", COMPILERS)
 @pytest.mark.parametrize("options", [("-O0",), ("-O2", "-ffp-contract=off")], ids=["O0", "O2"])

@@ -63,7 +63,7 @@ def compare(own: list[np.ndarray], theirs: np.ndarray) -> None:
     assert np.max(np.abs(np.array(own) - theirs)) <= 1e-12 * scale
 
 
-@pytest.mark.measured
+@pytest.mark.measured("0.1 + 0.05*sin(3*t)")
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", ["0", "0.12", "0.1 + 0.05*sin(3*t)"])
 def test_held_outputs(delay: str, tmp_path: Path) -> None:
@@ -116,6 +116,7 @@ def _arriving(run: PreparedRun, values: np.ndarray, event: int) -> list[tuple[fl
     return [(float(taken[k]), float(values[k])) for k in np.flatnonzero(at == event)]
 
 
+@pytest.mark.costly
 def test_lines_come_nearer_to_the_output_than_held_values(tmp_path: Path) -> None:
     """Told every 0.05: the estimate of the simulation, with an error of second order, or of first order."""
     run = run_of("0", [])

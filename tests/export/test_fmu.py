@@ -109,6 +109,7 @@ def run_of(name: str) -> PreparedRun:
     return prepare(experiment(plant, {"O": block}, measurement=measurement, step=0.01, end=3.0))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("name", RUNS)
 def test_numbers(name: str, version: Version, tmp_path: Path) -> None:
@@ -143,6 +144,7 @@ def test_continuous_outputs_and_inputs(tmp_path: Path) -> None:
     assert unit.get([unit.number["xhat.a"], unit.number["xhat.b"]]) == pytest.approx([1.0, 0.0], abs=1e-5)
 
 
+@pytest.mark.costly
 def test_sources_compile_without_warnings(tmp_path: Path) -> None:
     (observer,) = exported(run_of("late"))
     strict = [Compiler(("gcc", *STRICT), "linux", "x86_64")]

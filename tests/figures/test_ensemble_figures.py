@@ -85,6 +85,7 @@ def caption(figure: Figure) -> str:
     return " ".join(figure.legends[0].get_title().get_text().split())
 
 
+@pytest.mark.costly
 def test_medians_against_an_axis() -> None:
     members = made()
     figure = against(members, THETA, ["hf", "settling"])
@@ -109,6 +110,7 @@ def test_observers_have_their_colours_of_everywhere() -> None:
     assert colours["S"] == family_colour("shgo", None)
 
 
+@pytest.mark.costly
 def test_cells_of_a_map_are_medians() -> None:
     members = made()
     figure = heat_map(members, (THETA, PERIOD), "hf")
@@ -129,6 +131,7 @@ def test_fronts_join_medians_over_seeds() -> None:
     assert x[0] == pytest.approx(np.median(members.metrics["hf"][here, 0, 0]), rel=1e-12)
 
 
+@pytest.mark.costly
 def test_fronts_are_drawn_among_gains_alone() -> None:
     """What is no choice of the designer, such as the period, has a front for each of its values."""
     members = made(lost=False)
@@ -148,6 +151,7 @@ def test_fronts_are_drawn_among_gains_alone() -> None:
     assert "front" not in [name for name, _ in figures_of(fixed)]
 
 
+@pytest.mark.costly
 def test_captions_say_over_what_is_pooled() -> None:
     members = made()
     assert "over all values of period [h]" in caption(against(members, THETA, ["hf"]))
@@ -169,6 +173,7 @@ def test_boxes_tell_how_many_are_lost() -> None:
     assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["F", "S"]
 
 
+@pytest.mark.costly
 def test_bands_along_time() -> None:
     members = made()
     figure = bands(members)
@@ -180,6 +185,7 @@ def test_bands_along_time() -> None:
     np.testing.assert_allclose(error, np.median(np.abs(kept.xhat - kept.x[:, None])[:, 0, :, 0], axis=0), rtol=1e-12)
 
 
+@pytest.mark.costly
 def test_few_members_are_lines_and_not_quantiles() -> None:
     members = made()
     kept = members.trajectories

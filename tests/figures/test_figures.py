@@ -86,6 +86,7 @@ def diverging(result: Result) -> np.ndarray:
 # What is drawn
 
 
+@pytest.mark.costly
 def test_a_comparison_shows_every_state_and_its_error_for_every_observer(result: Result, compared: Any) -> None:
     assert len(compared.axes) == 4
     for i, ax in enumerate(compared.axes):
@@ -129,6 +130,7 @@ def test_labels_of_several_results_say_which(result: Result) -> None:
     assert set(lines(both)) == {"true", "experiment: SHGO", "other: SHGO"}
 
 
+@pytest.mark.costly
 def test_samples_are_dots_and_continuous_measurements_lines(result: Result) -> None:
     dots = lines(draw(result, block({"output": "x1"})).axes[0])["measured"]
     assert dots.get_linestyle() == "None"
@@ -178,6 +180,7 @@ def test_window_limits_and_titles(result: Result) -> None:
     assert figure.legends[0].get_title().get_text() == "both"
 
 
+@pytest.mark.costly
 def test_panels_of_one_state_have_one_range(result: Result) -> None:
     panels = [{"state": "x1", "observers": [label]} for label in result.observers]
     figure = draw(result, block(*panels, height=6, width=5))
@@ -187,6 +190,7 @@ def test_panels_of_one_state_have_one_range(result: Result) -> None:
     assert ticks == [False, False, True]
 
 
+@pytest.mark.costly
 def test_nothing_overlaps_the_panels(result: Result) -> None:
     figure = draw(result, block({"state": "x1", "title": "a panel"}, {"error": "x2"}, title="title " * 40))
     legend = figure.legends[0].get_window_extent()
@@ -240,6 +244,7 @@ def test_observers_differ_in_greyscale() -> None:
     assert TRUTH["linestyle"] not in DASHES
 
 
+@pytest.mark.costly
 @given(st.lists(st.lists(st.sampled_from(FAMILIES), max_size=12), min_size=1, max_size=4), st.randoms())
 def test_looks_in_a_panel_are_different(panels: list[list[tuple[str, int | None]]], random: Any) -> None:
     everybody = actors(*(family for panel in panels for family in panel))
@@ -325,6 +330,7 @@ def test_the_filter_order_of_a_run_decides_the_colour(result: Result) -> None:
     assert shown["FHGO r=2"].get_color() == family_colour("fhgo2", 2)
 
 
+@pytest.mark.costly
 def test_an_observer_keeps_its_colour(result: Result, compared: Any) -> None:
     everywhere = lines(compared.axes[0])
     for label in result.observers:
@@ -336,6 +342,7 @@ def test_an_observer_keeps_its_colour(result: Result, compared: Any) -> None:
 # Divergence and scale
 
 
+@pytest.mark.costly
 def test_a_diverged_observer_is_drawn_until_then_and_crushes_nothing(result: Result, compared: Any) -> None:
     sound = {label: o.xhat for label, o in result.observers.items()}
     both = with_observers(result, **sound, lost=diverging(result))
@@ -389,7 +396,7 @@ def test_estimates_that_are_close_are_shown_whole(result: Result, compared: Any)
     ],
     ids=["none", "exact", "lost at once", "constant", "no units"],
 )
-@pytest.mark.measured
+@pytest.mark.measured("lost at once")
 def test_degenerate_results_are_drawn(result: Result, make: Callable[[Result], Result]) -> None:
     made = make(result)
     assert len(comparison(made).axes) == 4
@@ -496,6 +503,7 @@ def test_a_formula_is_as_long_in_a_title_as_it_is_seen() -> None:
     assert "\n" not in paragraph(r"rms of $\hat{\mathrm{s}}\mathrm{peed} - \mathrm{speed}$ [rad/s]", 2.4)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("label", ["_hidden", "true", r"$\bad{$", "a\nb", "100 % & #1", "x" * 300, "観測器"])
 def test_odd_labels_reach_the_legend(result: Result, label: str) -> None:
     odd = with_observers(result, **{label: result.x + 1, "other": result.x})
@@ -554,6 +562,7 @@ def test_nothing_to_compare() -> None:
 # Files
 
 
+@pytest.mark.costly
 def test_files_are_named_after_the_figure_and_nothing_else_is_left(result: Result, tmp_path: Path) -> None:
     figure = draw(result, block({"state": "x1"}))
     written = save(figure, tmp_path / "new" / "3.10", ("png", "pdf", "svg"))
@@ -599,6 +608,7 @@ def test_equal_bytes_in_another_process(result: Result, tmp_path: Path) -> None:
         assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
 
 
+@pytest.mark.costly
 def test_the_users_settings_are_left_alone(result: Result, tmp_path: Path) -> None:
     before = dict(matplotlib.rcParams)
     with matplotlib.rc_context({"font.size": 30.0, "axes.grid": False, "svg.hashsalt": "mine"}):

@@ -82,6 +82,7 @@ def test_a_panel_of_one_run_shows_its_truth_measurements_and_observers() -> None
     assert len(markers) == 2
 
 
+@pytest.mark.costly
 def test_each_panel_lasts_as_long_as_its_run() -> None:
     ends = [ax.get_xlim() for ax in draw([A, B], block({"state": "x1", "run": "a"}, {"error": "x1", "run": "b"})).axes]
     assert ends == [(0, 10), (0, 12)]
@@ -89,6 +90,7 @@ def test_each_panel_lasts_as_long_as_its_run() -> None:
     assert [ax.get_xlim() for ax in shared] == [(0, 12)] * 2
 
 
+@pytest.mark.costly
 def test_labels_say_the_run_only_where_the_figure_shows_several() -> None:
     one = draw([A, B], block({"state": "x1", "observers": ["a/SHGO"]}, {"state": "x1", "observers": ["b/FHGO"]}))
     assert legend(one) == ["true"]  # the panels' titles name them
@@ -116,6 +118,7 @@ def test_a_truth_is_drawn_once_whatever_the_grids_and_lengths_of_the_runs() -> N
     assert np.asarray(truth.get_xdata())[-1] == 12  # of the longer run
 
 
+@pytest.mark.costly
 def test_truths_that_differ_look_different_where_they_meet() -> None:
     for figure in (draw([A, SHIFTED], block({"state": "x1"})), comparison([A, SHIFTED])):
         shown = lines(figure.axes[0])
@@ -142,6 +145,7 @@ def test_a_magnitude_is_the_largest_error_nearby_on_a_logarithmic_axis() -> None
     assert "true" not in lines(whole)
 
 
+@pytest.mark.costly
 def test_columns_fill_row_after_row() -> None:
     panels = [{"state": "x1"}, {"state": "x2"}, {"error": "x1"}, {"error": "x2"}, {"output": "x1"}]
     figure = draw(A, block(*panels, columns=2, width=7))
@@ -214,6 +218,7 @@ def test_a_scaling_panel_has_points_on_the_lines_of_theory() -> None:
     assert shown["SHGO"].get_color() == family_colour("shgo", None)
 
 
+@pytest.mark.costly
 def test_scaling_without_theory_speaks_of_none() -> None:
     bare = {label: replace(o, theory=None) for label, o in SCALED.observers.items()}
     figure = draw([A], block({"scaling": {"state": "x2", "of": "rmse"}}), scalings={0: replace(SCALED, observers=bare)})

@@ -47,6 +47,7 @@ def marks(ax: Any) -> list[str]:
     return [text for text in texts if text not in "↑↓"]
 
 
+@pytest.mark.costly
 def test_a_peak_that_is_cut_has_an_arrow_with_its_value(result: Result) -> None:
     t = result.time
     peaking = with_estimates(
@@ -72,6 +73,7 @@ def test_a_band_that_is_cut_has_an_arrow_with_its_value() -> None:
     assert [(one.side, one.text, one.colour) for one in cuts(ax)] == [("top", "2.5", "#0072b2")]
 
 
+@pytest.mark.costly
 def test_every_panel_with_limits_of_its_own_says_what_it_leaves_out(result: Result) -> None:
     shown = with_estimates(result, A=np.full(result.time.size, 0.5), B=np.where(result.time < 1, 3.0, 0.0))
     state, error, early = draw(
@@ -97,6 +99,7 @@ def test_values_at_an_edge_do_not_hide_each_other(result: Result) -> None:
     assert all(inside.x0 <= box.x0 and box.x1 <= inside.x1 for box in boxes)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("width", "count"), [(3.5, 9), (7.2, 9)])
 def test_legends_stay_inside_their_figure(result: Result, width: float, count: int) -> None:
     errors = {f"a rather long name of observer number {k}": np.sin(result.time + k) for k in range(count)}
@@ -110,6 +113,7 @@ def test_legends_stay_inside_their_figure(result: Result, width: float, count: i
     assert figure.get_figwidth() == width
 
 
+@pytest.mark.costly
 def test_figures_for_one_column_have_their_panels_below_each_other(result: Result) -> None:
     narrow = comparison(result, Page.named("one", "light"))
     assert len({round(ax.get_position().x0, 2) for ax in narrow.axes}) == 1
@@ -131,6 +135,7 @@ def hidden(figure: Figure) -> int:
     return found
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("shape", ["rising", "falling", "everywhere"])
 def test_an_inset_covers_no_data(result: Result, shape: str) -> None:
     t = result.time
@@ -223,6 +228,7 @@ def test_samples_that_one_of_two_observers_left_out_say_whose(result: Result) ->
     assert "not used by B" not in drawn
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("count", "expected"),
     [(3, {"held out": 3}), (2, {"held out": 2, "reference": 1}), (0, {"reference": 3})],

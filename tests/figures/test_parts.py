@@ -101,6 +101,7 @@ def test_observers_that_the_figure_of_bounds_leaves_out_are_named(result: Result
     assert "not drawn, having no bound: B" in words_of(peaking(result, {"A": both["A"]}))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("width", "titled"), [("two", 2), ("one", 4)])
 def test_panels_below_each_other_have_titles_of_their_own(result: Result, width: str, titled: int) -> None:
     titles = [ax.get_title(loc="left") or ax.get_title() for ax in comparison(result, Page.named(width, "dark")).axes]
@@ -141,6 +142,7 @@ def test_noise_that_would_be_a_block_is_pale_with_its_mean_in_it() -> None:
     assert data.mean_of_block(Curve(t[:0], t[:0])) is None
 
 
+@pytest.mark.costly
 def test_what_coincides_with_the_line_in_front_is_seen_behind_it(result: Result) -> None:
     figure = comparison(result)
     lines = [line for line in figure.axes[0].lines if line.get_label() in ("A", "B")]

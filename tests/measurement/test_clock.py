@@ -56,6 +56,7 @@ def test_the_observer_gets_what_is_recorded(start: float) -> None:
 SAMPLED: dict[str, Any] = {"sampling": {"period": 0.1}, "delay": 0.03, "noise": [DRAWN]}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("start", [1e6, 1.7e9, -1.7e9])
 @pytest.mark.parametrize("measurement", [{}, SAMPLED, {"delay": 0.02}], ids=["continuous", "sampled", "late"])
 def test_what_does_not_read_the_clock_has_the_same_bits_at_any_time(start: float, measurement: dict[str, Any]) -> None:

@@ -41,6 +41,7 @@ def same(found: Irregular, expected: np.ndarray, start: float, end: float, units
     assert found.lost == ()
 
 
+@pytest.mark.costly
 @settings(max_examples=25, deadline=None)
 @given(CLOCKS, WIDTHS, st.floats(0.1, 0.9))
 def test_a_pulse_of_any_width_is_found(clock: float, width: float, at: float) -> None:
@@ -50,6 +51,7 @@ def test_a_pulse_of_any_width_is_found(clock: float, width: float, at: float) ->
     np.testing.assert_array_equal(found.times, [a, b])
 
 
+@pytest.mark.costly
 @settings(max_examples=25, deadline=None)
 @given(CLOCKS, st.floats(0.01, 3.0), st.floats(0.05, 0.95))
 def test_pulses_that_repeat(clock: float, period: float, duty: float) -> None:
@@ -60,6 +62,7 @@ def test_pulses_that_repeat(clock: float, period: float, duty: float) -> None:
     same(found, expected, clock, end)
 
 
+@pytest.mark.costly
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.5, 300.0), st.floats(-0.99, 0.99), st.floats(0, 6.28))
 def test_a_sinusoid_above_a_level(omega: float, level: float, phase: float) -> None:
@@ -70,6 +73,7 @@ def test_a_sinusoid_above_a_level(omega: float, level: float, phase: float) -> N
     same(found, expected, 0, 20, int(20 + 100 / slope))
 
 
+@pytest.mark.costly
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.floats(0.1, 9.9), min_size=1, max_size=5, unique=True))
 def test_a_polynomial_by_its_roots(roots: list[float]) -> None:
@@ -79,6 +83,7 @@ def test_a_polynomial_by_its_roots(roots: list[float]) -> None:
     np.testing.assert_allclose(found.times, np.sort(roots), rtol=0, atol=4e-15)
 
 
+@pytest.mark.costly
 @settings(max_examples=25, deadline=None)
 @given(st.floats(0.2, 4.0), st.floats(0.3, 9.7))
 def test_all_steps_of_a_floor(omega: float, size: float) -> None:
@@ -197,6 +202,7 @@ def test_more_kinks_than_fit_are_refused_before_they_are_made() -> None:
         kinks("floor(1e12*t)", 0.0, 1.0, limit=1e6)
 
 
+@pytest.mark.costly
 @settings(max_examples=25, deadline=None)
 @given(st.lists(st.floats(0.0, 9.0), min_size=1, max_size=6), st.floats(0.01, 0.3))
 def test_events_come_back_after_a_delay_that_changes(events: list[float], size: float) -> None:
@@ -226,6 +232,7 @@ def run(u: str, end: float, start: float = 0.0, rate: float = 0.0, **blocks: obj
     return hgorun.simulate(hgorun.Experiment({"time": time, "plant": plant, "observers": {}, **blocks}))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("u", "start", "end", "integral"),
     [

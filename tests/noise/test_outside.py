@@ -79,7 +79,6 @@ def test_draws_depend_on_the_seed_alone_and_remember(tmp_path: Path) -> None:
     assert np.corrcoef(v[:-1], v[1:])[0, 1] == pytest.approx(0.8, abs=0.05)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("noise", "measurement"),

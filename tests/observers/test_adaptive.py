@@ -156,7 +156,6 @@ def test_outputs_that_measure_the_same_are_refused() -> None:
         hgorun.simulate(experiment(plant, {"A": block}))
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_it_keeps_the_contract_with_two_parameters() -> None:
     """But for the decay on a plant that rests at 0, where nothing excites them."""

@@ -21,7 +21,7 @@ def of(**keys: object) -> Block:
     return {"type": "aekf", "theta_1": 3, "m": 0.02, "copies": 5, **keys}
 
 
-@pytest.mark.measured
+@pytest.mark.measured("AdaptiveKalmanFilter-block0")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("cls", "block"),
@@ -58,6 +58,7 @@ def cost(result: Result, row: int, steps: int) -> float:
     return float(z[4])
 
 
+@pytest.mark.costly
 def test_cost_is_that_of_a_prediction_from_the_estimate(run: Result) -> None:
     """At t = j d/N, from t = d on; between it is held, and before it is zero."""
     found = np.asarray(run.observers["K"].internal["I"])
@@ -75,7 +76,6 @@ def test_theta_grows_and_returns_and_stays_inside(run: Result) -> None:
     assert np.max(np.abs(run.observers["K"].xhat[200:] - run.x[200:])) < 0.1
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_started_at_the_truth_it_is_the_kalman_filter() -> None:
     """No noise, no cost, theta at 1; with beta m = 600 exactly."""
@@ -93,6 +93,7 @@ def test_started_at_the_truth_it_is_the_kalman_filter() -> None:
     np.testing.assert_allclose(found["off"].xhat, found["of"].xhat, rtol=0, atol=1e-14)
 
 
+@pytest.mark.costly
 def test_samples() -> None:
     """J = T sum |y - yhat|^2 over N samples, from the estimate after the sample N before; the gain of hg_ekf."""
     T, N = 0.2, 4
@@ -133,6 +134,7 @@ def test_threshold_is_four_times_what_the_noise_costs() -> None:
         np.testing.assert_allclose(found["own"].xhat, found["given"].xhat, rtol=0, atol=1e-12)
 
 
+@pytest.mark.costly
 def test_a_triangular_plant_and_two_outputs() -> None:
     seldom = {
         "states": ["x1", "x2"],

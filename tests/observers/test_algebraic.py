@@ -27,6 +27,7 @@ def weights(ages: np.ndarray, i: int, kappa: int, mu: int) -> np.ndarray:
     return np.asarray(w + np.linalg.pinv(V) @ (target - V @ w))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("given", [{}, {"kappa": 0, "mu": 0}, {"kappa": 1, "mu": 3}])
 def test_a_run_has_the_weights_of_the_kernel(given: Block) -> None:
     block = {"type": "algebraic", "window": 9, **given}
@@ -70,6 +71,7 @@ def test_late_samples_are_put_where_they_belong() -> None:
     assert run.observers["D"].xhat[-1, 1] == pytest.approx(-2, abs=1e-8)
 
 
+@pytest.mark.costly
 def test_a_continuous_output_is_measured_at_the_steps() -> None:
     blocks: dict[str, Block] = {"D": {"type": "algebraic", "window": 12}}
     continuous = simulated(PLANT, blocks, end=1, step=0.02)

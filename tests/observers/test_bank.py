@@ -59,7 +59,7 @@ def test_trajectory_computed_elsewhere() -> None:
     np.testing.assert_allclose(result.time[np.flatnonzero(np.diff(mode(found))) + 1], SWITCHES, atol=1e-9)
 
 
-@pytest.mark.measured
+@pytest.mark.measured("measurement2")
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [NOISE, SAMPLED, {**NOISE, "delay": 0.13}])
 def test_every_mode_is_the_observer_alone(measurement: Block) -> None:
@@ -76,7 +76,7 @@ def test_every_mode_is_the_observer_alone(measurement: Block) -> None:
     assert len(set(mode(found))) > 1
 
 
-@pytest.mark.measured
+@pytest.mark.measured("change0-measurement0")
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [{}, NOISE, SAMPLED, LATE])
 @pytest.mark.parametrize("change", [{"thetas": [2]}, {"eps": 1e-9}, {"thetas": [2, 2, 2]}])
@@ -90,6 +90,8 @@ def test_a_bank_that_has_no_reason_to_switch_is_the_nominal_observer(change: Blo
     np.testing.assert_allclose(found.xhat, shgo.xhat, atol=2e-13)
 
 
+@pytest.mark.measured("change1-measurement0")
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [NOISE, SAMPLED, LATE])
 @pytest.mark.parametrize("change", [{}, {"reset": True}, {"eps": 0.7}, {"eps": 1.0}])
 def test_after_a_decision_no_mode_costs_much_less(change: Block, measurement: Block) -> None:
@@ -118,6 +120,7 @@ def test_a_reset_takes_the_others_to_the_new_mode_and_leaves_the_nominal_alone()
     np.testing.assert_allclose(found.xhat[at_rest], nominal.xhat[at_rest], atol=1e-12)
 
 
+@pytest.mark.costly
 def test_it_takes_plants_that_are_no_chains_and_several_outputs() -> None:
     two = inline({"a": "b", "b": "-a", "c": "-c"}, ["a", "c"])
     for plant, start in ((CONTOIS, {"x1": 1.4, "x2": 14}), (two, {"a": 0})):
@@ -125,7 +128,6 @@ def test_it_takes_plants_that_are_no_chains_and_several_outputs() -> None:
         assert np.max(np.abs(result.observers["B"].xhat[-1] / result.x[-1] - 1)) < 1e-4
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [NOISE, SAMPLED, LATE])
 def test_lanes(measurement: Block) -> None:
@@ -203,6 +205,7 @@ def test_outputs_that_are_sampled_for_a_time_are_refused(delay: float) -> None:
         prepare(experiment(VAN_DER_POL, {"B": BANK}, measurement={"delay": delay, "phases": phases}))
 
 
+@pytest.mark.costly
 def test_one_output_may_be_late_and_another_not() -> None:
     plant = inline({"a": "b", "b": "-a", "c": "-c + a"}, ["a", "c"])
     measurement = {"outputs": {"c": {"delay": 0.2, "noise": sinusoid(0.02, 9)}}}

@@ -153,6 +153,7 @@ def test_tracking_follows_a_step_in_the_shortest_time() -> None:
     assert (ramp.x - ramp.observers["D"].xhat)[-1, 0] == pytest.approx(2 * 0.1, abs=0.011)
 
 
+@pytest.mark.costly
 def test_a_continuous_output_is_measured_at_the_steps() -> None:
     blocks: dict[str, Block] = {
         "F": {"type": "filtering", "L": 1.2}, "H": {"type": "hybrid_red", "L": 1.2}, "T": {"type": "tracking", "r": 5},

@@ -110,6 +110,7 @@ def test_with_the_same_draws_the_paths_are_those_of_the_loop() -> None:
         np.testing.assert_allclose(mine, expected[name], rtol=1e-7, atol=1e-9, err_msg=name)
 
 
+@pytest.mark.costly
 def test_integrated_error_of_the_papers_example() -> None:
     """J, the integral of |eta_2 - etahat_2| over 10 s, 20 seeds: reconstruction halves it."""
     runs = noisy_runs(10.0)
@@ -234,6 +235,7 @@ def test_keys_that_do_not_fit(change: dict[str, Any], words: str) -> None:
         hgorun.simulate(experiment({"o": {**OBSERVERS["(3)"], **change}}, 0.1))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["(3)", "(13)", "(7)", "(18)"])
 def test_sampled_output_costs_little(name: str) -> None:
     """With dense samples every observer does what it does with a continuous output."""

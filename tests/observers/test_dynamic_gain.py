@@ -39,6 +39,7 @@ def test_the_certificate_satisfies_the_inequalities(a: float, b: float) -> None:
         assert np.linalg.eigvalsh(M).min() >= 0
 
 
+@pytest.mark.costly
 def test_no_certificate_for_the_constants_in_print() -> None:
     """And an independent search agrees: on a grid of all Q with q I <= Q <= I none comes near."""
     a, b, q = 1.17, 2.3, 0.15
@@ -51,7 +52,6 @@ def test_no_certificate_for_the_constants_in_print() -> None:
     assert np.min([np.linalg.eigvalsh(M)[:, 0] for M in conditions], axis=0).max() < -1e-3
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("gains", [(3, 3, 1), (4, 6, 4, 1)])
 def test_certificates_of_higher_order(gains: tuple[float, ...]) -> None:

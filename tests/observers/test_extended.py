@@ -83,7 +83,6 @@ def test_outputs_that_measure_the_same_are_refused() -> None:
         hgorun.simulate(experiment(plant, {"E": {"type": "extended", "theta": 6, "chains": {"a": 2, "b": 1}}}))
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_it_keeps_the_contract_with_two_integrators() -> None:
     check_observer(ExtendedObserver, {"extend": 2})

@@ -57,7 +57,7 @@ def blocks(families: dict[str, Block], **more: object) -> dict[str, Block]:
     return {name: {**block(name), **more} for name in families}
 
 
-@pytest.mark.measured
+@pytest.mark.measured("late samples", "late")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("measurement", "families"),

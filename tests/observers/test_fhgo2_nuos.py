@@ -27,7 +27,6 @@ SCENARIOS = [
 ]
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("r", [1, 2, 3])
 def test_full_and_reduced_gain_are_one(r: int) -> None:
@@ -57,7 +56,7 @@ def test_stationary_block(r: int) -> None:
     np.testing.assert_array_equal(S @ [math.comb(r, j) for j in range(1, r + 1)], C[0])
 
 
-@pytest.mark.measured
+@pytest.mark.measured("reduced-riccati-0", "full-lyapunov-1")
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", SCENARIOS, ids=range(len(SCENARIOS)))
 @pytest.mark.parametrize(("gain", "equation"), [("reduced", "riccati"), ("full", "lyapunov")])
@@ -81,7 +80,6 @@ def test_on_a_chain_the_gain_becomes_the_binomial_one(r: int) -> None:
     np.testing.assert_allclose([*K_r, *K_n], [math.comb(r + 2, j) for j in range(1, r + 3)], rtol=1e-8)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", SCENARIOS, ids=range(len(SCENARIOS)))
 @pytest.mark.parametrize("r", [1, 3])
@@ -120,7 +118,6 @@ def test_wrong_input_is_refused(more: dict[str, Any], key: str) -> None:
     assert error.value.key == f"observers.o.{key}"
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_step_of_auto_is_short_enough() -> None:
     """Sampled and late, where no noise of the output asks for a shorter one."""

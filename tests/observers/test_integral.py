@@ -27,7 +27,6 @@ from hgorun.errors import ConfigError
 from hgorun.simulation.simulate import prepare
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("plant", PLANTS)

@@ -33,7 +33,6 @@ def samples(std: float, period: float = 0.2) -> Block:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("family", [KalmanBucyFilter, ExtendedKalmanFilter])
-@pytest.mark.measured
 def test_contract(family: type[AnyObserver]) -> None:
     check_observer(family)
 
@@ -332,6 +331,7 @@ def test_a_battery_that_no_observer_of_chains_takes() -> None:
         simulated(plant, {"S": {"type": "shgo", "theta": 0.02}}, end=3600, output_step=10, measurement=measurement)
 
 
+@pytest.mark.costly
 def test_members_of_a_sweep_have_the_design_of_their_own_noise(tmp_path: Path) -> None:
     base = experiment(OSCILLATOR, {"K": {"type": "ekf", "theta": 2}}, step=0.01, measurement=GAUSSIAN)
     axes = {"measurement.noise.0.std": [0.1, 0.2, 0.4], "seed": [1, 2]}

@@ -92,7 +92,6 @@ def test_of_states_without_a_balance_nothing_is_said(without_balance: Result, tm
     assert {label: one.unestimated for label, one in again.observers.items()} == unestimated
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_states_without_a_balance_are_not_drawn(without_balance: Result) -> None:
     figure = comparison(without_balance)

@@ -101,7 +101,6 @@ def test_what_noise_does_computed_elsewhere() -> None:
     np.testing.assert_allclose(found["m 3"], [3.3e-3, 7.0e-3], rtol=3e-2)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_samples_have_a_map_of_their_own() -> None:
     """Exact for a linear plant, however long the period; a recursion in numpy for the other one."""

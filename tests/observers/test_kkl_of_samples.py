@@ -70,7 +70,6 @@ def duffing(x: np.ndarray, span: float) -> Callable[[float], np.ndarray]:
     ).sol
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_fitted_inverse_begins_there_as_well() -> None:
     """z against the sum over the samples of the past; the wrong start apart from the right one."""
@@ -145,7 +144,6 @@ def test_constant_terms_take_a_box_and_are_named() -> None:
         prepare(experiment(plant, {"K": {"type": "kkl"}}, measurement={"sampling": {"period": 0.1}}))
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("path", ["observers.K.initial.x1", "observers.K.theta", "measurement.sampling.offset"])
 def test_members_of_an_ensemble_have_the_bits_of_their_own_runs(path: str) -> None:

@@ -73,7 +73,6 @@ def difference(result: hgorun.Result) -> float:
     return float(max(gap)) / float(np.abs(estimate).max())
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_fixed_is_the_plain_loop(fixed: hgorun.Result) -> None:
     assert fixed.measurements.time.size == 200_001

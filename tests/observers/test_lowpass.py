@@ -99,7 +99,6 @@ def test_one_filter_is_fhgo2_with_one_filter(scenario: str) -> None:
     np.testing.assert_allclose(rho * one.internal["eta"], two.internal["eta"], rtol=0, atol=1e-12)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("plant", PLANTS)

@@ -47,7 +47,7 @@ def kalman(y: np.ndarray, Qd: np.ndarray) -> list[np.ndarray]:
     return found
 
 
-@pytest.mark.measured
+@pytest.mark.measured("change1-None")
 @pytest.mark.slow
 @pytest.mark.parametrize(("change", "Qd"), [({}, T * Q), ({"window": 5, "Qd": [[0.02, 0.01], [0.01, 0.03]]}, None)])
 def test_on_a_linear_plant_it_is_the_kalman_filter(change: Block, Qd: np.ndarray | None) -> None:
@@ -89,7 +89,6 @@ def fitted(times: np.ndarray, y: np.ndarray, Qd: np.ndarray, R: float) -> np.nda
     return np.asarray(found.x[-2:])
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_while_the_window_fills_it_is_the_least_squares_of_all_samples() -> None:
     """Samples at uneven times, an input of the past, scipy on the same cost."""
@@ -103,7 +102,6 @@ def test_while_the_window_fills_it_is_the_least_squares_of_all_samples() -> None
     np.testing.assert_allclose(result.observers["M"].xhat[-1], expected, atol=1e-6)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_longer_window_finds_back_from_a_wrong_start() -> None:
     """Where one linearisation is not enough: y = sin(x1)."""
@@ -131,7 +129,6 @@ def test_late_samples_are_as_good_as_early_ones() -> None:
     np.testing.assert_allclose(late.observers["M"].xhat[2:], early.observers["M"].xhat[1:-1] @ A.T, atol=1e-8)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_lanes() -> None:
     runs = [
@@ -145,7 +142,6 @@ def test_lanes() -> None:
         assert np.array_equal(together.rows[..., lane], integrate(one, as_given(one)).rows[..., 0])
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_process_noise_at_the_end_of_chains() -> None:
     """q, or theta with q = R T theta^(2n)."""

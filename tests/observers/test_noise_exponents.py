@@ -151,7 +151,6 @@ BLOCKS = {
 }
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("phi", ["0", WEAK])
 def test_simulated_amplitudes_are_the_frequency_response(phi: str) -> None:

@@ -114,7 +114,6 @@ def test_peaks_grow_with_theta_or_do_not() -> None:
     assert np.log2(inner[1] / inner[0]) == pytest.approx(1, abs=0.02)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [NOISE, {"sampling": {"period": 0.02}, "delay": 0.01}])
 def test_without_limits_they_are_the_linear_observers_to_the_last_bit(measurement: Block) -> None:

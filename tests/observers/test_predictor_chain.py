@@ -141,7 +141,6 @@ def naive(plant: np.ndarray, d: float, m: int, theta: float, h: float, period: f
     return np.array(found)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_two_outputs() -> None:
     """Two plants side by side are two observers."""

@@ -400,7 +400,6 @@ def test_lyapunov_and_riccati_form_of_the_gain_are_one() -> None:
     assert gaps[-1] < 1e-6
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("n", [1, 2, 3, 5])
 @pytest.mark.parametrize("equation", ["riccati", "lyapunov"])
@@ -448,6 +447,7 @@ def inline(dynamics: dict[str, str], output: list[str] | str) -> dict[str, Any]:
     }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "block",
     [

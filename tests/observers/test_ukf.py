@@ -125,6 +125,7 @@ def _between(_: float, z: np.ndarray) -> np.ndarray:
     return np.concatenate([mean, (M + M.T + np.diag([0.01, 0.0])).ravel()])
 
 
+@pytest.mark.costly
 def test_a_stiff_plant_with_controlled_steps() -> None:
     """P of b falls by 2e4 per unit of time, and no noise keeps it up; against the moment equations by scipy."""
     plant = inline({"a": "b - a", "b": f"-{RATE}*(b - sin(a))"}, "a", initial={"a": 1, "b": 0.5})

@@ -125,7 +125,6 @@ def test_killed_in_the_middle_and_started_again(tmp_path: Path, how: signal.Sign
     assert files(tmp_path / "broken") == files(tmp_path / "whole")
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_the_report_says_what_was_measured(tmp_path: Path) -> None:
     names, output = studies(tmp_path, count=1), tmp_path / "out"
@@ -137,7 +136,6 @@ def test_the_report_says_what_was_measured(tmp_path: Path) -> None:
     assert (output / "report" / "study0" / "first.png").stat().st_size < 60_000
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_damaged_state_is_made_anew(tmp_path: Path) -> None:
     names, output = studies(tmp_path, count=1), tmp_path / "out"

@@ -383,7 +383,7 @@ def test_a_file_of_before_has_no_digests_and_opens(file: Path, tmp_path: Path) -
 @pytest.mark.slow
 @pytest.mark.measured_once
 @pytest.mark.parametrize("seed", range(40))
-@pytest.mark.measured
+@pytest.mark.measured("5", "11", "15")
 def test_any_damage_is_found_or_harmless(seed: int, file: Path, tmp_path: Path) -> None:
     random = np.random.default_rng(seed)
     content = bytearray(file.read_bytes())

@@ -59,7 +59,6 @@ def test_a_wave_that_comes_to_states_at_zero(method: str, tmp_path: Path) -> Non
     np.testing.assert_allclose(found, exact, rtol=1e-6, atol=1e-10)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.13}}, {"delay": 0.1}], ids=str)
 @pytest.mark.parametrize("method", METHODS)
@@ -95,7 +94,6 @@ def test_a_state_at_zero_that_moves_at_once_in_a_long_run(method: str, start: fl
     np.testing.assert_allclose(run(tmp_path, config).x[1:, 0], 1, rtol=1e-5 if start else 1e-7)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("kink", [1e-9, 1e-6])
 @pytest.mark.parametrize("method", METHODS)
@@ -154,7 +152,6 @@ def test_a_jump_that_a_state_brings_about_for_one_that_has_been_tiny(
     assert run(tmp_path, config).x[-1, 1] == pytest.approx(exact, rel=1e-7)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("rate", ["x**2", "-1/x", "1/(2 - x)", "-1/sqrt(x)"])
 @pytest.mark.parametrize("method", METHODS)

@@ -87,6 +87,7 @@ def assert_right(result: Result, rows: np.ndarray) -> None:
     assert np.allclose(sizes(observer.xhat - result.x), sizes(rows[:, 2:] - rows[:, :2]), rtol=1e-3)
 
 
+@pytest.mark.costly
 def test_a_force_in_a_narrow_band_of_positions() -> None:
     """It lasts a ten-thousandth of a second, and whether the next one is met depends on the one before."""
     rows = in_pieces(

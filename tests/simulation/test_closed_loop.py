@@ -116,7 +116,6 @@ def test_a_loop_that_diverges_leaves_the_others_their_bits(cubic: Experiment, fr
 OSCILLATOR = inline({"x1": "x2", "x2": "-x1 - 0.5*x2 + u"}, "x1", 1.0)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "measurement",
@@ -210,7 +209,6 @@ def naive(period: float | None, windup: bool, *, state_feedback: bool, h: float 
     return np.array(rows)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("period", "windup", "close"), [(None, False, 1e-6), (0.25, False, 1e-6), (None, True, 3e-4), (0.25, True, 3e-4)]
@@ -236,6 +234,7 @@ def test_period_integral_and_saturation_as_a_plain_simulator_has_them(
             np.testing.assert_allclose(result.observers["F"].xhat, shown[:, 2:4], atol=close)
 
 
+@pytest.mark.costly
 def test_automatic_steps_are_as_accurate_as_asked_for() -> None:
     controller = SERVO_LAW | {"period": 0.25}
     result = simulated(SERVO, controller, {"F": plain(20)}, time={"end": 6, "output_step": 0.05})

@@ -92,7 +92,6 @@ def test_metrics_that_numpy_makes_of_rows_are_those_that_are_made_beside_the_run
     assert told[-1] == 5
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_every_member_has_its_own_continuous_delay() -> None:
     """Delays are parameters, and may differ in runs that land on the same events."""

@@ -11,7 +11,6 @@ SHGO: Block = {"O": {"type": "shgo", "theta": 2, "initial": {"x": 1}}}
 RUN: Block = {"start": 5, "end": 9, "output_step": 0.1}
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("rate", "start", "at", "solver"),

@@ -164,6 +164,7 @@ def test_late_samples_are_left_out() -> None:
     assert np.max(np.abs(dropped.observers["L"].xhat - alone.xhat)) > 1e-3
 
 
+@pytest.mark.costly
 def test_alone_and_in_company() -> None:
     blocks = {"K": EKF, "S": SHGO, "D": SHGO | {"late": "drop"}, "R": SHGO | {"late": "replay"}, "L": EKF | {"R": 0.1}}
     delay = "0.4 + 0.3*sin(9*t)"
@@ -189,7 +190,6 @@ def test_automatic_steps() -> None:
     np.testing.assert_allclose(result.observers["K"].xhat[-1], z[:2], rtol=0, atol=1e-5)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_members_of_an_ensemble(tmp_path: object) -> None:
     base = experiment(PENDULUM, {"K": EKF, "S": SHGO}, end=2, output_step=0.05, step=STEP, measurement=late("0.37"))

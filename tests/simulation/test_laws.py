@@ -113,7 +113,6 @@ def test_an_observer_does_not_feel_the_others(name: str, tmp_path: Path) -> None
     assert together.observers["lost"].lost
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", [{"step": 0.02}, {"method": "dopri5", "rtol": 1e-8}])
 def test_runs_repeat_bit_for_bit(solver: dict[str, Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,7 +198,6 @@ def in_lanes(folder: Path, config: dict[str, Any], lanes: list[list[str]]) -> tu
     return program.run(replace(asked[0].plan, **numbers), Start(z, p, asked[0].start.bound)), single
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["sampled", "delayed", "phases"])
 def test_lanes_have_the_bits_of_single_runs(name: str, tmp_path: Path) -> None:

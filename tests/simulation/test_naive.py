@@ -418,7 +418,6 @@ def test_held_noise_against_dop853_piece_by_piece() -> None:
 # ---- known numbers ----
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(("r", "limit"), [(0, 0.927), (1, 1.103), (2, 1.255), (3, 1.400)])
 def test_largest_constant_delay_of_a_triple_integrator(r: int, limit: float) -> None:
@@ -447,7 +446,6 @@ def assert_turns_unstable(r: int, limit: float, scenario: Callable[[float], dict
     assert late_over_early(1.03 * limit) > 1.25
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("r", "theta", "rmse"),

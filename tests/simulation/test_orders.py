@@ -124,7 +124,6 @@ def test_rk4_is_of_order_four_between_irregular_breakpoints(delay: Any, tmp_path
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("plant", [JUMPING, JUMPING_OUTPUT], ids=["input", "output"])
 @pytest.mark.parametrize(
@@ -167,7 +166,7 @@ def test_rodas5p_with_fixed_steps_is_of_order_five(
     assert found == pytest.approx(dict.fromkeys(found, 5.0), abs=0.25)
 
 
-@pytest.mark.measured
+@pytest.mark.measured("0.25")
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.25, "0.5 + 0.05*sin(4*pi*t)"])
 def test_rodas5p_with_a_continuous_delay_has_the_order_of_the_cubic_history(delay: Any, tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def _digests(path: Path) -> dict[str, str]:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*CASES, *SHORTER])
-@pytest.mark.measured
+@pytest.mark.measured("several outputs, an input", "an observer that diverges", "no observer")
 def test_what_is_written_as_it_comes_is_what_memory_holds(name: str, long: pytest.MonkeyPatch, tmp_path: Path) -> None:
     run = prepare((CASES | SHORTER)[name]())
     path = tmp_path / "a.h5"
@@ -152,7 +152,6 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the unit of ru_maxrss is that of Linux")
-@pytest.mark.measured
 def test_memory_does_not_grow_with_trajectories(tmp_path: Path) -> None:
     """What grows are the times of the output points; their rows would take some 300 bytes each."""
     assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

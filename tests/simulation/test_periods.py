@@ -27,7 +27,6 @@ def simulated(output: dict[str, Any], observer: dict[str, Any], measurement: dic
     return hgorun.simulate(examples.experiment(PENDULUM | {"output": output}, observers, **settings))
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "measurement",

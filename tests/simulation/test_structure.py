@@ -177,7 +177,6 @@ REACHED: dict[str, Block] = {
 ONLY_SEEDS = {"sha256"}  # of the name of a channel, whose random numbers are its own
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("change", SECOND)
 @pytest.mark.parametrize("reached", REACHED)

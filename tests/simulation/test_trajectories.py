@@ -391,7 +391,6 @@ def test_every_plant(name: str, scenario: str, tmp_path: Path) -> None:
 # ---- what needs more than a table ----
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_start_away_from_zero(tmp_path: Path) -> None:
     """Samples, holds and delays count from the start; functions of time do not."""
@@ -482,6 +481,7 @@ def test_jumping_input(is_sampled: bool, tmp_path: Path) -> None:
             x, xhat, eta = plain["x"][-1], plain["xhat"][-1], plain["eta"][-1]
 
 
+@pytest.mark.costly
 def test_two_outputs_of_two_separate_plants(tmp_path: Path) -> None:
     """Each output has its own measurement; an observer of both is two observers of one."""
     block = {
@@ -545,6 +545,7 @@ def test_canonical_coordinates_are_the_original_ones_seen_through_the_map(
         np.testing.assert_allclose(found.xhat, original.observers[label].xhat, rtol=0, atol=1e-9)
 
 
+@pytest.mark.costly
 def test_recorded_continuous_measurements(tmp_path: Path) -> None:
     """Of what time they speak, and the noisy value, on the output grid."""
     for name, scenario in SCENARIOS.items():

@@ -167,7 +167,6 @@ def test_a_design_is_made_once_for_a_family(base: Experiment) -> None:
     assert all(np.array_equal(start[:2], [1, 14]) for start in starts)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_threads_share_a_design(base: Experiment) -> None:
     """Each gets the start that belongs to its parameters, whatever the other one asks for."""

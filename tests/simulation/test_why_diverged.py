@@ -66,7 +66,6 @@ def test_a_singular_jacobian_is_named() -> None:
     assert 0.001 * (crossed[0] - 1) <= float(at) <= 0.001 * crossed[0]
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", [{"type": "shgo"}, {"type": "fhgo2", "r": 2}, {"type": "low_power"}], ids=str)
 def test_a_jacobian_is_named_that_holds_an_estimate(kind: dict[str, Any]) -> None:

@@ -46,7 +46,6 @@ def ratio(one: float, other: float) -> float:
     return one / other
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_comparable_or_not_by_the_horizon() -> None:
     found, results = study("contois_te050")

@@ -66,6 +66,7 @@ def test_a_run_gives_the_numbers_of_the_same_file_without_runs(tmp_path: Path) -
     np.testing.assert_array_equal(a.observers["A"].xhat, b.observers["A"].xhat)
 
 
+@pytest.mark.costly
 def test_members_of_an_ensemble_are_runs_with_their_seed(tmp_path: Path) -> None:
     path = written(tmp_path, BASE)
     run = hgorun.load_study(path).runs["random"]
@@ -84,7 +85,7 @@ BOTH = """\
 """
 
 
-@pytest.mark.measured
+@pytest.mark.measured("two")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "assigned", ["{observers.A.theta: k}", "{observers.A.theta: k, measurement.noise.0.high: k/2}"], ids=["one", "two"]

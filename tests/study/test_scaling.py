@@ -95,7 +95,7 @@ def test_an_error_without_noise_is_in_the_line(tmp_path: Path) -> None:
         ({"noise": [HELD], "delay": "0.1 + 0.05*sin(t)"}, "rmse", "continuous and delayed"),
     ],
 )
-@pytest.mark.measured
+@pytest.mark.measured("measurement0-amplitude-no noise", "measurement2-peak-steady window")
 def test_no_line_without_its_reason(tmp_path: Path, measurement: Block, of: str, reason: str) -> None:
     import re
 

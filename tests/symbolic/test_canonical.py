@@ -138,7 +138,7 @@ def test_two_outputs_with_their_own_schedules(delay: float) -> None:
         (inline("x1 x2", {"x1": "x2*(2 + sin(t))", "x2": "-x1"}, "x1"), "depends on time"),
     ],
 )
-@pytest.mark.measured
+@pytest.mark.measured("plant1-x2 does not appear", "plant3-not uniformly observable")
 def test_a_plant_outside_the_class_is_refused_with_the_reason(plant: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words) as error:
         hgorun.simulate(experiment(plant, {"o": {"type": "shgo", "theta": 2}}))

@@ -49,6 +49,7 @@ def taken(result: hgorun.Result) -> Coordinates:
 CHAIN = {"a": "b - 2*a", "b": "c - a*b", "c": "-a - 2*b - 2*c + sin(t)"}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("block", [{"type": "shgo", "theta": 2}, {"type": "fhgo2", "theta": 2, "r": 1}])
 def test_the_order_of_states_decides_nothing(block: dict[str, Any]) -> None:
     found = []

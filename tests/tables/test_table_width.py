@@ -19,6 +19,7 @@ WORDS = st.text("abc 観é=._", min_size=1, max_size=60)
 COLUMN = st.tuples(st.text("abcdefg ", min_size=1, max_size=30), st.lists(st.text("0123456789.e", min_size=1)))
 
 
+@pytest.mark.costly
 @given(
     st.lists(WORDS.filter(str.strip), min_size=1, max_size=4, unique=True),
     st.lists(st.text("abcdefg_ ", min_size=1, max_size=30).map(lambda head: f"<{head}>"), min_size=1, max_size=9),

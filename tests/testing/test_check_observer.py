@@ -391,6 +391,7 @@ def test_the_wrong_sign_is_not_answered_by_a_faster_rate() -> None:
     assert "rate" not in caught.value.expected
 
 
+@pytest.mark.costly
 def test_a_kink_at_no_error_is_judged_by_the_slopes_beside_it() -> None:
     report = check_observer(DifferentSlopes, skip=["documentation"])
     assert "the error decays" in report.kept
@@ -412,6 +413,7 @@ def test_no_plants_are_not_enough() -> None:
         check_observer(StandardObserver, plants=[])
 
 
+@pytest.mark.costly
 def test_a_class_that_no_configuration_knows_can_be_checked_and_is_forgotten() -> None:
     class Mine(StandardObserver):
         """A standard observer."""

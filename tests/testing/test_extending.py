@@ -48,6 +48,7 @@ def test_the_observer_and_the_plant_run_together(tmp_path: Path, monkeypatch: py
         assert "slopes" in check_plant(PLANTS.find("tank")).kept
 
 
+@pytest.mark.costly
 def test_the_tests_of_the_page_pass(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (
         installed(tmp_path, monkeypatch, OBSERVERS, "my_observers", page(OBSERVER, PLANT), own_ekf="ExtendedKalman"),

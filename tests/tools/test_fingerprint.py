@@ -22,6 +22,7 @@ sys.exit(tool.main())
 """
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("source", "limit", "reason"),
     [

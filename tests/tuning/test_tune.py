@@ -102,6 +102,7 @@ def test_two_gains_against_a_grid(experiment: Experiment) -> None:
     assert found.mean(held_out=True)[0][found.chosen, 0] <= 1.05 * brute
 
 
+@pytest.mark.costly
 def test_three_gains_against_a_grid(experiment: Experiment) -> None:
     """The coefficients of an observer, one by one."""
     own = experiment.varied(
@@ -138,6 +139,7 @@ def test_every_observer_has_the_same_budget_and_the_same_number_of_gains(experim
         tasks(experiment, block(gains=uneven, minimise="rmse(*, x2)"))
 
 
+@pytest.mark.costly
 def test_the_same_file_is_tuned_to_the_same_gains(experiment: Experiment) -> None:
     (task,) = tasks(experiment, block())
     assert tuned(task).tuned == tuned(task).tuned
@@ -149,6 +151,7 @@ def test_what_cannot_be_met_is_said(experiment: Experiment) -> None:
         search(Trials(task))
 
 
+@pytest.mark.costly
 def test_gains_that_lose_the_estimate_are_left(experiment: Experiment) -> None:
     """Above some gain the samples are too far apart."""
     (task,) = tasks(experiment, block(gains={THETA: {"log": [1, 500]}}, seeds=2, budget=100))
@@ -223,6 +226,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.costly
 def test_the_command_writes_gains_and_evidence(shell: Shell) -> None:
     code, out, err = shell("tune", "c.yaml", "--json")
     assert (code, err) == (0, "")
@@ -298,6 +302,7 @@ def test_keys_of_tune_can_be_changed_on_the_command_line_and_no_others(shell: Sh
     assert "the tuned file would lack other changes" in err
 
 
+@pytest.mark.costly
 def test_a_run_of_several(shell: Shell) -> None:
     runs = "runs:\n  slow: {}\n  fast: {measurement: {sampling: {period: 0.04}}}\n"
     (shell.folder / "c.yaml").write_text(CONFIG + TUNE + runs)

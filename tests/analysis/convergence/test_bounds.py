@@ -68,6 +68,7 @@ def test_sufficient_and_exact_delays_of_a_chain(r: int, exact: float, bound: flo
     assert exact_limit(found) == pytest.approx(exact, abs=5e-4)
 
 
+@pytest.mark.costly
 def test_theta_bound_by_hand() -> None:
     """phi_2 = L sin x_2: c_1 = L; phi_2 = L x_1: c_1 = L/theta, so that theta^2 = L/beta."""
     found = said(analyze(second_order("3*sin(x2)")).observers["observer"])

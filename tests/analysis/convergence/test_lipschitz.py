@@ -57,6 +57,7 @@ def test_each_slope_and_its_norms() -> None:
         assert got.constant(theta) == pytest.approx(np.linalg.norm(T @ got.slopes @ np.linalg.inv(T), 2))
 
 
+@pytest.mark.costly
 def test_the_box_follows_the_saturation_or_the_run() -> None:
     plant = inline(2, x1="x2", x2="-x1**3")
     values = said(found(plant, {"type": "shgo", "theta": 5, "saturation": {"x1": [-2, 2]}}))
@@ -148,7 +149,6 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
     assert np.all(own[np.tril_indices(2)] >= 0.2 * met[np.tril_indices(2)])
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_contois_in_the_thesis() -> None:
     """z1' = z2 - D z1: the slope mu of the dilution, and a bound for the other row."""
@@ -162,7 +162,6 @@ def test_contois_in_the_thesis() -> None:
         assert said(of)["theta_bound"] > said(of)["theta"]
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_triangular_charts_know_their_coordinates() -> None:
     made = Experiment(

@@ -40,6 +40,7 @@ def looked(run: PreparedRun, label: str, result: Result, horizon: float | None =
     return found
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("r", [0, 2])
 def test_the_gramian_as_it_is_printed(academic: tuple[PreparedRun, Result], r: int) -> None:
     """(3.86), (3.101) with the transition matrix of solve_ivp: theta Delta^-1 integral Delta^-1."""
@@ -80,7 +81,6 @@ def test_unbroken_links_in_closed_form(academic: tuple[PreparedRun, Result]) -> 
     assert found.reference == pytest.approx(np.linalg.eigvalsh(W)[0], rel=1e-4)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize("horizon", [None, 1.0, 3.0])
 def test_what_it_promises_for_the_observers_own_matrix(
@@ -126,6 +126,7 @@ def test_where_the_academic_example_is_weak(academic: tuple[PreparedRun, Result]
     assert looked(run, "F", result, horizon=1.0).condition == "(3.101), r = 2"
 
 
+@pytest.mark.costly
 def test_the_smallest_eigenvalue_is_found_between_the_points(academic: tuple[PreparedRun, Result]) -> None:
     run, result = academic
     found = looked(run, "S", result, horizon=1.0)

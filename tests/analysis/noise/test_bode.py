@@ -34,7 +34,6 @@ def transfer(omega: np.ndarray) -> np.ndarray:
     return np.abs(np.column_stack([6 * s + 9, 9 * s]) / ((s + 3) ** 2)[:, None])
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_the_response_is_the_transfer_function(context: Context) -> None:
     data = frequency_responses(context)

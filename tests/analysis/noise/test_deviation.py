@@ -32,7 +32,7 @@ def compared(found: Experiment) -> tuple[np.ndarray, np.ndarray]:
     return deviation, (noisy.observers["o"].xhat - noise_free.observers["o"].xhat)[inside]
 
 
-@pytest.mark.measured
+@pytest.mark.measured("late", "late, in proportion", "held", "in proportion")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "measurement",

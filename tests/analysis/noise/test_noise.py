@@ -48,6 +48,7 @@ def test_white_noise(n: int, sigma: list[float]) -> None:
     np.testing.assert_allclose(h2(linear(n, type="shgo", theta=10)), sigma, rtol=5e-4)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("block", FAMILIES, ids=lambda b: b["type"])
 def test_h2_is_the_integral_of_the_frequency_response(block: dict[str, Any]) -> None:
     system = linear(3, **block)
@@ -141,6 +142,8 @@ def test_sampled_sinusoid_is_the_simulation(delay: float) -> None:
         np.testing.assert_allclose(found, measured, rtol=0.01)
 
 
+@pytest.mark.measured("{'sampling': {'period': 0.1}, 'delay': 0.02}")
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [{}, {"delay": 0.05}, {"sampling": {"period": 0.1}, "delay": 0.02}], ids=str)
 def test_prediction_is_the_difference_to_the_run_without_noise(measurement: dict[str, Any]) -> None:
     noise = [{"type": "sinusoids", "terms": [{"amplitude": 0.7, "omega": 13.0}, {"amplitude": 0.4, "omega": 8.3}]}]

@@ -60,7 +60,6 @@ seed: 2
 """
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_linear_plants_within_one_percent_whatever_the_schedule(tmp_path: Path) -> None:
     path = tmp_path / "linear.yaml"

@@ -11,7 +11,6 @@ from hgorun.reproduce.shipped import folder
 from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("file", "name", "settings", "states", "within"),

@@ -67,7 +67,6 @@ def decay(run: PreparedRun, label: str) -> float:
     return float(np.log(np.max(e[-quarter:]) / np.max(e[quarter : 2 * quarter])))
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_periods_of_three_integrators() -> None:
     """theta T_e, computed independently of this project."""
@@ -122,7 +121,7 @@ def test_an_unstable_first_order_plant_in_closed_form() -> None:
     assert along(critical_delay, run, "o") == pytest.approx(1 / a - 1 / g, rel=1e-9)
 
 
-@pytest.mark.measured
+@pytest.mark.measured("block2-2.0")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "delay"),
@@ -177,7 +176,6 @@ def test_two_chains_have_the_limit_of_the_slower_one() -> None:
     assert along(critical_period, run, "o") == pytest.approx(2.896, abs=6e-4)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_time_varying_plant_against_its_own_run() -> None:
     """The small error's growth over [20, 60], from runs that sample a little below and above the limit."""
@@ -261,6 +259,7 @@ def test_an_error_that_does_not_move_near_the_truth_has_no_limit(limit: Callable
             limit(timing_of(run), chain_system(run, "it"))
 
 
+@pytest.mark.costly
 def test_a_period_shorter_than_those_of_the_search_is_tried_where_it_is_in_use() -> None:
     """The search begins at a fifth of 1/theta, here 0.5; the observer is too slow for its plant at any period."""
     plant = inline({"x1": "x2 + 0.6*x1*cos(t)", "x2": "0.8*x2 + 0.5*sin(x1)"}, "x1", start=0.1)
