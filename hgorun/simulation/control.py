@@ -23,7 +23,7 @@ from hgorun.errors import NoStep, Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.between_steps import Missed, jumping, missed
-from hgorun.simulation.confirmation import ended, no_step
+from hgorun.simulation.confirmation import ended
 from hgorun.simulation.escape import escaped, explained
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
@@ -32,7 +32,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.scheduling import with_events
 from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
 from hgorun.simulation.stopped import SMOOTH, crossed
-from hgorun.simulation.why_diverged import with_reason
+from hgorun.simulation.why_diverged import no_step, with_reason
 
 _AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
 _MOST_EVENTS = 5_000
@@ -214,7 +214,7 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
         return found.verdicts
     raw = integrate(run, found.how, progress)
     again = Again(run, found.how, progress)
-    _, verdicts = ended(run, raw, None if found.how.tolerance else again)
+    _, verdicts = ended(run, raw, None if found.how.tolerance else again, again)
     for j, block in enumerate(run.observers):
         verdict = verdicts.get(block.label)
         if verdict is not None and verdict.status == "diverged":
