@@ -188,7 +188,12 @@ def test_a_fit_is_made_again_only_where_what_it_depends_on_is_another(monkeypatc
     """Gains of an observer are not; samples, their noise, parameters and inputs are."""
     made: list[int] = []
     fit = starting._fit
-    monkeypatch.setattr(starting, "_fit", lambda task, x: made.append(1) or fit(task, x))
+
+    def counted(task: starting._Task, x: np.ndarray) -> starting._Fit | None:
+        made.append(1)
+        return fit(task, x)
+
+    monkeypatch.setattr(starting, "_fit", counted)
 
     def again(a: np.ndarray, theta: float, k: float = 4.0, std: float = 0.01, **more: Any) -> bool:
         made.clear()
