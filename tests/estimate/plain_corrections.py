@@ -19,6 +19,7 @@ class Chains(Plain):
     length: int = 2
     law: Law = lambda t, e, own: (np.zeros(2), own)
     kept: Sequence[float] = ()  # what the law keeps, at the start
+    shrink: float | None = None  # e' = -shrink e between samples, whatever is corrected
 
     def start(self, xhat: Array, u: float) -> Array:
         return np.append(xhat, np.tile(self.kept, len(self.measured)))
@@ -31,7 +32,7 @@ class Chains(Plain):
             v, down[i] = self.law(t, e[i], own[i])
             dx[first : first + self.length] -= v
             c[i] = v[0]
-        return np.append(dx, down), c
+        return np.append(dx, down), c if self.shrink is None else self.shrink * e
 
     def xhat(self, z: Array, u: float) -> Array:
         return z[: len(self.measured) * self.length]
@@ -43,6 +44,15 @@ def binomials(n: int) -> Array:
 
 def powers(theta: float, n: int) -> Array:
     return theta ** np.arange(1.0, n + 1)
+
+
+def standard(theta: float, n: int) -> Law:
+    """v = theta Delta^-1 G e."""
+
+    def law(t: float, e: float, own: Array) -> tuple[Array, Array]:
+        return powers(theta, n) * binomials(n) * e, own
+
+    return law
 
 
 def treangle(theta: float, n: int) -> Law:

@@ -18,6 +18,7 @@ from plain_corrections import (
     lowpass,
     piecewise,
     prescribed_time,
+    standard,
     super_twisting,
     treangle,
     updated,
@@ -98,6 +99,11 @@ IN_PAIRS: Mapping[str, Case] = {
     "dead_zone": of_pair({"theta": 2, "lam": 0.7, "rho": 0.5}, zone(2, 0.7, 0.5, 2, stubborn=False), 0),
     "stubborn": of_pair(STUBBORN, zone(2, 0.7, 1.5, 2, stubborn=True), 0.3),
     "treangle": of_pair({"theta": 2}, treangle(2, 2), 0, 0),
+    "shgo": (
+        {"theta": 2, "hold": {"shrink": 1.5}},
+        Chains(pair, [0, 2], length=2, law=standard(2, 2), shrink=1.5),
+        BOTH,
+    ),
     "super_twisting": of_pair({"f": 1.5}, super_twisting(1.5), late=BACK),
 }
 FILTERS: Mapping[str, Case] = {
@@ -137,7 +143,7 @@ def compared(group: str, names: Sequence[str], seed: int, folder: Path) -> None:
     [
         ("filtered", ["integral", "low_power", "hg_ekf at samples"]),
         ("changing", ["updated", "prescribed_time"]),
-        ("in pairs", ["stubborn", "super_twisting"]),
+        ("in pairs", ["stubborn", "shgo", "super_twisting"]),
         ("filters", ["kalman_bucy", "ukf"]),
     ],
 )
