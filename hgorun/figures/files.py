@@ -129,10 +129,11 @@ def _reduced(image: Image.Image, own: Sequence[Floats], count: int) -> Image.Ima
     mixed = [1 - (1 - one) * (k + 1) / tints for one in own for k in range(tints)]
     palette = np.rint(255 * np.array([*np.linspace(0, 1, _GREYS)[:, None] * np.ones(3), *mixed])).astype(np.uint8)
     points = np.asarray(image, dtype=np.int64)
-    seen, places = np.unique(points @ [1 << 16, 1 << 8, 1], return_inverse=True)
+    packed = points[..., 0] << 16 | points[..., 1] << 8 | points[..., 2]
+    seen, places = np.unique(packed, return_inverse=True)
     apart = np.stack([seen >> 16, seen >> 8 & 255, seen & 255], axis=1)[:, None] - palette.astype(np.int64)
     nearest_one = np.argmin((apart**2).sum(axis=2), axis=1).astype(np.uint8)
-    found = Image.fromarray(nearest_one[places].reshape(points.shape[:2]))
+    found = Image.fromarray(nearest_one[places].reshape(packed.shape))
     found.putpalette(palette.tobytes())
     return found
 

@@ -137,7 +137,7 @@ def test_a_thin_line_keeps_its_colour_beside_wide_ones_in_a_small_picture() -> N
     small = _reduced(image, [wide / 255, thin / 255], 16)
     assert small.convert("RGB").getpixel((2, 0)) == tuple(thin)
     assert small.convert("RGB").getpixel((2, 1)) == (255, 255, 255)
-    assert len(small.getcolors()) <= 16
+    assert len(small.getcolors() or []) in range(2, 17)
     assert image.quantize(16, dither=Image.Dither.NONE).convert("RGB").getpixel((2, 0)) != tuple(thin)
     figure = Figure()
     figure.add_subplot().plot([0, 1], color="#C44601")
