@@ -54,9 +54,10 @@ def require_apart(experiment: Experiment, samples: Sequence[Sampled]) -> None:
     for one in samples if label is not None else ():
         equal = np.flatnonzero(np.diff(one.taken) == 0)
         if equal.size:
+            t = experiment.origin + one.taken[equal[0]]
             message = (
-                f"{label} steps from sample to sample, and two samples were taken at "
-                f"{experiment.origin + one.taken[equal[0]]:g}: take one of them, faults: {{repeated: mean}}, first or last"
+                f"{label} steps from sample to sample, and two samples were taken at {t:g}: take one of them, "
+                "faults: {repeated: mean}, first or last"
             )
             raise Problem(("data", "outputs", one.output), message)
 
