@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 
 from hgorun.config.nearest import nearest
 from hgorun.config.paths import entries
+from hgorun.config.separators import misread
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -65,6 +66,7 @@ def _kind(item: ErrorDetails, where: KeyPath) -> str:
     """Of an observer that is a word: the word may be its type."""
     found = item["input"]
     is_type = item["type"] == "dict_type" and where[:1] == ("observers",) and isinstance(found, str)
+    is_type = is_type and not misread(found)
     return f", such as {where[-1]}: {{type: {found[:40]}}}" if is_type and len(where) == _OF_OBSERVER else ""
 
 
@@ -120,7 +122,8 @@ def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
 
 def _hint(kind: str, found: object, expected: str) -> str:
     if kind == "dict_type" and not isinstance(found, dict):
-        return "; write lines `name: value`"
+        remedy = misread(found) if isinstance(found, str) else ""
+        return f"; {remedy or 'write lines `name: value`'}"
     if kind in ("list_type", "tuple_type"):
         return _as_list(found)
     if kind == "literal_error" and isinstance(found, str):

@@ -98,6 +98,19 @@ def test_metrics_and_findings_are_shown_like_the_rest(shell: Shell) -> None:
         assert out.split() == " ".join(f"{key}: {value}" for key, value in described.items()).split()
 
 
+def test_a_figure_is_shown_with_its_experiment_and_the_commands_that_make_it(shell: Shell) -> None:
+    code, out, _ = shell("show", "3.9")
+    assert code == 0
+    assert "experiment: robles2023/chapter3/contois_te025: Contois bioreactor" in out
+    assert "draw it: hgorun figures 3.9" in out
+    records = json.loads(shell("show", "1", "--json")[1])
+    assert [one["name"] for one in records] == ["katayama/1", "lee2016/1", "meiners2025/1"]
+    assert json.loads(shell("show", "lee2016/1", "--json")[1])[0]["claims about it"] == ["23a"]
+    (folder,) = json.loads(shell("show", "lee2016", "--json")[1])
+    assert (folder["kind"], folder["figures"]) == ("folder of experiments", ["1", "2", "3", "4", "5", "6"])
+    assert "Did you mean `3.9`?" in shell("show", "3.91")[2]
+
+
 @pytest.mark.measured
 @pytest.mark.slow
 def test_a_report_of_ones_own_figures(shell: Shell) -> None:
