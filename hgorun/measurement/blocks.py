@@ -83,8 +83,8 @@ def _noise(value: Any) -> Any:
         return value
     if not isinstance(value, dict):
         remedy = misread(value) if isinstance(value, str) else ""
-        known, found = ", ".join(NOISE.names()), describe(value)
-        raise ValueError(f"expected a mapping with type: {known}; found {found}{remedy and f'; {remedy}'}")
+        found = f"{describe(value)}{remedy and f'; {remedy}'}"
+        raise ValueError(f"expected a mapping with type: {', '.join(NOISE.names())}; found {found}")
     if "type" not in value:
         raise ValueError(f"type is missing; one of {', '.join(NOISE.names())}")
     try:
