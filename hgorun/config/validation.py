@@ -25,10 +25,12 @@ _EXPECTED = {
     "bool_parsing": "true or false",
     "bool_type": "true or false",
     "dict_type": "a mapping",
+    "float_parsing": "a number",
     "float_type": "a number",
     "greater_than": "a number above {gt}",
     "greater_than_equal": "a number of at least {ge}",
     "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
     "int_type": "a whole number",
     "less_than": "a number below {lt}",
     "less_than_equal": "a number of at most {le}",
@@ -57,7 +59,7 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         if item["type"] == "value_error" and isinstance(problem := item["ctx"]["error"], Problem):
             where = (*where, *problem.path)  # of a model's own check, from that model on
         file, line = source.where(where)
-        candidates.append((line, where, file, _sentence(item) + _meaning(item, model) + _kind(item, where)))
+        candidates.append((line, where, file, sentence_of(item) + _meaning(item, model) + _kind(item, where)))
     line, where, file, message = min(candidates, key=lambda c: c[0])
     return ConfigError(message, file=file, line=line, key=".".join(map(str, source.written(where))) or None)
 
@@ -91,7 +93,7 @@ def _is_there(data: Any, path: KeyPath) -> bool:
     return True
 
 
-def _sentence(item: ErrorDetails) -> str:
+def sentence_of(item: ErrorDetails) -> str:
     """What is wrong, by the type of the error: pydantic's sentences change between its versions."""
     kind, found = item["type"], item["input"]
     if kind == "missing":
