@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
+from hgorun.config.nearest import among, meant
 from hgorun.errors import PluginError, Problem
 from hgorun.memo import same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
@@ -68,7 +69,10 @@ class Design:
                 if not known:
                     raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
                 if name not in known:
-                    raise Problem(("observers", label, key), f"unknown state {name!r}; known here: {', '.join(known)}")
+                    raise Problem(
+                        ("observers", label, key),
+                        f"unknown state {name!r}; known here: {among(name, known)}",
+                    )
         gains = _gains(label, observer, form)
         gains |= _shrinking(label, observer)
         defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
@@ -130,7 +134,9 @@ class Design:
         for name, given in self.observer.internal.items():
             if name not in values:
                 known = ", ".join(values) or "none"
-                raise self._fail("internal", f"unknown internal state {name!r}; this observer has: {known}")
+                raise self._fail(
+                    "internal", f"unknown internal state {name!r}; this observer has: {known}{meant(name, values)}"
+                )
             try:
                 values[name] = places[name].initial(given, values[name])
             except ValueError as error:
