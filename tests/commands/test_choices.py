@@ -128,6 +128,12 @@ def test_remarks_are_said_and_are_no_errors(capsys: pytest.CaptureFixture[str], 
     assert capsys.readouterr().err == "hgorun: base: one thing\nhgorun: base: another\n"
 
 
+def test_the_file_of_a_run_is_named_once(capsys: pytest.CaptureFixture[str], shell: Shell) -> None:
+    result = hgorun.simulate(hgorun.load(shell.folder / "base.yaml"))
+    warn(replace(result, remarks=("base.yaml:3: time.end: one", "other.yaml:2: two")))
+    assert capsys.readouterr().err == "hgorun: base.yaml:3: time.end: one\nhgorun: base: other.yaml:2: two\n"
+
+
 @pytest.mark.parametrize(
     ("raised", "code", "words"),
     [

@@ -35,7 +35,9 @@ CONFIG: dict[str, Any] = {
 def test_a_state(block: dict[str, Any], key: str) -> None:
     with pytest.raises(ConfigError) as raised:
         hgorun.simulate(hgorun.Experiment(copy.deepcopy(CONFIG) | {"observers": {"A": block}}))
-    assert f"observers.A.{key}: unknown state 'spee'; known here: pos, speed. Did you mean `speed`?" in str(raised.value)
+    assert f"observers.A.{key}: unknown state 'spee'; known here: pos, speed. Did you mean `speed`?" in str(
+        raised.value
+    )
 
 
 def test_nothing_is_offered_where_nothing_is_alike() -> None:
