@@ -14,7 +14,7 @@ from hgorun.engine.plan import Floats, Integers
 from hgorun.engine.session import without
 from hgorun.estimate.event import Event
 from hgorun.estimate.gate import Gate, kept_of
-from hgorun.estimate.lateness import disagreement
+from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
 from hgorun.estimate.own_steps import LastTaken, OwnSteps, stepping
@@ -58,7 +58,7 @@ class Following:
         self._stepping = stepping(system.experiment, system.labels) if gates else frozenset()
         self._own = OwnSteps(system.structure.system, len(limits))
         self.limited = [limit is not None for limit in limits]
-        self._different = disagreement(system.experiment)
+        self._different = why_refused(system.experiment)
         self._every, self._count = range(len(system.labels)), len(system.labels)
         self.heard = (False,) * len(limits)
         self.newest = [(-math.inf,) * self._count] * len(limits)
