@@ -103,7 +103,7 @@ class Ensemble:
         if kind.of != "loop" and found.state not in names:
             raise Problem(
                 place,
-                f"no {what} is called {found.state!r}. {what.capitalize()}s: {among(found.state, names)}",
+                f"no {what} is called {found.state!r}. {what.capitalize()}s: {among(found.state or '', names)}",
             )
         self._check_window(found, place)
         return found
