@@ -326,12 +326,12 @@ class OfMath(StandardObserver):
 
 class TextForARate(StandardObserver):
     def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
-        return Flow({"xhat": "xhat"})  # type: ignore[dict-item]  # as somebody may write it
+        return Flow({"xhat": "xhat"})
 
 
 class ListForARate(StandardObserver):
     def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
-        return Flow({"xhat": list(ca.vertsplit(s.xhat))})  # type: ignore[dict-item]  # as somebody may write it
+        return Flow({"xhat": list(ca.vertsplit(s.xhat))})
 
 
 class GainsOfAnotherLength(StandardObserver):
