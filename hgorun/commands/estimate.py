@@ -81,7 +81,7 @@ def estimate(options: Estimate) -> int:
             result.save(target)
     except HgorunError:
         for note in recording.notes:  # what was found in the log may be why
-            print(f"hgorun: {of_run(name, note)}", file=sys.stderr)
+            print(f"hgorun: {of_run(name, str(note))}", file=sys.stderr)
         raise
     file = str(target)
     warn(result)
