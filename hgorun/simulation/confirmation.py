@@ -26,6 +26,7 @@ from hgorun.symbolic.evaluate import Floats
 
 _SHORTER = (4, 16)
 _CHEAP = 2e6  # steps
+_GROWN, _ALIKE = 1e3, 1e-2  # times the states and the first error; of an error, the difference of two runs
 
 
 def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, Verdict]]:
@@ -58,7 +59,7 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
     free = (_free(run, raw, suspects, again) if bounded else None) or raw
     said = {j: judged(run, free, j, again) for j in suspects}
     back = [j for j, verdict in said.items() if not verdict.lost]
-    enough = _enough(run, again, [j for j in suspects if j not in back])
+    enough = _enough(run, free, again, [j for j in suspects if j not in back])
     for j, verdict in said.items():
         at = float(raw.diverged[j, 0])
         if verdict.status == "diverged" and np.isfinite(at):
@@ -233,23 +234,43 @@ def _beyond_given(run: PreparedRun, raw: Raw, j: int) -> Verdict:
     return Verdict("diverged", float(raw.diverged[j, 0]), bound)
 
 
-def _enough(run: PreparedRun, again: Again, lost: list[int]) -> dict[int, int]:
-    """With how many times shorter steps each of the observers is not lost; those are left out that always are."""
+def _enough(run: PreparedRun, free: Raw, again: Again, lost: list[int]) -> dict[int, int]:
+    """With how many times shorter steps each of the observers is not lost; those are left out that always are.
+
+    So are those whose growth the shorter steps repeat: it is that of their equations, and no step ends it.
+    """
     enough: dict[int, int] = {}
     if run.adaptive or not lost:
         return enough
     rates = [run.observers[j].observer.fastest_rate(run.observers[j].form) or 0.0 for j in lost]  # 0: not known
+    left = lost
     for shorter in _attempts(run, max(rates)):
-        left = [j for j in lost if j not in enough]
         try:
             other = again.integrate(again.plan(shorter), left)
         except (Problem, SimulationError):  # there is no time or no memory for so many steps
             break
         followed = [j for j in left if not np.isfinite(other.diverged[j, 0])]  # to the end of the run
         enough |= {j: shorter for j in followed if judged(run, other, j) == OK}
-        if len(enough) == len(lost):
+        left = [j for j in left if j not in enough and not _grows_alike(run, free, other, j)]
+        if not left:
             break
     return enough
+
+
+def _grows_alike(run: PreparedRun, raw: Raw, other: Raw, j: int) -> bool:
+    """Whether two runs with different steps have the same error of an observer where it has grown far beyond all else.
+
+    Steps that are too long for an observer amplify its errors as much as their length says.
+    """
+    x = raw.rows[:, run.structure.truths[j], 0]
+    with np.errstate(over="ignore", invalid="ignore"):
+        one, two = (
+            run.structure.estimates[j].along(run.grid, run.numbers.p, of.rows[:, :, 0]) - x for of in (raw, other)
+        )
+        size, apart = np.max(np.abs(one), axis=1), np.max(np.abs(two - one), axis=1)
+        start = max(float(np.max(np.abs(x))), float(size[0]))
+        grown = np.flatnonzero((size > _GROWN * start) & np.isfinite(size))
+        return bool(grown.size and apart[grown[0]] <= _ALIKE * size[grown[0]])
 
 
 def _attempts(run: PreparedRun, rate: float) -> Iterator[int]:
