@@ -20,13 +20,12 @@ from hgorun.result.status import OK, Verdict
 from hgorun.simulation.following import may_not_follow, near, no_longer_follows
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import ends, estimates_near, left_for_good, may_have_left, swamped
+from hgorun.simulation.verdict import ends, estimates_near, grow_alike, left_for_good, may_have_left, swamped
 from hgorun.simulation.why_diverged import singular, why_diverged
 from hgorun.symbolic.evaluate import Floats
 
 _SHORTER = (4, 16)
 _CHEAP = 2e6  # steps
-_GROWN, _ALIKE = 1e3, 1e-2  # times the states and the first error; of an error, the difference of two runs
 
 
 def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, Verdict]]:
@@ -251,26 +250,18 @@ def _enough(run: PreparedRun, free: Raw, again: Again, lost: list[int]) -> dict[
             break
         followed = [j for j in left if not np.isfinite(other.diverged[j, 0])]  # to the end of the run
         enough |= {j: shorter for j in followed if judged(run, other, j) == OK}
-        left = [j for j in left if j not in enough and not _grows_alike(run, free, other, j)]
+        left = [j for j in left if j not in enough and not _repeats(run, free, other, j)]
         if not left:
             break
     return enough
 
 
-def _grows_alike(run: PreparedRun, raw: Raw, other: Raw, j: int) -> bool:
-    """Whether two runs with different steps have the same error of an observer where it has grown far beyond all else.
-
-    Steps that are too long for an observer amplify its errors as much as their length says.
-    """
+def _repeats(run: PreparedRun, raw: Raw, other: Raw, j: int) -> bool:
+    """Whether a run with other steps has the same growth of an observer's errors."""
     x = raw.rows[:, run.structure.truths[j], 0]
-    with np.errstate(over="ignore", invalid="ignore"):
-        one, two = (
-            run.structure.estimates[j].along(run.grid, run.numbers.p, of.rows[:, :, 0]) - x for of in (raw, other)
-        )
-        size, apart = np.max(np.abs(one), axis=1), np.max(np.abs(two - one), axis=1)
-        start = max(float(np.max(np.abs(x))), float(size[0]))
-        grown = np.flatnonzero((size > _GROWN * start) & np.isfinite(size))
-        return bool(grown.size and apart[grown[0]] <= _ALIKE * size[grown[0]])
+    along = run.structure.estimates[j].along
+    one, two = (along(run.grid, run.numbers.p, of.rows[:, :, 0]) for of in (raw, other))
+    return grow_alike(x, one, two)
 
 
 def _attempts(run: PreparedRun, rate: float) -> Iterator[int]:

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 from live import OSCILLATOR, Live
 
-from hgorun.explore import simulated
 from hgorun.result.result import Result
+from hgorun.simulation.simulate import simulate_prepared
 
 
 @pytest.fixture
@@ -22,10 +22,10 @@ def live(tmp_path: Path) -> Live:
 
 def ask_meanwhile(live: Live, monkeypatch: pytest.MonkeyPatch, name: str, value: float) -> list[str]:
     """Ask for another value as soon as something is simulated; what has become of the simulations."""
-    real, ends = simulated.simulate_prepared, list[str]()
+    real, ends = simulate_prepared, list[str]()
 
     def simulate(run: Any, *, progress: Any, known: Any) -> Result:
-        monkeypatch.setattr(simulated, "simulate_prepared", real)
+        monkeypatch.setattr("hgorun.explore.simulated.simulate_prepared", real)
         live.number += 1
         question = {"do": "set", "number": live.number, "name": name, "value": value, "final": False}
         live.session.ask(json.dumps(question))
@@ -37,7 +37,7 @@ def ask_meanwhile(live: Live, monkeypatch: pytest.MonkeyPatch, name: str, value:
         ends.append("went on")
         return real(run, progress=progress, known=known)
 
-    monkeypatch.setattr(simulated, "simulate_prepared", simulate)
+    monkeypatch.setattr("hgorun.explore.simulated.simulate_prepared", simulate)
     return ends
 
 
@@ -66,14 +66,14 @@ def test_back_to_what_is_shown_ends_it_as_well(live: Live, monkeypatch: pytest.M
 
 
 def test_a_closed_page_has_nothing_computed(live: Live, monkeypatch: pytest.MonkeyPatch) -> None:
-    real = simulated.simulate_prepared
+    real = simulate_prepared
 
     def simulate(run: Any, *, progress: Any, known: Any) -> Result:
         live.session.close()
         progress(0.5)
         return real(run, progress=progress, known=known)
 
-    monkeypatch.setattr(simulated, "simulate_prepared", simulate)
+    monkeypatch.setattr("hgorun.explore.simulated.simulate_prepared", simulate)
     with pytest.raises(StopIteration):  # no answer
         live.set("observers.S.theta", 3.5)
 

@@ -13,6 +13,7 @@ from hgorun import Experiment, simulate
 from hgorun.simulation import control
 from hgorun.simulation.between_steps import Missed
 from hgorun.simulation.passes import Again, Pass
+from hgorun.simulation.verdict import grow_alike
 
 # A theta of 40 is far too large for samples every 0.2, and nothing else bounds the error of a chain of integrators.
 SAMPLED = """\
@@ -56,6 +57,17 @@ def test_growth_that_is_of_the_steps_ends_with_shorter_ones(shorter: list[int]) 
     assert found.observers["lost"].status == "inaccurate"
     assert "but not with shorter ones: give a step of at most 0.00313" in str(found.observers["lost"].verdict.reason)
     assert max(shorter) == 16
+
+
+def test_growth_is_alike_where_it_is_a_thousandfold() -> None:
+    """Of exp(t), followed with the factors per step of two steps of Euler's method, and nearly exactly."""
+    t = np.arange(0.0, 12.0)
+    x = np.zeros((t.size, 1))
+    exact, near, half, whole = (f ** t[:, None] for f in (np.e, 1.0005 * np.e, 2.25, 2.0))
+    assert grow_alike(x, exact, near)  # 0.4 % apart where the error is beyond 1000: at t = 7
+    assert not grow_alike(x, whole, half)
+    assert not grow_alike(x[:6], exact[:6], near[:6])  # it has grown to 148
+    assert not grow_alike(x, exact, np.where(t[:, None] < 7, exact, np.nan))  # the other one has ended
 
 
 def test_what_a_lost_observer_passes_matters_up_to_its_loss_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
