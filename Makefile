@@ -8,7 +8,10 @@ BIN := $(VENV)/Scripts
 else
 BIN := $(VENV)/bin
 endif
-PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check
+
+# Environments are made and filled by Python's own tools, or, with UV=uv, by uv in a tenth of the time.
+ENVIRONMENT = $(if $(UV),$(UV) venv --quiet --seed --python $(1) $(2),$(1) -m venv $(2))
+INSTALL = $(if $(UV),$(UV) pip install --quiet --python $(1)/python,$(1)/python -m pip install --quiet --disable-pip-version-check)
 
 LOWEST := .venv-lowest
 SMOKE := tests/test_code.py tests/test_packaging.py tests/config tests/native tests/result tests/commands/test_cli.py tests/simulation/test_naive.py
@@ -51,8 +54,8 @@ test-newer: newer
 
 newer: pyproject.toml
 	$(PYTHON) tools/pythons.py $(TURN) | while read -r version python; do \
-	  [ .venv-$$version/.installed -nt pyproject.toml ] || { rm -rf .venv-$$version && $$python -m venv .venv-$$version \
-	    && .venv-$$version/bin/python -m pip install --quiet --disable-pip-version-check -e ".[test]" \
+	  [ .venv-$$version/.installed -nt pyproject.toml ] || { rm -rf .venv-$$version && $(call ENVIRONMENT,$$python,.venv-$$version) \
+	    && $(call INSTALL,.venv-$$version/bin) -e ".[test]" \
 	    && touch .venv-$$version/.installed; } || exit 1; \
 	done
 
@@ -102,21 +105,21 @@ clean:
 # The stamps are written last, so an interrupted installation is made again. What is installed is the checkout
 # itself (-e): a changed experiment or observer needs no new installation.
 $(VENV)/.installed: pyproject.toml | $(VENV)
-	$(PIP) -e .
+	$(call INSTALL,$(BIN)) -e .
 	touch $@
 
 $(VENV)/.installed-dev: pyproject.toml | $(VENV)
-	$(PIP) -e ".[dev]"
+	$(call INSTALL,$(BIN)) -e ".[dev]"
 	touch $(VENV)/.installed $@
 
 $(LOWEST)/.installed: pyproject.toml tools/lowest.py
 	rm -rf $(LOWEST)
-	$(LOWEST_PYTHON) -m venv $(LOWEST)
+	$(call ENVIRONMENT,$(LOWEST_PYTHON),$(LOWEST))
 	$(LOWEST_PYTHON) tools/lowest.py >$(LOWEST)/constraints.txt
-	$(subst $(VENV),$(LOWEST),$(PIP)) -c $(LOWEST)/constraints.txt -e ".[dev]"
+	$(call INSTALL,$(subst $(VENV),$(LOWEST),$(BIN))) -c $(LOWEST)/constraints.txt -e ".[dev]"
 	touch $@
 
 $(VENV):
 	@$(PYTHON) -c 'import sys; sys.exit("Python 3.11 or newer is needed, this is " + sys.version.split()[0] \
 	  + ": make PYTHON=python3.11" if sys.version_info < (3, 11) else 0)'
-	$(PYTHON) -m venv $(VENV) || { rm -rf $(VENV); exit 1; }
+	$(call ENVIRONMENT,$(PYTHON),$(VENV)) || { rm -rf $(VENV); exit 1; }

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from zlib import crc32
 
 import pytest
+from measured_cases import takes_turns
 
 # Where libraries are used directly: types, files, machine code, pages, figures, other programs' systems, symbols,
 # processes, command lines, streams. What the rest uses is NumPy's, SciPy's and CasADi's arithmetic, alike in all tests
@@ -45,14 +46,14 @@ def _is_tried(item: pytest.Item) -> bool:
 
 
 def in_turn(items: Iterable[pytest.Item], turn: int) -> list[pytest.Item]:
-    """Of the cases of slow tests every one of ``TURNS``: others in the next turn, and all of them in as many turns.
+    """Of the cases of slow and costly tests every one of ``TURNS``: others in the next turn, all in as many turns.
 
     Tests begin at different cases. What is marked ``measured`` is tried in every turn: floors of coverage need it.
     """
     kept, tried = [], dict[str, int]()
     for item in items:
         test = _test(item)
-        if item.get_closest_marker("slow") is None or item.get_closest_marker("measured") is not None:
+        if not takes_turns(item):
             kept.append(item)
             continue
         case = tried[test] = tried.get(test, -1) + 1

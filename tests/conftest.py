@@ -50,7 +50,7 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Other versions of Python or of libraries are found out by calls, of which many tests make the same."""
     kept, turn = items if ALL_CASES else one_in(items), config.getoption("--turn")
-    if turn is not None and not ALL_CASES:
+    if turn is not None and not ALL_CASES and not config.getoption("--few"):
         kept = in_turn(kept, turn)
     if config.getoption("--one-case"):
         kept = one_case(kept)

@@ -1,4 +1,6 @@
-"""What coverage need not measure: slow tests not marked ``measured``, and of ``measured_once`` all cases but the first.
+"""What coverage need not measure: slow and costly tests that are not marked ``measured``, and further cases.
+
+Of tests that are marked ``measured_once`` these are all cases but the first.
 
 A traced interpreter is two or three times slower, in the libraries that are called as well. Drawings and pages are not
 traced: matplotlib and bokeh run nothing of this package there.
@@ -27,7 +29,7 @@ R = TypeVar("R")
 
 
 class Measured:
-    """Which tests coverage measures: those that are not slow, or are marked ``measured``."""
+    """Which tests coverage measures: those that take no turns, or are marked ``measured``."""
 
     def __init__(self) -> None:
         self._seen = set[str]()
@@ -42,9 +44,16 @@ class Measured:
 
 
 def is_wanted(item: pytest.Item) -> bool:
-    """Whether a test is not slow, or marked ``measured``."""
-    marks = {mark.name for mark in item.iter_markers()}
-    return "unmeasured" not in marks and ("slow" not in marks or "measured" in marks)
+    """Whether a test takes no turns and is not marked ``unmeasured``."""
+    return item.get_closest_marker("unmeasured") is None and not takes_turns(item)
+
+
+def takes_turns(item: pytest.Item) -> bool:
+    """Whether a test is slow or costly, and not marked ``measured``; that mark may name the cases that it is for."""
+    needed = item.get_closest_marker("measured")
+    if needed is not None and (not needed.args or item.nodeid.partition("[")[2][:-1] in needed.args):
+        return False
+    return any(item.get_closest_marker(mark) is not None for mark in ("slow", "costly"))
 
 
 @contextmanager

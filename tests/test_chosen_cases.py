@@ -71,19 +71,22 @@ def test_what_is_named_exists() -> None:
 
 
 class Marked:
-    def __init__(self, name: str, *marks: str) -> None:
-        self.nodeid, self.marks = name, marks
+    def __init__(self, name: str, *marks: str, cases: tuple[str, ...] = ()) -> None:
+        self.nodeid, self.marks = name, [getattr(pytest.mark, mark)(*cases).mark for mark in marks]
 
-    def get_closest_marker(self, name: str) -> str | None:
-        return name if name in self.marks else None
+    def get_closest_marker(self, name: str) -> pytest.Mark | None:
+        return next((mark for mark in self.marks if mark.name == name), None)
 
 
-def test_in_so_many_turns_every_case_of_a_slow_test_is_tried_once() -> None:
+def test_in_so_many_turns_every_case_of_a_slow_or_costly_test_is_tried_once() -> None:
     slow = [f"a.py::{test}[{case}]" for test in "pqrs" for case in range(TURNS + 1)]
     slow += [f"b.py::t{k}" for k in range(40)]
     always = ["a.py::fast", "a.py::needed"]
-    given = [cast(pytest.Item, Marked(name, "slow")) for name in slow]
+    given = [cast(pytest.Item, Marked(name, ("slow", "costly")[place % 2])) for place, name in enumerate(slow)]
     given += [cast(pytest.Item, Marked(always[0])), cast(pytest.Item, Marked(always[1], "slow", "measured"))]
+    named = [cast(pytest.Item, Marked(f"c.py::t[a-{k}]", "slow", "measured", cases=("a-2",))) for k in (1, 2)]
+    assert sum(names(in_turn(named, turn)).count("c.py::t[a-2]") for turn in range(TURNS)) == TURNS
+    assert sum(names(in_turn(named, turn)).count("c.py::t[a-1]") for turn in range(TURNS)) == 1
     turns = [names(in_turn(given, turn)) for turn in range(7, 7 + TURNS)]
     assert sorted(name for turn in turns for name in turn) == sorted([*slow, *always * TURNS])
     for turn in turns:

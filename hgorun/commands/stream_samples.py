@@ -20,7 +20,7 @@ from hgorun.data.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
-from hgorun.estimate.lateness import disagreement
+from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.process import say, uninterrupted
 from hgorun.simulation.experiment import Experiment
@@ -78,7 +78,7 @@ class Stream:
         ------
         ConfigError
         """
-        different = disagreement(self.experiment)
+        different = why_refused(self.experiment)
         if different is None:
             return
         if told or self.late:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_text
 import os
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -144,16 +145,16 @@ def _draw(found: Sequence[Evidence], path: Path) -> list[Path]:
 
 
 def _names(found: Sequence[Evidence]) -> list[str]:
-    """What axes call the goals: metrics by their names; expressions as they were written."""
+    """What axes call the goals: metrics by their names; expressions as they were written, but for whose they are."""
     from hgorun.figures.ensemble import quantity_label
-    from hgorun.tables.typeset import words
 
     task = found[0].task
+    whose = re.compile(rf"'{re.escape(task.label)}'\s*,\s*")  # the legend tells it
     names = []
     for text, sentence in task.goals:
         quantity = sentence.quantities[0]
         label = quantity_label(quantity.function, str(quantity.state), _units(task))
-        names.append(label if is_plain(sentence) else words(text))
+        names.append(label if is_plain(sentence) else whose.sub("", text))
     return names
 
 

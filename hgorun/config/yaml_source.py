@@ -299,6 +299,7 @@ class _Builder:
             self.count(here + path, line)
             if path:
                 self.positions[here + path] = self.positions[origin + path]
+        self.nulls |= {here + null[len(origin) :] for null in self.nulls if null[: len(origin)] == origin}
         return copy(value)
 
     def plain(self, text: str, here: KeyPath, line: int) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hgorun.config.data import Csv
 from hgorun.data.cells import NAT, Cells, Flags, Numbers, Stamps
+from hgorun.data.date_hints import as_yaml
 from hgorun.data.dates import counted
 from hgorun.data.missing import leave_out, missing_numbers, missing_texts
 from hgorun.data.since import counts_from_a_date, since
@@ -156,7 +157,8 @@ class ArrayFile:
         try:
             told = since(column.unit, column.calendar)
         except ValueError as error:
-            hint = "with unit: the numbers are times of their own, as in time: {column: ..., unit: d}"
+            own = f"{cells.key}: {{column: {as_yaml(cells.column)}, unit: d}}"
+            hint = f"with unit: the numbers are times of their own, as in {own}"
             raise self._error(f"{error}; {hint}", None, cells.column) from None
         found, wrong = counted(array, told.unit, told.start)
         if wrong is not None:

@@ -9,11 +9,13 @@ from calendar import monthrange
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
 from hgorun.config.types import describe
+from hgorun.data.date_hints import clock_key, form_hint
 
 NAT = int(np.iinfo(np.int64).min)
 """The stamp of a missing value: that of numpy."""
@@ -34,7 +36,6 @@ _TRUTH = {"true": 1.0, "false": 0.0}
 _EPOCH = datetime(1970, 1, 1)
 _SECOND = timedelta(seconds=1)
 _MONTHS = 12
-_OTHER_FORM = '; a date with the day before the month needs its pattern, such as format: "%Y-%d-%m"'
 
 Reader: TypeAlias = Callable[[str], float | int]
 """From the text of a cell to its value; a ValueError says what is wrong with it."""
@@ -42,9 +43,17 @@ Reader: TypeAlias = Callable[[str], float | int]
 
 @dataclass(frozen=True)
 class Numbers:
-    """Numbers, NaN where one is missing."""
+    """Numbers, NaN where one is missing.
+
+    Attributes
+    ----------
+    column : str
+    key : str
+        Of the configuration, where they are time stamps: for what is said of those that are none.
+    """
 
     column: str
+    key: str = field(default="", compare=False)
 
     dtype = np.dtype(float)
 
@@ -59,7 +68,7 @@ class Numbers:
             if not pattern.fullmatch(text):
                 if text.lower() in missing:
                     return math.nan
-                raise ValueError(_no_number(text, decimal, thousands))
+                raise ValueError(_no_number(text, decimal, thousands, self.key, self.column))
             value = float(text.replace(",", ".") if comma else text)
             if math.isinf(value):
                 raise ValueError(f"{describe(text)} is larger than any number")
@@ -74,7 +83,7 @@ def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
     return re.compile(rf"([-+]?[0-9]{{1,3}}(?:{between}[0-9]{{3}})+)((?:{sign}[0-9]*)?)")
 
 
-def _no_number(text: str, decimal: str, thousands: str | None) -> str:
+def _no_number(text: str, decimal: str, thousands: str | None, key: str, column: str) -> str:
     other = "," if decimal == "." else "."
     said = f"expected a number, found {describe(text)}"
     if _NUMBER[other].fullmatch(text):
@@ -84,18 +93,14 @@ def _no_number(text: str, decimal: str, thousands: str | None) -> str:
     if signs and thousands is None:
         return f'{said}; for signs between thousands: csv: {{thousands: "{signs[0]}"}}'
     if looks_like_iso(text):
-        return f"{said}; dates are read with format: iso"
+        return f"{said}; dates are read as time stamps, with {clock_key(key, column, 'iso')}"
     if text.lower() in _TRUTH:
         return f"{said}; write 1 for true and 0 for false"
     if _DATE_OR_TIME.fullmatch(text):
-        return _of_another_form(said)
+        return said + form_hint(text, key, column)
     if len(text) <= _WORD and text.isprintable() and _is_word(text):
         return f"{said}; if it means a missing value: csv: {{missing: [{json.dumps(text, ensure_ascii=False)}]}}"
     return said
-
-
-def _of_another_form(said: str) -> str:
-    return f'{said}; a date of another form needs its pattern, such as format: "%d.%m.%Y %H:%M:%S"'
 
 
 def _is_word(text: str) -> bool:
@@ -137,12 +142,15 @@ class Stamps:
 
     Attributes
     ----------
+    key : str
+        Of the configuration.
     zoned : set of bool
         Whether stamps with and without a zone have been read.
     """
 
     column: str
     pattern: str | None = None
+    key: str = field(default="time", compare=False)
     zoned: set[bool] = field(default_factory=set, compare=False)
 
     dtype = np.dtype(np.int64)
@@ -152,7 +160,10 @@ class Stamps:
             text = cell.strip()
             if text.lower() in missing:
                 return NAT
-            stamp, zoned = iso_stamp(text) if self.pattern is None else _patterned(text, self.pattern)
+            if self.pattern is None:
+                stamp, zoned = iso_stamp(text, partial(form_hint, key=self.key, column=self.column))
+            else:
+                stamp, zoned = _patterned(text, self.pattern)
             self.zoned.add(zoned)
             if len(self.zoned) > 1:
                 raise ValueError("dates with and without a time zone in one column")
@@ -169,8 +180,14 @@ def looks_like_iso(text: str) -> bool:
     return _ISO.fullmatch(text.strip()) is not None
 
 
-def iso_stamp(text: str) -> tuple[int, bool]:
+def iso_stamp(text: str, hint: Callable[[str], str] = lambda _: "") -> tuple[int, bool]:
     """Nanoseconds since 1970, in UTC where the text names a zone, and whether it does.
+
+    Parameters
+    ----------
+    text : str
+    hint : callable
+        What is said of a date of another form.
 
     Raises
     ------
@@ -179,7 +196,7 @@ def iso_stamp(text: str) -> tuple[int, bool]:
     match = _ISO.fullmatch(text)
     if match is None:
         said = f"expected a date such as 2024-05-31T13:45:10.25, found {describe(text)}"
-        raise ValueError(_of_another_form(said) if _DATE_OR_TIME.fullmatch(text) else said)
+        raise ValueError(said + hint(text) if _DATE_OR_TIME.fullmatch(text) else said)
     year, month, day, hour, minute, second, digits, zone = match.groups()
     if second == "60":
         raise ValueError(
@@ -188,7 +205,8 @@ def iso_stamp(text: str) -> tuple[int, bool]:
     midnight = hour == "24" and not int(minute or 0) and not int(second or 0) and not int(digits or 0)
     clock = 0 if midnight else int(hour or 0), int(minute or 0), int(second or 0)
     if wrong := _impossible((int(year), int(month), int(day)), clock):
-        raise ValueError(f"{describe(text)}: {wrong}")
+        turned = 1 <= int(day) <= _MONTHS < int(month) <= monthrange(int(year) or 1, int(day))[1]
+        raise ValueError(f"{describe(text)}: {wrong}{hint(text) if turned else ''}")
     moment = datetime(int(year), int(month), int(day), *clock)
     seconds = (moment - _EPOCH) // _SECOND - _offset(zone) + 86_400 * midnight  # 24:00 ends the day
     return _in_range(seconds * 10**9 + int((digits or "0").ljust(9, "0")), text), zone is not None
@@ -198,8 +216,7 @@ def _impossible(date: tuple[int, int, int], clock: tuple[int, int, int]) -> str:
     """What is not in the calendar, or on a clock; empty where all is."""
     year, month, day = date
     if not 1 <= month <= _MONTHS:
-        turned = 1 <= day <= _MONTHS and month <= monthrange(year or 1, day)[1]
-        return f"there is no month {month}" + (_OTHER_FORM if turned else "")
+        return f"there is no month {month}"
     if year == 0:
         return "there is no year 0"
     if not 1 <= day <= (days := monthrange(year, month)[1]):

@@ -44,16 +44,16 @@ class ClockColumn:
 
 def clock_column(clock: Clock, file: TableFile, path: KeyPath) -> ClockColumn:
     """How a column of time stamps is read: a column of dates is known by its first one."""
-    form = clock.format
+    form, key = clock.format, str(path[-1])
     cells: Cells
     if form in _COUNTED:
-        cells = Numbers(clock.column)
+        cells = Numbers(clock.column, key)
     elif form is not None:
-        cells = Stamps(clock.column, None if form == "iso" else form)
+        cells = Stamps(clock.column, None if form == "iso" else form, key)
     elif looks_like_iso(file.sample(clock.column)) or (clock.unit is None and file.counts_from_a_date(clock.column)):
-        cells = Stamps(clock.column)
+        cells = Stamps(clock.column, key=key)
     else:
-        cells = Numbers(clock.column)
+        cells = Numbers(clock.column, key)
     return ClockColumn(cells, clock, path)
 
 
@@ -99,7 +99,8 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
     if form in WORKBOOKS:
         told = odd_days(form, span, time.time_ns())
     elif form == "unix":
-        told = odd_seconds(int(seconds(column.clock.unit or "s", ()) * 10**9), span)
+        unit = column.clock.unit
+        told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, said=unit is not None)
     else:
         return None
     return told and f"column {column.cells.column!r}: {told}"
@@ -115,7 +116,7 @@ def origin_stamp(said: str | float, clock: ClockColumn) -> int:
     path = ("data", "origin")
     if isinstance(said, str):
         try:
-            return iso_stamp(said.strip())[0]
+            return iso_stamp(said.strip(), lambda _: "; write the year first, then the month")[0]
         except ValueError as error:
             raise Problem(path, str(error)) from None
     if clock.clock.format not in _COUNTED:

@@ -25,8 +25,9 @@ _SHOWN = 300  # lines that show how a table is written
 _SHOWN_BLOCKS = 8  # or that have them
 _ABOVE = 50  # lines in which a header is looked for
 _SMALL = 1 << 24  # bytes of a file of which nothing is read ahead
-_AHEAD = 4  # blocks that are
-_AT_ONCE = 2  # blocks that are read at once
+_AHEAD = 8  # blocks that are
+_THREADS = 2
+_AT_ONCE = 8  # blocks that these get together: each time, one waits for the other
 _MANY = 10_000  # lines that are read one by one before plain ones are tried again
 
 
@@ -116,11 +117,11 @@ class _Reading:
         """All rows, of several blocks at once where these are plain."""
         if not self._bulk.suits:
             return self._one_by_one(parts)
-        with ThreadPoolExecutor(_AT_ONCE) as pool:
-            plain = True
-            while some := list(islice(parts, _AT_ONCE if plain else 1)):
+        with ThreadPoolExecutor(_THREADS) as pool:
+            count = _AT_ONCE
+            while some := list(islice(parts, count)):
                 taken = self._taken(some, pool) if len(some) > 1 else 0
-                plain = taken == len(some) or len(some) == 1
+                count = min(2 * count, _AT_ONCE) if taken == len(some) or len(some) == 1 else 1
                 left = chain(some[taken:], parts)
                 for block in islice(left, len(some) - taken):
                     if quoted := self._quoted_from(block):

@@ -67,7 +67,7 @@ def odd_days(form: str, span: Span, now: int) -> str | None:
     return f"the last date is {_day(last)}, after today{hint}"
 
 
-def odd_seconds(unit: int, span: Span) -> str | None:
+def odd_seconds(unit: int, span: Span, *, said: bool) -> str | None:
     """What is to be told of dates in numbers since 1970 that are not of our days and would be in another unit.
 
     Parameters
@@ -75,14 +75,19 @@ def odd_seconds(unit: int, span: Span) -> str | None:
     unit : int
         In nanoseconds.
     span : (int, int)
+    said : bool
+        Whether the configuration has it: days of a workbook have none.
     """
     if _of_our_days(*span):
         return None
     first, last = (end / unit for end in span)
-    read = {f"unit: {name}": (size, 0) for name, size in _UNITS.items()} | {"format: excel": (DAY, WORKBOOKS["excel"])}
-    for said, (size, start) in read.items():
+    rest = " and no unit" if said else ""
+    read = {f"unit: {name}": (size, 0) for name, size in _UNITS.items()} | {
+        f"format: excel{rest}": (DAY, WORKBOOKS["excel"])
+    }
+    for how, (size, start) in read.items():
         if _of_our_days(first * size + start, last * size + start):
-            return f"the first date is {_day(span[0])}; with {said} it would be {_day(first * size + start)}"
+            return f"the first date is {_day(span[0])}; with {how} it would be {_day(first * size + start)}"
     return None
 
 

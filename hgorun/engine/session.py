@@ -187,29 +187,41 @@ class Session:
         for place, kept in mark.slots:
             self._slots[place] = kept
 
+    @property
+    def happened(self) -> Integers:
+        """What :meth:`happen` has done."""
+        return self._happened[1]
+
     def happened_without(
         self, samples: Collection[tuple[int, int]], z: Floats, w: Floats, arriving: Mapping[int, Floats]
     ) -> tuple[Floats, Floats]:
-        """All states, and what is held, if what :meth:`happen` has done had been without some of the samples.
+        """As :meth:`happened_as`, without some of the samples, (channel, slot) each."""
+        flags = [self._program.system.held.fresh(channel) for channel, _ in samples]
+        return self.happened_as(without(self.happened, samples, flags), z, w, arriving)
+
+    def happened_as(
+        self, actions: Integers, z: Floats, w: Floats, arriving: Mapping[int, Floats]
+    ) -> tuple[Floats, Floats]:
+        """All states, and what is held, if other actions than :attr:`happened` had been in the table.
 
         Nothing follows from it.
 
         Parameters
         ----------
-        samples : collection of (channel, slot)
+        actions : ndarray of int
         z, w : ndarray
             The states, and what was held, before.
         arriving : mapping of int to ndarray
             By slot, what was kept of the samples before: see :meth:`arriving`.
         """
-        memory, (here, happened) = self._memory, self._happened
+        memory, here = self._memory, self._happened[0]
         kept = {name: memory.arrays[name].copy() for name in ("z", "w", "diverged")}
         arrays = self._slots, memory.arrays["innovations"]
         of_samples = [(array, one, array[one].copy()) for one in self._touched(here, here + 1) for array in arrays]
         words = {name: memory[name] for name in ("row", "ring_count", "segment")}
         rows = self._rows(here)
-        actions = rows.copy()
-        rows[:] = without(happened, samples, [self._program.system.held.fresh(channel) for channel, _ in samples])
+        own = rows.copy()
+        rows[:] = actions
         rows[rows[:, 0] == SAVE, 0] = NOTHING
         self.z[...], self.w[...] = z, w
         for slot, row in arriving.items():
@@ -220,7 +232,7 @@ class Session:
                 raise SimulationError(f"the run cannot go on at t = {memory.real('now'):.6g}")
             return self.z.copy(), self.w.copy()
         finally:
-            rows[:] = actions
+            rows[:] = own
             for name, values in kept.items():
                 memory.arrays[name][...] = values
             for array, one, values in of_samples:

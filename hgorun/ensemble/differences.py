@@ -23,21 +23,23 @@ def differences(lot: Lot, fine: Passed, coarse: Passed) -> Floats:
     found = [plant_difference(fine.rows[shown, :n], coarse.rows[shown, :n])]
     of_truth: dict[int, tuple[Floats, Floats, Floats]] = {}
     for j, truth in enumerate(run.structure.truths):
+        own = slice(truth[0], truth[-1] + 1)
         if truth[0] not in of_truth:  # of an open loop all observers have the same
-            x = fine.rows[shown, truth[0] : truth[-1] + 1]
-            apart = plant_difference(x, coarse.rows[shown, truth[0] : truth[-1] + 1])
+            x = fine.rows[shown, own]
+            apart = plant_difference(x, coarse.rows[shown, own])
             of_truth[truth[0]] = size_of(x), _moved(run, fine.rows, truth), apart
         size, moved, apart = of_truth[truth[0]]
         ours, theirs = (
             Estimate(
+                x=one.rows[shown, own],
                 xhat=_estimates(lot, one.rows, j)[shown],
                 metrics={name: values[j] for name, values in one.metrics.items()},
             )
             for one in (fine, coarse)
             if one.rows is not None
         )
-        own = difference(run, ours, theirs, size, moved)
-        found.append(np.maximum(own, apart) if run.closed else own)
+        of_estimate = difference(run, ours, theirs, size, moved)
+        found.append(np.maximum(of_estimate, apart) if run.closed else of_estimate)
     return np.array(found)
 
 

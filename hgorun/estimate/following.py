@@ -14,9 +14,10 @@ from hgorun.engine.plan import Floats, Integers
 from hgorun.engine.session import without
 from hgorun.estimate.event import Event
 from hgorun.estimate.gate import Gate, kept_of
-from hgorun.estimate.lateness import disagreement
+from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
+from hgorun.estimate.own_steps import LastTaken, OwnSteps, stepping
 from hgorun.estimate.stepping import keep_inputs, require_whole
 
 Notes: TypeAlias = tuple[Any, ...]  # what is known beside the numbers of a run; nothing in it changes any more
@@ -54,8 +55,10 @@ class Following:
         self.system, self.live = system, system.live()
         limits = [gates.get(name) for name in system.outputs]
         self.gate = Gate(system.experiment, limits, system.covariances) if gates else None
+        self._stepping = stepping(system.experiment, system.labels) if gates else frozenset()
+        self._own = OwnSteps(system.structure.system, len(limits))
         self.limited = [limit is not None for limit in limits]
-        self._different = disagreement(system.experiment)
+        self._different = why_refused(system.experiment)
         self._every, self._count = range(len(system.labels)), len(system.labels)
         self.heard = (False,) * len(limits)
         self.newest = [(-math.inf,) * self._count] * len(limits)
@@ -125,6 +128,7 @@ class Following:
             live.sample_words[slot] = value
         taking = {i: self._taking(i, event) for i, _, _ in event.samples}
         used = tuple([bool(taking[i]) for i, _, _ in event.samples])
+        before = self._last_sample
         jumps = self._jumps(event) if True in used else ()
         gated = self.gate is not None and any([self.limited[i] and taking[i] for i in taking])
         w = live.w.copy() if gated else live.w
@@ -141,6 +145,8 @@ class Following:
                     leave_out(system.structure.system, live, i, j, z, w)
         for j, samples in out.items():
             self._jump_without(event, j, samples, actions, z, w)
+        if jumps and self._stepping and len(event.samples) == len(self.heard):
+            self._step_apart(event, out, before, actions, z, w)
         if system.steps:
             keep_inputs(system, live.w)
 
@@ -164,7 +170,7 @@ class Following:
             self.offered[i] = _increased(self.offered[i], taking)
             if outliers:
                 self.outliers[i] = _increased(self.outliers[i], outliers)
-        if not outliers and taking is self._every:
+        if self.system.steps or (not outliers and taking is self._every):  # to what steps nothing comes late
             self.newest[i] = (event.taken,) * self._count
             return outliers
         out = [j for j in self._every if j in outliers or j not in taking]
@@ -202,16 +208,51 @@ class Following:
         w: Floats,
     ) -> None:
         """Let an observer jump by those of the samples of an event alone that are no outliers to it."""
-        live, system = self.live, self.system.structure.system
-        start, stop, _ = system.blocks[j]
-        if not jumps_by_several(system, start):
-            return
-        kept, flags = live.state(), [system.held.fresh(i) for i, _ in samples]
+        system = self.system.structure.system
+        if jumps_by_several(system, system.blocks[j][0]):
+            flags = [system.held.fresh(i) for i, _ in samples]
+            self._jump_as(event, j, without(actions, samples, flags), z, w)
+
+    def _jump_as(self, event: Event, j: int, actions: Integers, z: Floats, w: Floats) -> None:
+        """Let an observer become what it does if other actions happen, from states and what is held before."""
+        live, (start, stop, _) = self.live, self.system.structure.system.blocks[j]
+        kept = live.state()
         live.z[...], live.w[...] = z, w
-        live.happen_at(event.t, without(actions, samples, flags), self._regime)
+        live.happen_at(event.t, actions, self._regime)
         states = live.z[start:stop].copy()
         live.restore(kept)
         live.z[start:stop] = states
+
+    def _step_apart(
+        self,
+        event: Event,
+        out: Mapping[int, Sequence[tuple[int, int]]],
+        before: float,
+        actions: Integers,
+        z: Floats,
+        w: Floats,
+    ) -> None:
+        """Let observers that step from sample to sample do so without those that they have left out.
+
+        A step takes the samples of all outputs: where one of them is an outlier, all are left out.
+
+        Parameters
+        ----------
+        out : mapping
+            By the numbers of observers the samples that are outliers to them, (output, slot) each.
+        before : float
+            When the samples before had been taken.
+        """
+        live, system = self.live, self.system.structure.system
+        for j in self._stepping:
+            if j in out:
+                self._own.leave_out(j, live.w, before)
+                for i, slot, _ in event.samples:
+                    if (i, slot) not in out[j]:
+                        leave_out(system, live, i, j, z, w)
+                        self.outliers[i] = _increased(self.outliers[i], [j] if self.limited[i] else [])
+            elif j in self._own.last:
+                self._jump_as(event, j, actions, z, self._own.take(j, w, event.t))
 
     def _jumps(self, event: Event) -> tuple[int, ...]:
         """What jumps when something arrives: corrections, and steps from the second sample on."""
@@ -257,11 +298,13 @@ class Following:
         """All that the run goes on from: what is kept does not change, so that next to nothing is copied."""
         gate = None if self.gate is None else self.gate.state()
         known = self.heard, (*self.newest,), (*self._pending,), self._last_sample, gate
-        return self.live.state(), (*known, (*self.offered,), (*self.outliers,), self._told)
+        own = tuple(self._own.last.items())
+        return self.live.state(), (*known, (*self.offered,), (*self.outliers,), self._told, own)
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
-        numbers, (self.heard, newest, pending, self._last_sample, gate, offered, outliers, self._told) = state
+        numbers, (self.heard, newest, pending, self._last_sample, gate, offered, outliers, self._told, own) = state
+        self._own.last = dict(own)
         self.newest, self._pending, self.offered, self.outliers = map(list, (newest, pending, offered, outliers))
         self._regime = self.system.regimes[self.heard]
         if self.gate is not None and gate is not None:
@@ -271,9 +314,10 @@ class Following:
     def told(self, states: Sequence[State]) -> tuple[dict[str, Floats], list[list[Any]]]:
         """Some states for a checkpoint: numbers by name, those of each state in a row, and notes as JSON has them."""
         notes = []
-        for _, (*known, gate, offered, outliers, inputs) in states:
+        for _, (*known, gate, offered, outliers, inputs, own) in states:
             kept = None if gate is None else [[kept_of(one) for one in row] for row in gate]
-            notes.append([*known, kept, offered, outliers, list(inputs.items())])
+            left = [(j, last.told()) for j, last in own]
+            notes.append([*known, kept, offered, outliers, list(inputs.items()), left])
         return self.live.told([numbers for numbers, _ in states]), notes
 
     def states(self, numbers: Mapping[str, Floats], notes: Sequence[Sequence[Any]]) -> list[State]:
@@ -282,7 +326,7 @@ class Following:
 
     def _notes(self, told: Sequence[Any]) -> Notes:
         heard, newest, pending, last_sample, gate, *more = told
-        counts, inputs = more[:2] or (self.offered, self.outliers), more[2:]  # older ones have none
+        counts, inputs = more[:2] or (self.offered, self.outliers), more[2:3]  # older ones have none
         offered, outliers = (tuple(map(self._of_each, rows)) for rows in counts)
         known = None if gate is None else [[(one, len(one)) for one in row] for row in gate]
         given = {number: value for pairs in inputs for number, value in pairs}
@@ -295,6 +339,7 @@ class Following:
             offered,
             outliers,
             given,
+            tuple((j, LastTaken.of(last)) for left in more[3:] for j, last in left),
         )
 
     def _of_each(self, numbers: Any) -> tuple[Any, ...]:

@@ -15,11 +15,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from hgorun.errors import Problem
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.entering import Entering
 from hgorun.estimate.samples import stated
-from hgorun.observers.base import SampledObserver
 from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
@@ -102,23 +100,11 @@ class Gate:
         Of every output the standard deviations beyond which a sample is an outlier.
     covariances : sequence of Covariance or None
         Of every observer.
-
-    Raises
-    ------
-    Problem
-        For an observer that steps from each sample to the next one: without one of them it would take another step.
     """
 
     def __init__(
         self, experiment: Experiment, limits: Sequence[float | None], covariances: Sequence[Covariance | None]
     ) -> None:
-        for label, observer in experiment.observers.items():
-            if isinstance(observer, SampledObserver):
-                message = (
-                    f"{observer.type} steps from each sample to the next one, and a gate leaves samples out: "
-                    "give the outputs no gate, or run it apart; plausible: [low, high] leaves values out for all"
-                )
-                raise Problem(("observers", label, "type"), message)
         self._model, self._limits, self._covariances = experiment.plant.model, limits, covariances
         known = stated(experiment)
         self.deviations = [

@@ -20,6 +20,7 @@ from hgorun.engine.session import Session, in_turns, with_stops, without
 from hgorun.estimate.entering import Entering, needed_until, where_entering
 from hgorun.estimate.gate import Gate, Known, Variances
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
+from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
 from hgorun.symbolic.evaluate import Floats
@@ -54,6 +55,9 @@ class _GatedRun:
         self._taken = np.concatenate([one.taken for one in prepared.samples]).tolist()
         self._equal = same_time(prepared.run.origin, prepared.run.time.end)
         self._covariances = prepared.covariances()
+        labels = [block.label for block in prepared.run.observers]
+        self._stepping = stepping(prepared.experiment, labels)
+        self._own = OwnSteps(prepared.run.structure.system, len(prepared.samples))
         self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], self._covariances)
         self._entering: dict[int, list[Entering]] = {}
         for place, one in where_entering(prepared):
@@ -94,7 +98,7 @@ class _GatedRun:
         number, ahead = 0, _AHEAD
         while number < len(stops):
             some = slice(number, min(number + ahead, self._next_single(number, len(stops))))
-            asked = len(stops[some])
+            asked = 0 if self._own.last else len(stops[some])
             passed = self._pass(self._places[some], stops[some]) if asked else 0
             number += passed
             if passed and passed == asked:
@@ -230,6 +234,35 @@ class _GatedRun:
             self._used[one.used, list(one.members)] = False
         for j, samples in out.items():
             self._leave_out(j, samples, several, z, w, arriving)
+        self._step_apart(entering, out, z, w)
+
+    def _step_apart(self, entering: Sequence[Entering], out: Collection[int], z: Floats, w: Floats) -> None:
+        """Let observers that step from sample to sample do so without those that they have left out.
+
+        A step takes the samples of all outputs: where one of them is an outlier, all are left out.
+
+        Parameters
+        ----------
+        entering : sequence of Entering
+            What has just entered.
+        out : collection of int
+            The observers to which some of it is an outlier.
+        z, w : ndarray
+            What there was before.
+        """
+        session, system = self._session, self._prepared.run.structure.system
+        for j in self._stepping if entering else ():
+            one = entering[0]
+            number = one.used - self._prepared.slots[one.output].start
+            taken = self._prepared.samples[one.output].taken
+            if j in out:
+                self._own.leave_out(j, session.w, float(taken[number - 1]))
+                self._used[[slots.start + number for slots in self._prepared.slots], j] = False
+            elif j in self._own.last:
+                before = self._own.take(j, w, float(taken[number]))
+                found, _ = session.happened_as(self._own.keeping(session.happened), z, before, {})
+                start, stop, _ = system.blocks[j]
+                session.z[start:stop] = found[start:stop]
 
     def _offered_to(self, one: Entering) -> Sequence[int]:
         """The observers that have used no newer sample."""
@@ -273,6 +306,8 @@ class _GatedRun:
         """
         session, system = self._session, self._prepared.run.structure.system
         channels, before = {one.channel for one in samples}, (z, w)
+        if j in self._stepping:
+            channels = {*range(len(self._prepared.samples))}
         if jumps_by_several(system, system.blocks[j][0]) or not channels.isdisjoint(several):
             before = session.happened_without([(one.channel, one.slot) for one in samples], z, w, arriving)
         for channel in channels:

@@ -1,15 +1,15 @@
-"""Whether the observers of a stream can take late samples: all of them have to treat these alike."""
+"""Whether the observers of a stream can take late samples: all of them have to, and to treat these alike."""
 
 from __future__ import annotations
 
 from hgorun.errors import Problem
 from hgorun.observers.base import CorrectedObserver
-from hgorun.observers.treatment import treatment_of
+from hgorun.observers.treatment import late_to, treatment_of, why_punctual
 from hgorun.simulation.experiment import Experiment
 
 
-def disagreement(experiment: Experiment) -> Problem | None:
-    """What observers do otherwise than others with late samples, and what would be right; None where they agree.
+def why_refused(experiment: Experiment) -> Problem | None:
+    """Why late samples are, and what would be right: observers that treat them otherwise than others, or take none.
 
     Time goes back for all of them or for none. An observer that is corrected by samples has no innovation between them
     that a late one could enter, so that all go back where there is such a one.
@@ -17,7 +17,9 @@ def disagreement(experiment: Experiment) -> Problem | None:
     observers = experiment.observers
     found = {label: treatment_of(observer) for label, observer in observers.items()}
     if len({*found.values()}) < 2:
-        return None
+        to_whom = {label: one for label, one in observers.items() if late_to(one)}
+        said_of = {label: why_punctual(one, "these are late", sampled=True) for label, one in to_whom.items()}
+        return next((Problem(("observers", label), why) for label, why in said_of.items() if why), None)
     jumps = any(isinstance(observer, CorrectedObserver) for observer in observers.values())
     common = "replay" if jumps else "innovation"
     others = [label for label, treatment in found.items() if treatment != common]

@@ -21,7 +21,7 @@ from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.actions import RecordedInputs
-from hgorun.simulation.checks import check_corrections, check_jumps
+from hgorun.simulation.checks import check_corrections, check_jumps, check_punctual
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.plant_alone import plant_kinks
@@ -238,6 +238,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
             recorded=at_start,
         )
         check_jumps(run)
+        check_punctual(run)
         check_corrections(run)
         check_start(run)
         prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs)

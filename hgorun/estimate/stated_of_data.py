@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
+
+from pydantic import ValidationError
 
 from hgorun.config.data import Data
 from hgorun.config.overrides import replaced
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import Problem
+from hgorun.measurement.availability import Stretch
+from hgorun.noise.gaussian import GaussianNoise
 from hgorun.simulation.experiment import Experiment
 
 
@@ -61,16 +65,31 @@ def noisy(outputs: Mapping[str, Any], std: Mapping[str, float]) -> dict[str, Any
 
 
 def with_noise(experiment: Experiment, std: Mapping[str, float]) -> Experiment:
-    """The experiment with gaussian noise of the outputs for which its block ``measurement`` has none.
+    """The experiment with gaussian noise of the outputs for which its block ``measurement`` has none of their own.
 
-    It is made anew, since coordinates may follow from the noise.
+    It is made anew, since coordinates may follow from the noise; where the noise of all outputs is the same already, it
+    is the experiment itself.
     """
     outputs = dict((experiment.source.data.get("measurement") or {}).get("outputs") or {})
-    added = {name: value for name, value in std.items() if "noise" not in (outputs.get(name) or {})}
+    of = dict(zip(experiment.plant.model.outputs, experiment.stretches, strict=True))
+    added = {
+        name: value
+        for name, value in std.items()
+        if "noise" not in (outputs.get(name) or {}) and not _is_noise(value, of.get(name, ()))
+    }
     if not added:
         return experiment
     source, _ = replaced(experiment.source, "measurement.outputs", noisy(outputs, added))
     return Experiment(source, name=experiment.name, text=experiment.text)
+
+
+def _is_noise(std: float, stretches: Sequence[Stretch]) -> bool:
+    """Whether the noise of an output is gaussian of this standard deviation, and no other."""
+    try:
+        added = (GaussianNoise(type="gaussian", std=std),)
+    except ValidationError:  # which the experiment tells, with its key
+        return False
+    return bool(stretches) and all(stretch.noise == added for stretch in stretches)
 
 
 def require_known_start(experiment: Experiment) -> None:

@@ -25,6 +25,7 @@ from hgorun.figures.data import (
     thinned,
 )
 from hgorun.figures.looks import Look, looks
+from hgorun.figures.scene import from_roughest
 from hgorun.memo import Memo, same
 from hgorun.result.recorded import Recorded, RecordedOutput
 from hgorun.result.result import Result
@@ -83,10 +84,10 @@ class Picture:
 
 
 def styles_of(result: Result) -> dict[str, Look]:
-    """The look of every observer, the same as in figures of the file."""
+    """The look of every observer, the same as in figures of the file; the smoothest last, which others would hide."""
     actors = cast([result])
-    found = looks([actors], texts(actors, {}))
-    return {actor.label: found[actor.order] for actor in actors}
+    found, labels = looks([actors], texts(actors, {})), {actor.order: actor.label for actor in actors}
+    return {labels[order]: found[order] for order in from_roughest(actors)}
 
 
 def picture_of(shown: Shown) -> Picture:

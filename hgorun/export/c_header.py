@@ -190,6 +190,9 @@ def _described(source: Source) -> Iterator[str]:
     yield f"Times are in {observer.unit}, counted from the start{clock}."
     if observer.flows:
         yield f"Integrated by {observer.method.name}, no step longer than {observer.step!r}."
+        if observer.beside:
+            others = ", ".join(observer.beside)
+            yield f"That step was found for it and {others} together; exported alone it may take longer ones."
         yield f"A prediction takes at most {source.upper}MAX_STEPS of them."
     if observer.pieces:
         yield f"History: {observer.pieces} steps, for what is known late."

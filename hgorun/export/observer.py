@@ -40,6 +40,8 @@ class Exported:
     method : Method
     step : float
         The longest step.
+    beside : tuple of str
+        The other exported observers, where one step was found that all of them need.
     pieces : int
         Steps of history that are kept.
     sides : bool
@@ -69,6 +71,7 @@ class Exported:
     start: np.ndarray
     method: Method
     step: float
+    beside: tuple[str, ...]
     pieces: int
     sides: bool
     origin: float

@@ -201,6 +201,7 @@ def _exported(
         start=_start(run, label, found),
         method=method,
         step=step,
+        beside=_beside(experiment, label) if steps is not None else (),
         pieces=pieces,
         sides=bool(np.any(run.schedule.inward)),
         origin=run.origin,
@@ -211,6 +212,12 @@ def _exported(
         held=found.held,
         verdict=verdict,
     )
+
+
+def _beside(experiment: Experiment, label: str) -> tuple[str, ...]:
+    """The other observers with which an automatic step is shared."""
+    flowing = [other for other, one in experiment.observers.items() if isinstance(one, ContinuousObserver)]
+    return () if experiment.given_step is not None else tuple(other for other in flowing if other != label)
 
 
 def _without_lateness(run: PreparedRun, label: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 _ROW = 1.8
 _DECADES = 10  # that an axis shows at most
 _NOISE = "noise of this run"
+_SYMBOL = "v"  # of measurement noise, where no state is called so
 
 
 def bode_figure(data: Bode, result: ResultData, page: Page = LIGHT) -> Figure:
@@ -40,6 +42,7 @@ def bode_figure(data: Bode, result: ResultData, page: Page = LIGHT) -> Figure:
     actors = [a for a in cast([result]) if a.label in data.magnitude]
     look = looks([actors], texts(actors, {}))
     rate = result.units.get("time", "")
+    noise = r"\mathrm{noise}" if _SYMBOL in result.states else _SYMBOL
     with styled():
         figure, axes = grid(len(data.states), 1, page.width, _ROW * len(data.states) + TOP, share=True)
         for i, (ax, name) in enumerate(zip(axes, data.states, strict=True)):
@@ -57,7 +60,7 @@ def bode_figure(data: Bode, result: ResultData, page: Page = LIGHT) -> Figure:
                 ax.set_ylim(max(low, high * 10.0**-_DECADES) / 2, high * 2)
             ax.set_xlim(data.omega[0], data.omega[-1])
             ax.set_xlabel(r"$\omega$" + unit(f"rad/{rate}" if rate else ""))
-            ax.set_ylabel(rf"$v \rightarrow {symbol(name, hat=True)}$" + unit(_gain_unit(result, name)))
+            ax.set_ylabel(rf"${noise} \rightarrow {symbol(name, hat=True)}$" + unit(_gain_unit(result, name)))
         title = "from measurement noise to the estimates, linearised at the end of the run"
         return on_page(finished(figure, axes, 1, title, grow=True), page.style)
 
@@ -68,4 +71,4 @@ def _gain_unit(result: ResultData, state: str) -> str:
     estimated = result.units.get(state, "")
     if not measured or not estimated or measured == estimated:
         return ""
-    return f"({estimated})/({measured})"
+    return "/".join(f"({one})" if re.search(r"[^\w%°]", one) else one for one in (estimated, measured))

@@ -19,6 +19,7 @@ _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
 _BAND = 0.25  # of a panel: so much higher it is made for a band
 _ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error
 _WILD = 100.0  # in the same units: larger ones would hide the rest
+_ROUGHER = 2.0  # a line that goes up and down so many times more than another one would hide it
 _STEADY = 0.01  # of the points of a line's second half: so many beyond a bound are no transient
 
 
@@ -116,6 +117,17 @@ def mean_of_block(curve: Curve) -> Curve | None:
     middle = np.quantile(curve.v, (0.005, 0.995))  # a transient is no reason to see noise as thin
     filled = heights.mean() > _FILLED * (middle[1] - middle[0])
     return Curve(t.mean(axis=1), v.mean(axis=1)) if filled and np.median(turns) > _TURNS else None
+
+
+def behind(curves: Sequence[Curve]) -> list[int]:
+    """The places of curves from the back to the front: as they are, but none in front of a much smoother one."""
+    rough = [float(np.abs(np.diff(curve.v)).sum()) for curve in curves]
+    left, found = list(range(len(curves))), []
+    while left:
+        roughest = max(rough[k] for k in left)
+        found.append(next(k for k in left if rough[k] * _ROUGHER >= roughest))
+        left.remove(found[-1])
+    return found
 
 
 def moving_maximum(curve: Curve, points: int) -> Curve:

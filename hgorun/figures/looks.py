@@ -149,8 +149,9 @@ def looks(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> di
         fifty. In the figure, so far as the styles suffice, equal looks have equal texts. An observer of up to five
         runs has one colour, and these runs, if texts tell them apart, have one line style each.
     """
-    colours = _colours(panels, texts)
-    styles = _dashes(panels, colours, texts)
+    firsts = _firsts(panels, texts)
+    colours = _colours(panels, texts, firsts)
+    styles = _dashes(panels, colours, texts, firsts)
     markers = _markers(panels)
     return {
         order: Look(texts[order], colours[order], DASHES[style], MARKERS[markers[order]])
@@ -162,8 +163,10 @@ def _actors(panels: Sequence[Sequence[HasFamily]]) -> dict[int, HasFamily]:
     return {a.order: a for panel in panels for a in panel}
 
 
-def _colours(panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str]) -> dict[int, str]:
-    actors, firsts = _actors(panels), _firsts(panels, texts)
+def _colours(
+    panels: Sequence[Sequence[HasFamily]], texts: Mapping[int, str], firsts: Mapping[int, int]
+) -> dict[int, str]:
+    actors = _actors(panels)
     families = {a.order: (a.type, a.filter_order) for a in actors.values()}
     used = {family_colour(*family) for family in families.values()}
     said: dict[int, set[str]] = {}
@@ -211,14 +214,17 @@ def _first_free(used: set[str], beside: Sequence[str]) -> str:
 
 
 def _dashes(
-    panels: Sequence[Sequence[HasFamily]], colours: Mapping[int, str], texts: Mapping[int, str]
+    panels: Sequence[Sequence[HasFamily]],
+    colours: Mapping[int, str],
+    texts: Mapping[int, str],
+    firsts: Mapping[int, int],
 ) -> dict[int, int]:
     """Line styles: the run's or the family's own, unless one of the same colour has it that is to be told from it.
 
     Those without the colour of their family take one that is rare beside them.
     """
     actors = _actors(panels)
-    runs = _styles_of_runs(actors, _firsts(panels, texts))
+    runs = _styles_of_runs(actors, firsts)
     chosen: dict[int, int] = {}
     for order, beside in _neighbours(panels).items():
         colour, own = _family(actors[order].type, actors[order].filter_order)

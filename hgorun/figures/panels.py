@@ -114,7 +114,8 @@ def lines_of(
     """Draw a line for each observer, the roughest at the back; ``values`` are None for those without.
 
     Lines in front are thinner, so that one behind them is seen where both coincide; an observer's is as thick in every
-    panel. One that would be a block of colour is pale, with its mean in it.
+    panel. One that is much rougher here than another one stands behind it here. One that would be a block of colour is
+    pale, with its mean in it.
 
     Returns
     -------
@@ -133,9 +134,12 @@ def lines_of(
         drawn.append((actor, curve))
     count = len(scene.actors)
     widths = np.linspace(*WIDTHS, count) if count > 1 else [1.0]
+    back = sorted(range(len(drawn)), key=lambda k: scene.ranks[drawn[k][0].order])
+    place = data.behind([drawn[k][1] for k in back])
+    front = {drawn[back[k]][0].order: i for i, k in enumerate(place)}
     for actor, curve in drawn:
         look, rank = scene.looks[actor.order], scene.ranks[actor.order]
-        how: dict[str, Any] = {"color": look.colour, "zorder": 3 + rank / (count + 1)}
+        how: dict[str, Any] = {"color": look.colour, "zorder": 3 + front[actor.order] / (count + 1)}
         mean = data.mean_of_block(curve)
         if mean is not None:
             _line(ax, curve, **how, alpha=PALE, linewidth=0.6)

@@ -13,6 +13,7 @@ from hgorun.figures.layout import TOP, finished, grid, time_axis
 from hgorun.figures.looks import looks
 from hgorun.figures.page import LIGHT, Page, on_page
 from hgorun.figures.panels import points_in_window, window_words
+from hgorun.figures.scene import from_roughest
 from hgorun.figures.style import styled
 from hgorun.result.data import ResultData
 from hgorun.result.theory import Transient
@@ -54,6 +55,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
     names = list(dict.fromkeys(name for a in actors for name in transients[a.label].names))
     points = points_in_window(result)
     look = looks([actors], texts(actors, {}))
+    height = {order: 2 + i / len(actors) for i, order in enumerate(from_roughest(actors))}
     with styled():
         figure, axes = grid(max(len(names), 1), 1, page.width, _ROW * max(len(names), 1) + TOP, share=True)
         for ax, name in zip(axes, names, strict=False):
@@ -77,7 +79,8 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
                     kept = np.isfinite(values) & (values > 0)
                     curve = moving_maximum(Curve(t[kept], values[kept]), points)  # bounds too: so they stay bounds
                     how = {"color": own.colour, "linestyle": line, "label": text, "linewidth": thickness}
-                    ax.plot(*thinned(curve, _MAX_POINTS), **how)
+                    above = height[actor.order] if line is own.dashes else 3  # bounds hide nothing
+                    ax.plot(*thinned(curve, _MAX_POINTS), **how, zorder=above)
                     drawn.append(curve.v if line is not _NOMINAL else curve.v[:1])
             ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))

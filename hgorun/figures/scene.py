@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -43,8 +43,13 @@ class Scene:
     @cached_property
     def ranks(self) -> dict[int, int]:
         """The observers by their place, from the roughest: the same in every panel of a figure."""
-        rough = {actor.order: _roughness(actor) for actor in self.actors}
-        return {order: rank for rank, order in enumerate(sorted(rough, key=lambda order: -rough[order]))}
+        return {order: rank for rank, order in enumerate(from_roughest(self.actors))}
+
+
+def from_roughest(actors: Iterable[Simulated]) -> list[int]:
+    """The places of observers, the smoothest last."""
+    rough = {actor.order: _roughness(actor) for actor in actors}
+    return sorted(rough, key=lambda order: -rough[order])
 
 
 def _roughness(actor: Simulated) -> float:

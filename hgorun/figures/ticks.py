@@ -15,7 +15,7 @@ from matplotlib.ticker import (
     ScalarFormatter,
 )
 
-_SHORT = 30  # logarithmic axes that span less are labelled between the powers of ten
+_SHORT = 30  # logarithmic axes that span less, or have one power of ten, are labelled between these
 _FEWEST = 3  # labels
 
 
@@ -39,6 +39,10 @@ def _between(low: float, high: float, most: int) -> Locator:
     return MaxNLocator(nbins=min(most, 7), steps=[1, 2, 5, 10])
 
 
+def _powers(low: float, high: float) -> int:
+    return floor(log10(high)) - ceil(log10(low)) + 1
+
+
 def tick(ax: Axes, limit: int | None = None) -> None:
     """Ticks at round numbers, one small one between them; on either axis at most ``limit`` of them.
 
@@ -51,7 +55,7 @@ def tick(ax: Axes, limit: int | None = None) -> None:
         if scale == "log":
             axis.set_major_locator(LogLocator(numticks=limit or 6))
             axis.set_minor_formatter(NullFormatter())
-            if 0 < low < high < _SHORT * low:  # too few powers of ten in it
+            if 0 < low < high and (high < _SHORT * low or (limit is None and _powers(low, high) < 2)):
                 axis.set_major_locator(_between(low, high, limit or 8))
                 axis.set_major_formatter(PlainFormatter())
         else:

@@ -15,6 +15,7 @@ from hgorun.figures.ensemble import axis_label, drawable, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.style import styled
+from hgorun.tables.typeset import paragraph
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 Floats = NDArray[np.float64]
 
 _WIDTH, _HEIGHT, _PANEL = 6.0, 3.8, 2.6
-_MINIMUM = "points: tried with all seeds; star: the minimum, on held-out seeds with its 95\N{NO-BREAK SPACE}% interval"
+_MINIMUM = "points: tried with all seeds; star: the minimum, on held-out seeds with its 95 % interval"
 _STAR: dict[str, Any] = {"marker": "*", "markersize": 11, "markeredgecolor": "black", "markeredgewidth": 0.6}
 # tried, and no choice
 _MISSED: dict[str, Any] = {
@@ -97,8 +98,8 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
             for i, one in enumerate(found):
                 _front(axes[0], one, look[i])
             _limits(axes[0], found)
-            axes[0].set_xlabel(goals[0])
-            axes[0].set_ylabel(goals[1])
+            axes[0].set_xlabel(paragraph(goals[0], _WIDTH))
+            axes[0].set_ylabel(paragraph(goals[1], _HEIGHT))
             title = "dots: tried with all seeds; lines: fronts on held-out seeds; stars: knees"
             if not all(non_dominated(one.front).all() for one in found):
                 title += "; hollow: beaten on held-out seeds"
@@ -109,7 +110,7 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
         figure, axes = grid(len(panels), columns, max(_WIDTH, 2.6 * columns), _PANEL * rows + TOP, share=False)
         for ax, (i, k) in zip(axes, panels, strict=True):
             _against(ax, found[i], k, look[i])
-            ax.set_ylabel(goals[0])
+            ax.set_ylabel(paragraph(goals[0], _PANEL))
         return finished(figure, axes, columns, _MINIMUM, grow=True, cuts=True)
 
 

@@ -202,6 +202,10 @@ class NoiseInformed(Block):
         return copied
 
 
+class OnePeriod(Block):
+    """A step from sample to sample that is that of one period: no sample can be left out."""
+
+
 class BeginsWithASample(Block):
     """An observer with states that belong to the first sample, whose time a stream does not know before."""
 

@@ -17,7 +17,7 @@ from hgorun.observers.base import (
     SampleSchedule,
     observer,
 )
-from hgorun.observers.capabilities import BeginsWithASample, BySampling
+from hgorun.observers.capabilities import BeginsWithASample, BySampling, OnePeriod
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.kkl_keys import KklObserver
 from hgorun.symbolic.drift import DriftForm
@@ -114,7 +114,7 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
         return float(np.max(self.numbers(form)))
 
 
-class SampledKkl(BeginsWithASample, KklObserver, HybridObserver[DriftForm, SmoothCopy]):
+class SampledKkl(OnePeriod, BeginsWithASample, KklObserver, HybridObserver[DriftForm, SmoothCopy]):
     """The observer of samples; see :class:`ContinuousKkl`."""
 
     without_box = "linear plants without constant terms"

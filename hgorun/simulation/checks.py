@@ -10,10 +10,9 @@ from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
-from hgorun.observers.capabilities import Punctual
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
-from hgorun.observers.treatment import treatment_of
+from hgorun.observers.treatment import late_to, treatment_of, why_punctual
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.start import check_outputs, check_start
 from hgorun.simulation.steps import counted_steps, steps_between
@@ -54,7 +53,7 @@ def _check_samples(run: PreparedRun) -> None:
     """What observers and controllers ask of the samples."""
     check_jumps(run)
     _check_law(run)
-    _check_punctual(run)
+    check_punctual(run)
     check_corrections(run)
     _check_decisions(run)
     check_holds(run)
@@ -66,14 +65,20 @@ def _check_noise(run: PreparedRun) -> None:
         _ = channel.gain_and_bias
 
 
-def _check_punctual(run: PreparedRun) -> None:
-    """Some observers take outputs without delay only."""
+def check_punctual(run: PreparedRun) -> None:
+    """Some observers take outputs without delay only; samples that they leave out, or go back to, are not late to them.
+
+    Raises
+    ------
+    Problem
+    """
     late = [c.name for c in run.channels if c.samples.late]
-    late += [c.name for c in run.channels if any(s.continuous and not s.undelayed for s in c.stretches)]
+    continuous = [c.name for c in run.channels if any(s.continuous and not s.undelayed for s in c.stretches)]
     for b in run.observers:
-        if late and isinstance(b.observer, Punctual):
-            message = f"{b.observer.type} takes outputs without delay, but {late[0]} is late: {b.observer.because}"
-            raise Problem(("observers", b.label), message)
+        sampled = late if late_to(b.observer) else []
+        for name in [*sampled, *continuous][:1]:
+            if why := why_punctual(b.observer, f"{name} is late", sampled=bool(sampled)):
+                raise Problem(("observers", b.label), why)
 
 
 def _check_clock(run: PreparedRun) -> None:

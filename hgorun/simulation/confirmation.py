@@ -21,7 +21,7 @@ from hgorun.simulation.following import may_not_follow, near, no_longer_follows
 from hgorun.simulation.loss import Again, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import ends, estimates_near, grow_alike, left_for_good, may_have_left, swamped
-from hgorun.simulation.why_diverged import singular, why_diverged
+from hgorun.simulation.why_diverged import singular, with_reason
 from hgorun.symbolic.evaluate import Floats
 
 _SHORTER = (4, 16)
@@ -63,8 +63,9 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
         at = float(raw.diverged[j, 0])
         if verdict.status == "diverged" and np.isfinite(at):
             verdict = replace(verdict, at=at)  # there its numbers end
-        if verdict.status == "diverged" and verdict.reason is None and j not in enough:
-            verdict = replace(verdict, reason=why_diverged(run, free, j, again))
+        if verdict.status == "diverged" and j not in enough:
+            verdict = with_reason(run, free, j, verdict, again, controlled=run.adaptive)
+            verdict = _no_step(run, free, j, verdict) if run.adaptive else verdict
         said[j] = _inaccurate(run, free, j, verdict, enough[j], again) if j in enough else verdict
     raw = _with_blocks(run, raw, free, back)
     raw = _ended(run, raw, {j: verdict for j, verdict in said.items() if verdict.lost or j in enough})
@@ -155,26 +156,28 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
         return Verdict("diverged", float(run.grid[left]))
     if not np.isfinite(overflow):
         return of_estimate(run, raw, j, xhat)
-    if run.adaptive:
-        return _no_step(run, overflow)
-    reason = None if again is None else why_lost(run, again, j, overflow)
+    reason = None if again is None or run.adaptive else why_lost(run, again, j, overflow)
     return Verdict("diverged" if reason is None else "undefined", overflow, reason)
-
-
-def _no_step(run: PreparedRun, at: float) -> Verdict:
-    """What is said of an observer that controlled steps have given up."""
-    what = f"no step is small enough at t = {run.origin + at:.6g}: its equations are singular there"
-    return Verdict("diverged", at, f"{what}, its gains too large, or the tolerance is out of reach")
 
 
 def no_step(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> dict[str, Verdict]:
     """The verdicts, where controlled steps have given observers up and nothing else is known of them."""
-    said = dict(verdicts)
-    for j, block in enumerate(run.observers):
-        verdict, lost = said.get(block.label, OK), float(raw.diverged[j, 0])
-        if verdict.status == "diverged" and verdict.reason is None and np.isfinite(lost):
-            said[block.label] = replace(_no_step(run, lost), at=verdict.at)
-    return said
+    places = {block.label: j for j, block in enumerate(run.observers)}
+    return {label: _no_step(run, raw, places[label], verdict) for label, verdict in verdicts.items()}
+
+
+def _no_step(run: PreparedRun, raw: Raw, j: int, verdict: Verdict) -> Verdict:
+    """What is said of an observer that controlled steps have given up, where nothing else is known of it."""
+    lost = float(raw.diverged[j, 0])
+    if verdict.status != "diverged" or verdict.reason is not None or not np.isfinite(lost):
+        return verdict
+    when = f"{run.origin + lost:.6g}"
+    since = when if verdict.at is None else f"{run.origin + verdict.at:.6g}"
+    why = "its equations are singular there, its gains too large, or the tolerance is out of reach"
+    if since == when:
+        return replace(verdict, reason=f"no step is small enough at t = {when}: {why}")
+    left = f"its estimate leaves the truth for good at t = {since}, and from t = {when} on"
+    return replace(verdict, reason=f"{left} no step is small enough: {why}")
 
 
 def _chatter(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict | None:

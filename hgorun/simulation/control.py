@@ -32,7 +32,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.scheduling import with_events
 from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
 from hgorun.simulation.stopped import SMOOTH, crossed
-from hgorun.simulation.why_diverged import why_diverged
+from hgorun.simulation.why_diverged import with_reason
 
 _AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
 _MOST_EVENTS = 5_000
@@ -227,9 +227,9 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
     _, verdicts = ended(run, raw, None if found.how.tolerance else again)
     for j, block in enumerate(run.observers):
         verdict = verdicts.get(block.label)
-        if verdict is not None and verdict.status == "diverged" and verdict.reason is None:
-            why = why_diverged(run, raw, j, again, controlled=found.how.tolerance is not None)
-            verdicts[block.label] = replace(verdict, reason=why)
+        if verdict is not None and verdict.status == "diverged":
+            controlled_steps = found.how.tolerance is not None
+            verdicts[block.label] = with_reason(run, raw, j, verdict, again, controlled=controlled_steps)
     return no_step(run, raw, crossed(run, raw, verdicts)) if found.how.tolerance else verdicts
 
 

@@ -4,11 +4,14 @@ The measure is that of ``solver.accuracy``: the difference of a metric m counts 
 a settling time is right within a step of its grid, and the truth of state i counts relative to max |x_i|. What says
 nothing but rounding is left out: a settling time below a bound that is smaller than the errors allowed, the variation
 of an estimate over that of a state that rests.
+
+A settling time jumps where the error of an estimate crosses its bound. Two passes whose errors differ by more than that
+bound say nothing of when, so that not the jump counts but how far the errors are apart, relative to their peak.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -30,10 +33,12 @@ class Estimate:
 
     Attributes
     ----------
-    xhat : ndarray, shape (Nt, n, ...)
+    x, xhat : ndarray, shape (Nt, n, ...)
+        The truth that it estimates, and the estimates.
     metrics : mapping of str to ndarray, shape (n, ...)
     """
 
+    x: np.ndarray
     xhat: np.ndarray
     metrics: Mapping[str, np.ndarray]
 
@@ -46,7 +51,11 @@ def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str,
             found[block.label] = np.inf
             continue
         ours, theirs = (
-            Estimate(xhat=one.estimates.of(j), metrics={name: values[j] for name, values in one.metrics.items()})
+            Estimate(
+                x=one.truths.of(j),
+                xhat=one.estimates.of(j),
+                metrics={name: values[j] for name, values in one.metrics.items()},
+            )
             for one in (fine, coarse)
         )
         found[block.label] = float(_of_observer(run, fine, coarse, j, ours, theirs))
@@ -86,7 +95,7 @@ def difference(run: PreparedRun, fine: Estimate, coarse: Estimate, size: np.ndar
     """
     own = np.maximum(size, _FLOOR * _reach(fine.xhat))
     apart = _largest(_gap(fine.xhat, coarse.xhat), np.maximum(own, _reach(fine.xhat)))
-    return np.asarray(np.maximum(apart, _metrics(run, fine.metrics, coarse.metrics, own, moved)))
+    return np.asarray(np.maximum(apart, _metrics(run, fine, coarse, own, moved)))
 
 
 def _reach(values: np.ndarray) -> np.ndarray:
@@ -103,11 +112,24 @@ def _reach(values: np.ndarray) -> np.ndarray:
 
 def _gap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Largest difference along the first axis, where both are numbers; in pieces, since arrays may be large."""
-    largest = np.zeros(a.shape[1:])
+    return _reached(len(a), a.shape[1:], lambda piece: a[piece] - b[piece])
+
+
+def _gap_of_errors(fine: Estimate, coarse: Estimate) -> np.ndarray:
+    """The same of the errors of two estimates, in which differences of the truth cancel."""
+    return _reached(
+        len(fine.x),
+        fine.x.shape[1:],
+        lambda piece: (fine.xhat[piece] - fine.x[piece]) - (coarse.xhat[piece] - coarse.x[piece]),
+    )
+
+
+def _reached(count: int, shape: tuple[int, ...], part: Callable[[slice], np.ndarray]) -> np.ndarray:
+    """The :func:`_reach` of an array that is made in pieces."""
+    largest = np.zeros(shape)
     with np.errstate(invalid="ignore", over="ignore"):
-        for start in range(0, len(a), _PIECE):
-            piece = slice(start, start + _PIECE)
-            np.maximum(largest, _reach(a[piece] - b[piece]), out=largest)
+        for start in range(0, count, _PIECE):
+            np.maximum(largest, _reach(part(slice(start, start + _PIECE))), out=largest)
     return largest
 
 
@@ -124,26 +146,17 @@ def _same_end(run: PreparedRun, a: float, b: float) -> bool:
     return bool(abs(a - b) <= max(_SAME_TIME * (min(a, b) - run.time.start), run.grid[1] - run.grid[0]))
 
 
-def _metrics(
-    run: PreparedRun,
-    fine: Mapping[str, np.ndarray],
-    coarse: Mapping[str, np.ndarray],
-    size: np.ndarray,
-    moved: np.ndarray,
-) -> np.ndarray:
+def _metrics(run: PreparedRun, fine: Estimate, coarse: Estimate, size: np.ndarray, moved: np.ndarray) -> np.ndarray:
     """The largest relative difference of the metrics of an observer, shape (...) from (n, ...)."""
-    known, time, worst = all_metrics(closed=True), run.time, np.zeros(size.shape[1:])
-    part = run.experiment.blocks.metrics.settling
-    settled = part * fine[PEAK.name] > run.solver.accuracy * _FLOOR * size
-    for name, a in fine.items():
-        b = coarse[name]
+    known, worst = all_metrics(closed=True), np.zeros(size.shape[1:])
+    for name, a in fine.metrics.items():
+        b = coarse.metrics[name]
         unit, counts = known[name].unit, np.ones(a.shape, dtype=bool)
         with np.errstate(invalid="ignore", divide="ignore"):
             gap, value, floor = np.abs(a - b), np.abs(a), _FLOOR * size
             if unit == "time":
-                gap = np.maximum(gap - run.experiment.metric_step * (1 + 1e-6), 0.0)
-                value, floor = np.abs(a - time.start), np.full(a.shape, _FLOOR * run.span)
-                counts = settled
+                gap, value, counts = _times(run, fine, coarse, name, size)
+                floor = np.zeros(a.shape)
             elif unit == "1":  # a ratio to how much the state moves
                 counts, floor = moved > floor, floor / moved
         lost = np.any(counts & (np.isfinite(a) != np.isfinite(b)), axis=0)
@@ -151,3 +164,20 @@ def _metrics(
         apart = _largest(np.where(counts, gap, 0.0), np.maximum(value, floor))
         worst = np.where(lost, np.inf, np.maximum(worst, apart))
     return worst
+
+
+def _times(
+    run: PreparedRun, fine: Estimate, coarse: Estimate, name: str, size: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How far settling times are apart, relative to what, and of which states it counts; shapes (n, ...)."""
+    a, b, peak = fine.metrics[name], coarse.metrics[name], fine.metrics[PEAK.name]
+    bound = run.experiment.blocks.metrics.settling * peak
+    gap = np.maximum(np.abs(a - b) - run.experiment.metric_step * (1 + 1e-6), 0.0)
+    value = np.maximum(np.abs(a - run.time.start), _FLOOR * run.span)
+    counts = bound > run.solver.accuracy * _FLOOR * size
+    if np.any(counts & (gap > 0)):
+        errors = _gap_of_errors(fine, coarse)
+        apart = errors > bound
+        gap = np.where(apart, errors, gap)
+        value = np.where(apart, np.maximum(peak, _FLOOR * size), value)
+    return gap, value, counts

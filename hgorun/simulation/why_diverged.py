@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -10,9 +11,11 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import NotLinear, SlidingMode
+from hgorun.result.status import Verdict
 from hgorun.simulation.loss import Again, step_at
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.too_large import too_large
 from hgorun.symbolic.evaluate import Floats, at, evaluate
 from hgorun.symbolic.forms import ChosenChains
 
@@ -22,8 +25,10 @@ _STABLE = 4.0  # the largest step of explicit methods, times the fastest rate, a
 _NEARLY, _EXPLODED = 1e-3, 1e3  # of the determinant at the start; times the size of the states
 
 
-def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again, *, controlled: bool = False) -> str | None:
-    """The reason in words; None where it is none of those that are looked for.
+def with_reason(
+    run: PreparedRun, raw: Raw, j: int, verdict: Verdict, again: Again, *, controlled: bool = False
+) -> Verdict:
+    """What is said of an observer that has diverged, with the reason where it is one of those that are looked for.
 
     Parameters
     ----------
@@ -35,9 +40,14 @@ def why_diverged(run: PreparedRun, raw: Raw, j: int, again: Again, *, controlled
         Whether its steps are those of error control, so that none was too long.
     """
     if run.closed:
-        return None  # where the plant goes depends on the estimate
-    found = _unstable_gain(run, raw, run.observers[j]) or singular(run, raw, j, again)
-    return found if found is not None or controlled else _too_fast(run, raw, j, again)
+        return verdict  # where the plant goes depends on the estimate
+    said = verdict.reason
+    found = None if said else _unstable_gain(run, raw, run.observers[j])
+    found = found or too_large(run, raw, j) or (None if said else singular(run, raw, j, again))
+    if found is None and not said and not controlled:
+        found = _too_fast(run, raw, j, again)
+    known = [reason for reason in (said, found) if reason]
+    return replace(verdict, reason="; ".join(known) or None)
 
 
 def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:

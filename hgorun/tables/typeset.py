@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import textwrap
 import unicodedata
+from bisect import bisect_left
 from collections.abc import Mapping
 
 # Letters that have a LaTeX command, as a regular expression.
@@ -20,6 +21,8 @@ _SPECIAL = {
     **{"<": r"\textless{}", ">": r"\textgreater{}", "|": r"\textbar{}"},
     **{"[": "{[}", "*": "{*}"},  # they would be read as arguments of the \\ before them
 }
+_FORMULA = re.compile(r"(?<!\\)\$[^$]*\$")
+_NUMBER = re.compile(r"(?<=\d) (?=\S{1,3}(?:[\s;,.:)]|$))")  # the space between a number and its unit
 # Mathematics in a label that LaTeX is sure to understand.
 _MATHEMATICS = re.compile(
     r"(\$(?:[A-Za-z0-9 =+\-.,<>()/]|[_^](?:[A-Za-z0-9]|\{[A-Za-z0-9]+\})(?![_^])"
@@ -36,8 +39,8 @@ def time_unit(units: Mapping[str, str]) -> str:
 def symbol(name: str, *, hat: bool = False) -> str:
     r"""A name as mathematics, for matplotlib and for LaTeX, without dollar signs.
 
-    >>> symbol("x1"), symbol("s_in"), symbol("theta2", hat=True)
-    ('x_{1}', 's_{\\mathrm{in}}', '\\hat{\\theta}_{2}')
+    >>> symbol("x1"), symbol("s_in"), symbol("theta2", hat=True), symbol("speed", hat=True)
+    ('x_{1}', 's_{\\mathrm{in}}', '\\hat{\\theta}_{2}', '\\hat{\\mathrm{s}}\\mathrm{peed}')
     """
     found = re.fullmatch(r"([A-Za-z]+?)(\d*)((?:_[A-Za-z0-9]+)*)_*", name)
     if found is None:
@@ -48,8 +51,13 @@ def symbol(name: str, *, hat: bool = False) -> str:
     letter = rf"\mathrm{{{_escaped(base)}}}" if wide else base
     if len(base) > 1 and not wide:
         letter = r"\varepsilon" if base == "eps" else rf"\{base}"
-    if hat:
-        letter = rf"\hat{{{letter}}}"  # over the middle of a word, too: a wide one looks like a roof
+    if hat:  # over the first letter of a word: a wide one looks like a roof, one over its middle like a stain
+        marked = re.fullmatch("(_*)(.)(.*)", base) if wide else None
+        if marked is None:
+            letter = rf"\hat{{{letter}}}"
+        else:
+            parts = [rf"\mathrm{{{_escaped(part)}}}" if part else "" for part in marked.groups()]
+            letter = rf"{parts[0]}\hat{{{parts[1]}}}{parts[2]}"
     below = ",".join(part if part.isdigit() or len(part) == 1 else rf"\mathrm{{{part}}}" for part in indices)
     return f"{letter}_{{{below}}}" if below else letter
 
@@ -111,10 +119,35 @@ def _is_mathematics(text: str) -> bool:
 
 
 def paragraph(text: str, width: float) -> str:
-    """A title broken into lines, between formulas, for a figure so many inches wide."""
-    shown = re.sub(r"\$[^$]*\$", lambda m: m[0].replace(" ", "\0"), words(text, limit=400))
-    lines = textwrap.wrap(shown, max(20, int(width * 13)), break_long_words="$" not in shown)
-    return "\n".join(lines).replace("\0", " ")
+    """A title broken into lines about equally long, for a figure so many inches wide.
+
+    Formulas stay whole, and so do numbers with their units.
+    """
+    shown = words(text, limit=400)
+    formulas = iter(_FORMULA.findall(shown))
+    held = _FORMULA.sub(lambda m: "\1" + "\2" * (_letters(m[0]) - 1), shown)  # as long as they are seen to be
+    held = _NUMBER.sub("\3", held)
+    most = max(20, int(width * 13))
+    lines = textwrap.wrap(held, most, break_long_words="\1" not in held, break_on_hyphens=False)
+
+    def fits(width: int) -> bool:
+        narrower = _unbroken(held, width)
+        return len(narrower) <= len(lines) and all(len(line) <= width for line in narrower)
+
+    least = bisect_left(range(most), True, lo=1, key=fits) if len(lines) > 1 else most
+    lines = _unbroken(held, least) if least < most else lines
+    return re.sub("\1\2*", lambda _: next(formulas), "\n".join(lines)).replace("\3", " ")
+
+
+def _unbroken(text: str, width: int) -> list[str]:
+    """Lines of whole words; a longer one has a line of its own."""
+    return textwrap.wrap(text, width, break_long_words=False, break_on_hyphens=False)
+
+
+def _letters(formula: str) -> int:
+    """How many characters of mathematics are seen, about."""
+    bare = re.sub(r"\\(?:hat|bar|tilde|dot|math\w+)(?![A-Za-z])", "", formula.strip("$"))
+    return max(1, len(re.sub(r"[{}_^ ]", "", re.sub(r"\\[A-Za-z]+|\\.", "x", bare))))
 
 
 def latex_words(words: str) -> str:

@@ -45,6 +45,21 @@ def test_what_a_file_extends_is_removed_by_null(write: Path, null: str) -> None:
     assert data["observers"]["F"] == {"type": "shgo", "theta": 8}
 
 
+@pytest.mark.parametrize(
+    "over",
+    [
+        "measurement: {delay: &none null, noise: *none}\nobservers: {F: *none}\n",
+        "runs: {a: &a {measurement: {delay: null, noise: ~}, observers: {F: null}}, b: *a}\n",
+    ],
+    ids=["of the value itself", "of a mapping with it"],
+)
+def test_null_removes_through_an_alias_as_well(write: Path, over: str) -> None:
+    write.write_text("extends: base.yaml\n" + over)
+    for one in load_all(write):
+        assert one.source.data["measurement"] == {"sampling": {"period": 0.1}}
+        assert list(one.observers) == ["S"]
+
+
 def test_a_run_removes_what_the_file_has(write: Path) -> None:
     write.write_text(BASE + "runs:\n  late: {}\n  early: {measurement: {delay: null}, observers: {F: ~}}\n")
     late, early = load_all(write)

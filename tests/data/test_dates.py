@@ -130,9 +130,9 @@ def test_midnight_ends_the_day_and_leap_seconds_are_told() -> None:
     [
         (
             "2024-13-01",
-            'no month 13; a date with the day before the month needs its pattern, such as format: "%Y-%d-%m"',
+            'no month 13; a date of another form needs its pattern, such as time: {column: when, format: "%Y-%d-%m"}',
         ),
-        ("2024-31-12T10:00", "no month 31; a date with the day"),
+        ("2024-31-12T10:00", 'such as time: {column: when, format: "%Y-%d-%mT%H:%M"}'),
         ("2024-13-32", "there is no month 13"),
         ("2023-02-29", "there is no day 29 in a month of 28 days"),
         ("2024-05-31T25:00", "there is no hour 25: the last is 23"),
@@ -142,5 +142,5 @@ def test_midnight_ends_the_day_and_leap_seconds_are_told() -> None:
 )
 def test_what_is_not_in_the_calendar_is_named(date: str, told: str) -> None:
     with pytest.raises(ValueError, match=re.escape(told)) as caught:
-        iso_stamp(date)
+        Stamps("when").reader(".", frozenset())(date)
     assert str(caught.value).startswith(f"'{date}': there is no ")

@@ -160,7 +160,11 @@ def test_replicates_of_late_samples_by_arrival(tmp_path: Path) -> None:
         ),
         ("0,1.5\n1,2.5\n", {}, r":1: expected a line with the names of the columns"),
         ("#a\n0,1.5\n1,2.5\n", {}, r":2: expected a line with the names of the columns"),
-        ("t,glucose\n0,2024-05-31\n1,2\n", {}, r":2: glucose: .*dates are read with format: iso"),
+        (
+            "t,glucose\n0,2024-05-31\n1,2\n",
+            {},
+            r":2: glucose: .*with time: {column: glucose, format: iso}",
+        ),
         ("t,glucose\n0,1\n\n1,2,3\n", {}, r":4: 3 cells, where the header has 2"),
         ("t,glucose\nh,g/L\n", {}, r":1: a header without values below it"),
         (

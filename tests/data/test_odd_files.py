@@ -91,7 +91,7 @@ def test_what_is_no_time_zone_is_refused(tmp_path: Path, zone: str, quote: str) 
 )
 @pytest.mark.parametrize("form", [{}, {"format": "iso"}])
 def test_dates_of_other_forms_are_told_the_key(tmp_path: Path, date: str, form: dict[str, str]) -> None:
-    with pytest.raises(ConfigError, match=r"log\.csv:2: t: .*a date of another form needs its pattern, such as format"):
+    with pytest.raises(ConfigError, match=r"log\.csv:2: t: .*a date of another form needs its pattern, such as time: "):
         recorded(tmp_path, f"t,glucose\n{date},1\n", {"time": {"column": "t", **form}})
 
 

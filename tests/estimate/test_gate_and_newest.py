@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import nullcontext
 
 import numpy as np
 import pytest
@@ -11,7 +10,6 @@ from examples import Block, experiment, inline
 from recordings import NOISE, assessed_of, recorded_of, recording, signal, source
 
 from hgorun.data.recording import Recording
-from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.estimator import Estimator
 from hgorun.result.result import Result
@@ -91,21 +89,6 @@ def test_a_stream_goes_on_as_without_them(blocks: dict[str, Block]) -> None:
         np.testing.assert_allclose(with_gate.predict(END)[label], whole.observers[label].xhat[-1], atol=1e-8)
         offered = recorded_of(whole).outputs["ya"].used[:, list(blocks).index(label)].sum() + len(OUT)
         assert counts["ya"] == (len(OUT), offered)
-
-
-@pytest.mark.parametrize("block", [{"type": "hgo_fd", "eps": 0.3}, {"type": "deadbeat"}], ids=["hgo_fd", "deadbeat"])
-def test_an_observer_that_steps_from_sample_to_sample_is_refused(block: Block) -> None:
-    """Its next step would begin at the outlier, with an interval that is too short."""
-    message = "observers.O.type: .* steps from each sample to the next one, and a gate leaves samples out"
-    plant = {**PLANT, "output": {"ya": "a"}}
-    config = {"plant": plant, "observers": {"O": block}, "measurement": {"noise": NOISE}, "solver": {"step": 0.01}}
-    for gate in (None, GATE):
-        log = recording(signal("ya", TAKEN, A, gate=gate))
-        with pytest.raises(ConfigError, match=message) if gate else nullcontext():
-            estimate(source(config), log, sensitivity=False)
-    one = experiment(plant, {"O": block}, end=END, step=0.01, measurement={"sampling": {"period": 0.1}})
-    with pytest.raises(ConfigError, match=message):
-        Estimator(one, gates={"ya": GATE})
 
 
 def test_what_is_on_its_way_does_not_know_of_an_outlier() -> None:

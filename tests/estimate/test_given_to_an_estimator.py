@@ -86,6 +86,31 @@ def test_a_checkpoint_of_another_std_or_other_inputs_is_refused(pushed: Experime
         Estimator(pushed).restore(Estimator(pushed, inputs=["u"]).checkpoint())
 
 
+@pytest.mark.parametrize(
+    "measurement",
+    [
+        {"noise": [{"type": "gaussian", "std": "1/5"}]},
+        {"outputs": {"y": {"noise": [{"type": "gaussian", "std": 0.2}]}}},
+    ],
+    ids=["of all outputs", "of one"],
+)
+def test_a_std_that_is_that_of_the_configuration_makes_no_other_one(measurement: Block) -> None:
+    run = experiment(PLANT, {"o": SHGO}, end=2, step=0.01, measurement={"sampling": {"period": 0.1}, **measurement})
+    given, not_given = Estimator(run, std={"y": 0.2}), Estimator(run)
+    for made, other in ((given, not_given), (not_given, given)):
+        made.update(made.t + 0.1, {"y": 0.1})
+        other.restore(made.checkpoint())
+        assert other.t == made.t
+    if "noise" in measurement:
+        with pytest.raises(ConfigError, match=r"was made with std \{y: 0.3\}, and this estimator has \{y: 0.2\}"):
+            not_given.restore(Estimator(run, std={"y": 0.3}).checkpoint())
+
+
+def test_a_std_that_is_no_number_is_told_with_its_key(pushed: Experiment) -> None:
+    with pytest.raises(ConfigError, match=r"measurement\.outputs\.y\.noise\.0\.std: .*found -0\.2"):
+        Estimator(pushed, std={"y": -0.2})
+
+
 def test_a_checkpoint_that_does_not_tell_its_gates_is_an_older_one(pushed: Experiment) -> None:
     estimator = Estimator(pushed)
     estimator.update(0.1, {"y": 0.1})

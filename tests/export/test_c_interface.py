@@ -15,7 +15,7 @@ from exported_c import COMPILERS, Compiled, compile_c, driven, follow, load_all
 from hgorun.errors import ConfigError
 from hgorun.export.c_code import Real
 from hgorun.export.c_files import c_files
-from hgorun.export.c_header import bytes_of, costs, max_steps
+from hgorun.export.c_header import bytes_of, costs, header, max_steps
 from hgorun.export.c_source import Source
 from hgorun.export.names import identifier
 from hgorun.export.prepared import Wanted, exported, only
@@ -258,6 +258,23 @@ def test_the_cost_of_a_step_is_that_of_its_stages() -> None:
     cost = costs(Source(exported(run)[0], Real()))["step"]
     assert cost.divisions == cost.functions == 0
     assert 40 < cost.plain < 120
+
+
+def test_the_header_says_with_whom_a_step_is_shared() -> None:
+    """Found for several at once; not one that is given, nor of one that makes no steps."""
+    blocks: dict[str, Block] = {"slow": {"type": "shgo", "theta": 1}, "fast": {"type": "shgo", "theta": 8}}
+    blocks["jumps"] = {"type": "deadbeat"}
+
+    def headers(observers: dict[str, Block], step: float | None) -> dict[str, str]:
+        measurement = {"sampling": {"period": 0.1}}
+        run = prepare(experiment(CHAIN, observers, measurement=measurement, step=step, end=1.0))
+        return {one.label: header(Source(one, Real())) for one in exported(run)}
+
+    said = headers(blocks, None)
+    assert "That step was found for it and fast together; exported alone it may take longer ones." in said["slow"]
+    assert "was found for it and slow together" in said["fast"]
+    for text in (said["jumps"], *headers(blocks, 0.01).values(), *headers({"slow": blocks["slow"]}, None).values()):
+        assert "together" not in text
 
 
 def test_names() -> None:

@@ -437,10 +437,11 @@ def test_the_moving_maximum_is_one(count: int, points: int, seed: int) -> None:
         ("x1_2", "x_{1,2}", r"\hat{x}_{1,2}"),
         ("theta", r"\theta", r"\hat{\theta}"),
         ("s_in", r"s_{\mathrm{in}}", r"\hat{s}_{\mathrm{in}}"),
-        ("al2", r"\mathrm{al}_{2}", r"\hat{\mathrm{al}}_{2}"),
-        ("x1a", r"\mathrm{x1a}", r"\hat{\mathrm{x1a}}"),
-        ("_x", r"\mathrm{\_x}", r"\hat{\mathrm{\_x}}"),
-        ("a\\b$", r"\mathrm{a?b?}", r"\hat{\mathrm{a?b?}}"),
+        ("al2", r"\mathrm{al}_{2}", r"\hat{\mathrm{a}}\mathrm{l}_{2}"),  # over the first letter: seen as a hat
+        ("speed", r"\mathrm{speed}", r"\hat{\mathrm{s}}\mathrm{peed}"),
+        ("x1a", r"\mathrm{x1a}", r"\hat{\mathrm{x}}\mathrm{1a}"),
+        ("_x", r"\mathrm{\_x}", r"\mathrm{\_}\hat{\mathrm{x}}"),
+        ("a\\b$", r"\mathrm{a?b?}", r"\hat{\mathrm{a}}\mathrm{?b?}"),
     ],
 )
 def test_names_as_mathematics(name: str, plain: str, hat: str) -> None:
@@ -481,6 +482,18 @@ def test_titles_are_broken_between_formulas() -> None:
     assert "\n" in broken
     for line in broken.split("\n"):
         assert line.count("$") % 2 == 0
+
+
+def test_titles_have_lines_about_equally_long_and_keep_numbers_with_their_units() -> None:
+    title = "points: tried with all seeds; star: the minimum, on held-out seeds with its 95 % interval"
+    lines = paragraph(title, 6.0).split("\n")
+    assert [line.split(" ")[-1] for line in lines] == ["minimum,", "interval"]  # and no `95` beside a `%` of its own
+    assert all("0.05 s" in broken or "0.05" not in broken for k in range(20, 60) for broken in
+               paragraph(f"{'a' * 9} largest error in a window of 0.05 s; dotted", k / 13).split("\n"))  # fmt: skip
+
+
+def test_a_formula_is_as_long_in_a_title_as_it_is_seen() -> None:
+    assert "\n" not in paragraph(r"rms of $\hat{\mathrm{s}}\mathrm{peed} - \mathrm{speed}$ [rad/s]", 2.4)
 
 
 @pytest.mark.parametrize("label", ["_hidden", "true", r"$\bad{$", "a\nb", "100 % & #1", "x" * 300, "観測器"])

@@ -21,6 +21,7 @@ from hgorun.result.observer import ObserverResult
 from hgorun.simulation.first_inputs import started
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.slopes import slopes
 
 
 @dataclass(frozen=True)
@@ -86,23 +87,7 @@ class Linearisation:
         run, b = self.run, self.block
         if isinstance(b.observer, NotLinear) and b.observer.not_linear is not None:
             raise NoValue(b.observer.not_linear)
-        model, p = run.plant.model, run.structure.plant
-        t = model.t
-        u = ca.substitute(run.plant.inputs, model.p, p)
-        z = ca.SX.sym("z", run.structure.system.states)
-        e = ca.SX.sym("e", len(model.outputs))
-        derivatives, correction = b.equations(b.copy(t, u, p), b.symbols(z), e)
-        rate = ca.vertcat(*[b.states[n].flat(derivatives[n]) for n in b.states if n != "alpha"])
-        xi = z[b.start : b.stop]
-        parts = [
-            ca.jacobian(rate, xi),
-            ca.jacobian(rate, e),
-            ca.jacobian(b.guess(t, u, p, z), xi),
-            ca.jacobian(b.estimate(t, u, p, z), xi),
-            ca.jacobian(correction, xi),
-            ca.jacobian(correction, e),
-        ]
-        return ca.Function("linear", [t, run.structure.p, z, e], [ca.densify(part) for part in parts])
+        return slopes(run, b)
 
     def at(self, t: float, xi: np.ndarray, e: np.ndarray | None = None) -> Linear:
         """The linear system at time t, states xi (N,) and innovation e (q,), which is 0 where it is omitted."""

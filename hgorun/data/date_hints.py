@@ -1,0 +1,74 @@
+"""What to write in the configuration where a text is a date: the whole key, so that it can be taken as it stands."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterator
+from datetime import datetime
+
+import yaml
+
+_DATES = {
+    "%d.%m.%Y": "",
+    "%Y.%m.%d": "",
+    "%d/%m/%Y": "the day is first",
+    "%m/%d/%Y": "the month is",
+    "%Y/%m/%d": "",
+    "%d-%m-%Y": "the day is first",
+    "%m-%d-%Y": "the month is",
+    "%Y-%d-%m": "",  # the other order is ISO 8601
+    "%Y%m%d": "",
+}
+"""Patterns of dates, and in which order day and month stand in those that others may read, too."""
+_TIMES = ("", "%H:%M", "%H:%M:%S", "%H:%M:%S.%f", "%H%M", "%H%M%S")
+_EXAMPLE = "%d.%m.%Y %H:%M:%S"
+_PLAIN = re.compile(r"[^\W\d]\w*")
+
+
+def clock_key(key: str, column: str, form: str) -> str:
+    """The key of a column of dates.
+
+    Parameters
+    ----------
+    key : str
+        ``time`` or ``available``; empty where the column is read as something else.
+    column, form : str
+        Its name, and how it is read.
+    """
+    return f"{key or 'time'}: {{column: {as_yaml(column)}, format: {as_yaml(form)}}}"
+
+
+def form_hint(text: str, key: str, column: str) -> str:
+    """How a date that is not one of ISO 8601 is read; parameters as of :func:`clock_key`."""
+    found = list(_patterns_of(text))
+    if len(found) > 1:
+        which = ", ".join(f"{clock_key(key, column, form)} where {_DATES[form.split()[0]]}" for form in found)
+        return f"; a date of another form needs its pattern, {which}"
+    form = found[0] if found else _EXAMPLE
+    return f"; a date of another form needs its pattern, such as {clock_key(key, column, form)}"
+
+
+def _patterns_of(text: str) -> Iterator[str]:
+    """Those that read a text."""
+    for date in ("", *_DATES):
+        for time in _TIMES:
+            for between in " T" if date and time else "":
+                if _reads(text, form := date + between + time):
+                    yield form
+            if not (date and time) and date + time and _reads(text, date + time):
+                yield date + time
+
+
+def _reads(text: str, form: str) -> bool:
+    try:
+        datetime.strptime(text, form)
+    except ValueError:
+        return False
+    return True
+
+
+def as_yaml(text: str) -> str:
+    """A text as YAML reads it, in quotes where it needs them."""
+    plain = _PLAIN.fullmatch(text) and yaml.safe_load(text) == text
+    return text if plain else json.dumps(text, ensure_ascii=False)

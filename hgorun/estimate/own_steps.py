@@ -1,0 +1,121 @@
+"""Observers that step from sample to sample, each from the last one that it has taken.
+
+What a step needs of the sample before is held once for all observers: its values, the time since then, the inputs then.
+An observer to which that sample was an outlier makes its next step from an older one, as if there were none between.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from hgorun.engine.layout import NOTHING, SET, HybridSystem
+from hgorun.engine.plan import Integers
+from hgorun.errors import Problem
+from hgorun.observers.base import SampledObserver
+from hgorun.observers.capabilities import OnePeriod
+from hgorun.simulation.experiment import Experiment
+from hgorun.symbolic.evaluate import Floats
+
+
+def stepping(experiment: Experiment, labels: Iterable[str]) -> frozenset[int]:
+    """The numbers of the observers that step from sample to sample, among some that samples may be left out for.
+
+    Raises
+    ------
+    Problem
+        For one whose step is that of one period.
+    """
+    for label, observer in experiment.observers.items():
+        if isinstance(observer, OnePeriod):
+            message = (
+                f"the step of {observer.type} is that of one period, and a gate leaves samples out: give the outputs "
+                "no gate, or run it apart; plausible: [low, high] leaves values out for all"
+            )
+            raise Problem(("observers", label, "type"), message)
+    return frozenset(j for j, label in enumerate(labels) if isinstance(experiment.observers[label], SampledObserver))
+
+
+@dataclass(frozen=True, slots=True)
+class LastTaken:
+    """The samples from which the next step of an observer goes on.
+
+    Attributes
+    ----------
+    t : float
+        When they were taken.
+    y : tuple of float
+        Of every output.
+    u : tuple of float
+        The inputs then, those that come with samples.
+    """
+
+    t: float
+    y: tuple[float, ...]
+    u: tuple[float, ...]
+
+    def told(self) -> list[Any]:
+        """For a checkpoint."""
+        return [self.t, self.y, self.u]
+
+    @classmethod
+    def of(cls, told: Sequence[Any]) -> LastTaken:
+        """From what :meth:`told` gave, read back from JSON."""
+        t, y, u = told
+        return cls(float(t), tuple(map(float, y)), tuple(map(float, u)))
+
+
+@dataclass(eq=False, repr=False)
+class OwnSteps:
+    """From where the observers of a system go on that have left out the last samples.
+
+    Attributes
+    ----------
+    system : HybridSystem
+    outputs : int
+        Of the plant: the first ones of the system.
+    last : dict of int to LastTaken
+        By the numbers of these observers.
+    """
+
+    system: HybridSystem
+    outputs: int
+    last: dict[int, LastTaken] = field(default_factory=dict)
+
+    def leave_out(self, j: int, w: Floats, before: float) -> None:
+        """An observer leaves out the samples that have just arrived.
+
+        Parameters
+        ----------
+        w : ndarray
+            What is held, after their step.
+        before : float
+            When the samples before had been taken.
+        """
+        if j not in self.last:
+            held = self.system.held
+            y = tuple([float(w[held.previous(i)]) for i in range(self.outputs)])
+            self.last[j] = LastTaken(before, y, tuple([float(w[place]) for place in self._inputs]))
+
+    def take(self, j: int, w: Floats, t: float) -> Floats:
+        """What is held to an observer before samples arrive at t that it takes, from what is held to the others."""
+        last, held, found = self.last.pop(j), self.system.held, w.copy()
+        found[[held.output(i) for i in range(self.outputs)]] = last.y
+        found[self._inputs] = last.u
+        found[held.interval] = t - last.t
+        return found
+
+    def keeping(self, actions: Integers) -> Integers:
+        """Rows of the action table that leave be what :meth:`take` has given."""
+        found = actions.copy()
+        found[(found[:, 0] == SET) & np.isin(found[:, 1], [*self._inputs, self.system.held.interval]), 0] = NOTHING
+        return found
+
+    @cached_property
+    def _inputs(self) -> list[int]:
+        """The places in w of the inputs at the sample before."""
+        return [self.system.held.input(i)[3] for i in range(self.system.held.inputs)]

@@ -1,0 +1,36 @@
+"""The slopes of an observer's equations in its own states and in the innovation."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.prepared import PreparedRun
+
+
+def slopes(run: PreparedRun, block: ObserverBlock) -> ca.Function:
+    """From (t, p, z, e) to A0, E, H, L, K0, K.
+
+    With xi the observer's states without alpha and e the innovation, of small deviations
+
+        d xi' = A0 d xi + E de,    d(C xhat) = H d xi,    dxhat = L d xi,    dc = K0 d xi + K de
+
+    where c enters alpha' = -c. Shapes (N, N), (N, q), (q, N), (n, N), (q, N), (q, q).
+    """
+    model, p = run.plant.model, run.structure.plant
+    t = model.t
+    u = ca.substitute(run.plant.inputs, model.p, p)
+    z = ca.SX.sym("z", run.structure.system.states)
+    e = ca.SX.sym("e", len(model.outputs))
+    derivatives, correction = block.equations(block.copy(t, u, p), block.symbols(z), e)
+    rate = ca.vertcat(*[block.states[n].flat(derivatives[n]) for n in block.states if n != "alpha"])
+    xi = z[block.start : block.stop]
+    parts = [
+        ca.jacobian(rate, xi),
+        ca.jacobian(rate, e),
+        ca.jacobian(block.guess(t, u, p, z), xi),
+        ca.jacobian(block.estimate(t, u, p, z), xi),
+        ca.jacobian(correction, xi),
+        ca.jacobian(correction, e),
+    ]
+    return ca.Function("linear", [t, run.structure.p, z, e], [ca.densify(part) for part in parts])

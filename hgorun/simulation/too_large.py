@@ -1,0 +1,205 @@
+"""Whether theta is too large for how rarely, or how late, outputs are measured; and what would not be.
+
+Near the truth the error of a high-gain observer with sampled or late outputs is a linear hybrid system, whose monodromy
+matrix tells by how much it grows from sample to sample. Where it grows at all of some points along the plant's way, no
+estimate comes to rest there, however good it was at the start.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.engine.memory import Raw
+from hgorun.errors import HgorunError, printable
+from hgorun.observers.base import ContinuousObserver
+from hgorun.observers.capabilities import HighGain, NotLinear, SlidingMode
+from hgorun.simulation.design import Design
+from hgorun.simulation.monodromy import monodromy, on_their_way
+from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.slopes import slopes
+from hgorun.simulation.structure import parameter_values
+from hgorun.symbolic.evaluate import Floats, evaluate
+
+_POINTS = 5  # of the run
+_GROWS = 1 + 1e-6  # from sample to sample: less may be rounding of 1
+_RATIO, _PRECISION = 1.08, 1e-3  # of neighbouring values in a search, and of what it finds
+_TRIED = 300  # values in such a search
+_SMALLEST = 1e-3  # of the period or delay in use: the search begins there
+_FINE = 16  # samples a delay that stand for a continuous output
+_WAITING = 100  # samples on their way at most
+
+
+@dataclass(frozen=True)
+class _Timing:
+    """What the measurement does: samples with a period, or continuous outputs (None), and how old they are."""
+
+    period: float | None
+    delay: float
+
+    def scaled(self, part: float) -> _Timing:
+        """The same with a part of the period where there are no delays, and of the delay where there is no period."""
+        if self.period is None:
+            return _Timing(None, part * self.delay)
+        return _Timing(part * self.period, self.delay)
+
+
+def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
+    """That theta is, and limits of the linearised error; None where that is not so, or not known.
+
+    Not said of gains that are states, and of what jumps, looks back or has no linearisation.
+    """
+    block, timing = run.observers[j], _timing(run)
+    observer = block.observer
+    if timing is None or not isinstance(observer, ContinuousObserver) or not isinstance(observer, HighGain):
+        return None
+    unknown = isinstance(observer, NotLinear | SlidingMode) or "gain" in observer.roles(block.form).values()
+    if unknown or block.recalled or run.closed:
+        return None
+    try:
+        error = _Error(run, block, raw.rows[:, run.structure.truths[j], 0])
+        if not error.smallest_growth(timing) > _GROWS:
+            return None
+        part = _largest_part(lambda part: error.growth(timing.scaled(part)))
+        theta = None if part is None else _largest_theta(error, observer, timing, part)
+    except (HgorunError, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no such observer
+        return None
+    return _told(run, observer, timing, part, theta)
+
+
+def _told(run: PreparedRun, observer: HighGain, timing: _Timing, part: float | None, theta: float | None) -> str | None:
+    unit = printable(run.time.unit)
+    unit = f" {unit}" if unit else ""
+    period, late = timing.period, f"the delay {timing.delay:.4g}{unit}"
+    what = late if period is None else f"the period {period:.4g}{unit}" + (f" with {late}" if timing.delay else "")
+    limits = [] if theta is None else [f"theta of at most {_below(theta)}"]
+    if part is not None and (period is None or not timing.delay):
+        name, used = ("delay", timing.delay) if period is None else ("period", period)
+        limits.append(f"a {name} of at most {_below(part * used)}{unit}")
+    if not limits:
+        return None
+    return f"theta = {observer.theta:.4g} is too large for {what}, since small errors grow: give {', or '.join(limits)}"
+
+
+def _below(value: float) -> str:
+    """A limit in two digits that keeps it."""
+    size = 10.0 ** (np.floor(np.log10(value)) - 1)
+    return f"{np.floor(value / size * (1 + 1e-9)) * size:.2g}"
+
+
+def _timing(run: PreparedRun) -> _Timing | None:
+    """What all outputs have in common, all the time; None where they have not, or there is nothing to be late."""
+    if any(len(stretches) != 1 for stretches in run.experiment.stretches):
+        return None
+    found = set()
+    for (stretch,) in run.experiment.stretches:
+        if not stretch.delay_is_constant or not (stretch.continuous or stretch.period):
+            return None
+        (delay,) = stretch.delay_at(np.array([stretch.start]))
+        found.add(_Timing(stretch.period, float(delay)))
+    timing = found.pop()
+    if found or (timing.period is None and timing.delay == 0) or (timing.delay and run.treatments):
+        return None
+    return None if timing.period and timing.delay > _WAITING * timing.period else timing
+
+
+class _Error:
+    """The linearised error at points of the plant's way, with any theta."""
+
+    def __init__(self, run: PreparedRun, block: ObserverBlock, x: Floats) -> None:
+        self.run, self.block = run, block
+        self._slopes = slopes(run, block)
+        self._rows = np.linspace(0, len(x) - 1, _POINTS).astype(int)
+        self._x = x[self._rows]
+        self._systems = self._at(run.numbers.p, block)
+
+    def with_theta(self, theta: float) -> _Error:
+        """The same error with another theta."""
+        run, label = self.run, self.block.label
+        other = self.block.observer.model_copy(update={"theta": theta})
+        design = Design.of(label, other, self.block.form)
+        designs = [design if b.label == label else run.experiment.designs[b.label] for b in run.observers]
+        found = object.__new__(_Error)
+        found.__dict__ |= self.__dict__
+        p = parameter_values(run.plant.everything, run.experiment.stretches, designs)
+        found._systems = self._at(p, self.block.of(design))
+        return found
+
+    def growth(self, timing: _Timing) -> float:
+        """The largest factor by which errors grow from sample to sample, at any of the points."""
+        return float(np.max(self._radii(timing)))
+
+    def smallest_growth(self, timing: _Timing) -> float:
+        """The smallest of them."""
+        return float(np.min(self._radii(timing)))
+
+    def _at(self, p: Floats, block: ObserverBlock) -> tuple[Floats, Floats]:
+        """(xi, e)' = G (xi, e) between samples, and H, at the points."""
+        run, own = self.run, slice(block.start, block.stop)
+        z = np.zeros((len(self._x), run.structure.system.states))
+        z[:, own] = run.numbers.z0[own]
+        xhat = block.states["xhat"]
+        for row, x in zip(z, self._x, strict=True):
+            estimate = np.asarray(block.form.start(x, run.plant.parameters, block.canonical))
+            row[xhat.start : xhat.start + xhat.size] = block.observer.start(estimate, block.design)
+        e = np.zeros((len(z), len(run.plant.model.outputs)))
+        times = run.grid[self._rows][:, None]
+        found = evaluate(self._slopes, times, np.tile(p, (len(z), 1)), z, e)
+        shapes = [self._slopes.size_out(i) for i in range(len(found))]
+        A0, E, H, _, K0, K = (values.reshape(-1, *shape) for values, shape in zip(found, shapes, strict=True))
+        return np.block([[A0, E], [-K0, -K]]), H
+
+    def _radii(self, timing: _Timing) -> Floats:
+        from scipy.linalg import expm  # not for runs in which nothing is lost
+
+        G, H = self._systems
+        period, delay = timing.period, timing.delay
+        if period is None:  # samples d/n apart that are d - d/(2 n) old on arrival are d old in the mean
+            period, delay = delay / _FINE, delay - delay / (2 * _FINE)
+        waiting, rest = on_their_way(period, delay)
+        with np.errstate(over="ignore", invalid="ignore"):
+            after = expm(G * rest) if rest > 0 else None
+            M = monodromy(expm(G * (period - rest)), after, H, waiting)
+        known = np.all(np.isfinite(M), axis=(1, 2))
+        radii = np.full(len(M), np.inf)
+        radii[known] = np.max(np.abs(np.linalg.eigvals(M[known])), axis=1)
+        return radii
+
+
+def _largest_part(growth: Callable[[float], float]) -> float | None:
+    """How large a part of what is in use may be, the first where errors grow; None where they always do."""
+    low = _SMALLEST
+    while growth(low) >= 1:
+        low /= 10
+        if low < _SMALLEST**4:
+            return None
+    high = low * _RATIO
+    while high < 1 and growth(high) < 1:
+        low, high = high, high * _RATIO
+    return _halved(growth, low, min(high, 1.0))
+
+
+def _largest_theta(error: _Error, observer: HighGain, timing: _Timing, part: float) -> float | None:
+    """The theta below the one in use with which errors no longer grow; about in inverse proportion to times."""
+
+    def growth(theta: float) -> float:
+        return error.with_theta(theta).growth(timing)
+
+    high = min(2 * part * observer.theta, observer.theta)
+    low = high / _RATIO
+    for _ in range(_TRIED):
+        if growth(low) < 1:
+            return _halved(growth, low, high)
+        low, high = low / _RATIO, low
+    return None
+
+
+def _halved(growth: Callable[[float], float], low: float, high: float) -> float:
+    """The largest value between two at which errors do not grow."""
+    while high - low > _PRECISION * high:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if growth(middle) < 1 else (low, middle)
+    return low

@@ -1,0 +1,78 @@
+"""What a message says to write of a date is accepted as it stands, at the key where it is wanted."""
+
+from __future__ import annotations
+
+import re
+from datetime import datetime, timedelta
+from pathlib import Path
+
+import pytest
+import yaml
+
+from hgorun.config.data import Data
+from hgorun.data.reading import read
+from hgorun.errors import HgorunError
+
+BEGIN = datetime(2026, 3, 14, 10, 1, 30)
+EARLY = datetime(2026, 3, 1, 10, 1, 30)  # day and month may be exchanged
+FORMS = [
+    "%d.%m.%Y %H:%M:%S",
+    "%m/%d/%Y %H:%M",
+    "%d-%m-%Y %H:%M:%S",
+    "%Y/%m/%dT%H:%M",
+    "%Y%m%dT%H%M%S",
+    "%Y-%d-%m %H:%M",
+]
+
+
+def stamped(start: datetime, form: str, minutes: int = 0) -> list[str]:
+    return [(start + timedelta(minutes=k + minutes)).strftime(form) for k in range(9)]
+
+
+def message_of(folder: Path, columns: dict[str, list[str]], data: dict[str, object]) -> str:
+    """What is said of a log with these columns, empty where it is read."""
+    file = folder / "log.csv"
+    rows = [",".join(row) for row in zip(*columns.values(), strict=True)]
+    file.write_text("\n".join([",".join(f'"{name}"' for name in columns), *rows, ""]))
+    try:
+        read(Data.model_validate({"file": "log.csv", **data}), folder)
+    except HgorunError as error:
+        return str(error)
+    return ""
+
+
+def block(key: str, clock: object) -> dict[str, object]:
+    """The block of a log in which a column of dates is that of a key."""
+    if key == "available":
+        return {"time": "t", "outputs": {"y": {"column": "y", "available": clock}}}
+    return {"time": clock, "outputs": {"y": "y"}}
+
+
+@pytest.mark.parametrize("key", ["time", "available"])
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("column", ["known", "date: known"])
+def test_the_key_that_is_said_reads_the_log(tmp_path: Path, key: str, form: str, column: str) -> None:
+    values = [f"{k % 4}.5" for k in range(9)]
+    other = stamped(BEGIN, "%Y-%m-%dT%H:%M:%S", 0 if key == "available" else 60)
+    columns = {"t": other, "y": values, column: stamped(BEGIN, form, 5)}
+    told = message_of(tmp_path, columns, block(key, column))
+    said = re.search(rf"needs its pattern, such as ({key}: {{.*}})$", told)
+    assert said, told
+    written = yaml.safe_load(said[1])
+    assert written[key]["column"] == column
+    assert message_of(tmp_path, columns, block(key, written[key])) == ""
+
+
+def test_where_day_and_month_may_be_either_both_are_said(tmp_path: Path) -> None:
+    columns = {"t": stamped(EARLY, "%m/%d/%Y %H:%M"), "y": [f"{k % 4}.5" for k in range(9)]}
+    told = message_of(tmp_path, columns, {"time": "t", "outputs": {"y": "y"}})
+    assert told.endswith(
+        'needs its pattern, time: {column: t, format: "%d/%m/%Y %H:%M"} where the day is first, '
+        'time: {column: t, format: "%m/%d/%Y %H:%M"} where the month is'
+    )
+
+
+def test_a_date_that_is_no_time_stamp_is_told_where_it_belongs(tmp_path: Path) -> None:
+    columns = {"t": [str(k) for k in range(9)], "y": stamped(BEGIN, "%Y-%m-%dT%H:%M:%S")}
+    told = message_of(tmp_path, columns, {"time": "t", "outputs": {"y": "y"}})
+    assert told.endswith("dates are read as time stamps, with time: {column: y, format: iso}")

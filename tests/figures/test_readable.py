@@ -1,0 +1,124 @@
+"""What stands in front, labels that fit, ticks that can be read, symbols that mean one thing."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+from drawn import lines
+from examples import chain, simulated
+from matplotlib.figure import Figure
+
+from hgorun import Result
+from hgorun.commands.tune import _names
+from hgorun.explore.picture import styles_of
+from hgorun.figures.bode import bode_figure
+from hgorun.figures.data import Curve, behind
+from hgorun.figures.drawing import comparison
+from hgorun.figures.peaking import peaking
+from hgorun.figures.style import styled
+from hgorun.figures.ticks import tick
+from hgorun.figures.tuning import Tuned, tuning
+from hgorun.result.observer import ObserverResult
+from hgorun.result.theory import Bode, Transient
+from hgorun.study.sentences import read_sentence
+from hgorun.tuning.evidence import Evidence
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    observers = {"A": {"type": "shgo", "theta": 2}, "B": {"type": "fhgo2", "r": 1, "theta": 3}}
+    return simulated(chain(2, "-x1"), observers, end=5)
+
+
+def noisy(result: Result, **sizes: tuple[float, float]) -> Result:
+    """The same run with estimates of both states that go up and down by so much."""
+    wave = np.where(np.arange(result.time.size) % 2, 1.0, -1.0)[:, None]
+    observers = {
+        label: ObserverResult(type="shgo", xhat=result.x + wave * size, internal={}, gains={}, dimension=2)
+        for label, size in sizes.items()
+    }
+    return replace(result, observers=observers)
+
+
+def from_the_back(ax: Any) -> list[str]:
+    drawn = {text: line for text, line in lines(ax).items() if text in ("A", "B", "C")}
+    return sorted(drawn, key=lambda text: float(drawn[text].get_zorder()))
+
+
+def test_a_line_that_is_much_rougher_in_a_panel_is_behind_there(result: Result) -> None:
+    """Though it is smoother in all states together; lines about as rough stay, and so do their widths."""
+    figure = comparison(noisy(result, A=(5.0, 0.1), B=(0.1, 2.0), C=(0.07, 1.9)))
+    assert from_the_back(figure.axes[0]) == ["A", "B", "C"]
+    assert from_the_back(figure.axes[2]) == ["B", "C", "A"]
+    widths = [{text: line.get_linewidth() for text, line in lines(ax).items()} for ax in figure.axes[:3:2]]
+    assert widths[0] == widths[1]
+
+
+def test_lines_in_front() -> None:
+    curves = [Curve(np.arange(3.0), np.array([0.0, size, 0.0])) for size in (1.0, 1.5, 8.0, 0.4)]
+    assert behind(curves) == [2, 0, 1, 3]
+    assert behind(curves[:2]) == [0, 1]
+    assert behind([]) == []
+
+
+def test_errors_beside_bounds_and_on_a_live_page_are_drawn_from_the_roughest(result: Result) -> None:
+    rough = noisy(result, A=(0.01, 0.01), B=(1.0, 1.0))
+    error = np.ones((result.time.size, 2))
+    bound = Transient(("x1", "x2"), result.time, error, 3 * error, 2 * error, True)
+    assert from_the_back(peaking(rough, {"A": bound, "B": bound}).axes[0]) == ["B", "A"]
+    assert list(styles_of(rough)) == ["B", "A"]
+
+
+@pytest.mark.parametrize(("low", "high"), [(2e-4, 6.4e-3), (1.1, 99.0), (0.11, 0.9)])
+def test_a_logarithmic_axis_has_at_least_three_labels(low: float, high: float) -> None:
+    with styled():
+        figure = Figure()
+        ax = figure.add_subplot(yscale="log", ylim=(low, high))
+        tick(ax)
+        figure.draw_without_rendering()
+        shown = [t.get_text() for t, y in zip(ax.get_yticklabels(), ax.get_yticks(), strict=True) if low <= y <= high]
+    assert len([text for text in shown if text]) >= 3
+
+
+def test_noise_has_a_symbol_that_no_state_has(result: Result) -> None:
+    data = Bode(np.logspace(-1, 1, 5), {"A": np.ones((5, 2))}, ("x1", "x2"), np.zeros(0), {})
+    assert [ax.get_ylabel().partition(r" \rightarrow")[0] for ax in bode_figure(data, result).axes] == ["$v"] * 2
+    named = replace(result, states=("p", "v"))
+    figure = bode_figure(replace(data, states=("p", "v")), named)
+    assert [ax.get_ylabel() for ax in figure.axes] == [
+        r"$\mathrm{noise} \rightarrow \hat{p}$",
+        r"$\mathrm{noise} \rightarrow \hat{v}$",
+    ]
+
+
+def tuned(label: str, gains: int) -> Tuned:
+    values = np.geomspace(1.0, 4.0, 5)
+    places = np.tile(values[:, None], (1, gains))
+    return Tuned(
+        label=label, type="shgo", filter_order=None, paths=tuple(f"observers.{label}.k{i}" for i in range(gains)),
+        logarithmic=(True,) * gains, gains=places, goals=values[:, None], met=np.ones(5, dtype=bool),
+        front_gains=places[:1], front=values[:1, None], half=np.array([[0.1]]), chosen=0,
+    )  # fmt: skip
+
+
+def test_a_long_goal_fits_beside_its_panel_and_names_no_single_observer() -> None:
+    text = "rmse('SHGO', speed) + 0.1*tv('SHGO' , current)/tv('SHGO', angle) + peak('SHGO', current)"
+    task = SimpleNamespace(
+        label="SHGO",
+        goals=((text, read_sentence(text, ("run",))),),
+        base=SimpleNamespace(
+            blocks=SimpleNamespace(time=SimpleNamespace(unit="s")), plant=SimpleNamespace(units={"speed": "rad/s"})
+        ),
+    )
+    (name,) = _names([cast(Evidence, SimpleNamespace(task=task))])
+    assert name == "rmse(speed) + 0.1*tv(current)/tv(angle) + peak(current)"
+    figure = tuning([tuned("SHGO", 1), tuned("FHGO", 1)], [name])
+    for ax in figure.axes:
+        box = ax.yaxis.label.get_window_extent()
+        assert ax.yaxis.label.get_text().replace("\n", " ") == name
+        assert box.y0 >= 0
+        assert box.y1 <= figure.legends[0].get_window_extent().y0

@@ -1,0 +1,76 @@
+"""A theta that is too large for how rarely or how late outputs come: named, with what would not be."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+import pytest
+from examples import Block, chain, inline, simulated
+
+PERIOD, LATE = {"sampling": {"period": 0.1}}, {"delay": 0.1}
+DUFFING = inline({"p": "q", "q": "p - p**3 - 0.2*q"}, "p") | {"initial": {"p": 1, "q": 0.5}}
+
+
+def reason(plant: Block, observer: Block, measurement: Block, **more: object) -> str:
+    (found,) = simulated(
+        plant, {"S": observer}, measurement=measurement, **{"end": 10, "output_step": 0.1, **more}
+    ).observers.values()
+    assert found.status == "diverged"
+    assert found.reason is not None
+    return found.reason
+
+
+@pytest.mark.parametrize(
+    ("what", "measurement", "limits"),
+    [  # three integrators: theta T and theta d from which on errors grow, computed apart from this program
+        ("period", PERIOD, [(28, 0.057), (30, 0.06)]),  # 2.896, 3.014
+        ("delay", LATE, [(9.2, 0.018), (13, 0.027)]),  # 0.927, 1.400, the continuous output as 16 samples a delay
+    ],
+)
+def test_the_limits_are_those_of_small_errors(what: str, measurement: Block, limits: list[tuple[float, float]]) -> None:
+    """In two digits, rounded down."""
+    observers: dict[str, Block] = {
+        "S": {"type": "shgo", "theta": 50, "initial": {"x1": 1}},
+        "F": {"type": "fhgo2", "r": 3, "theta": 50, "initial": {"x1": 1}},
+    }
+    result = simulated(chain(3), observers, measurement=measurement, end=4, step=0.005)
+    for observer, (theta, other) in zip(result.observers.values(), limits, strict=True):
+        assert observer.status == "diverged"
+        assert observer.reason is not None
+        assert observer.reason.endswith(
+            f"theta = 50 is too large for the {what} 0.1 s, since small errors grow: "
+            f"give theta of at most {theta}, or a {what} of at most {other:g} s"
+        )
+
+
+def test_what_is_advised_holds_for_a_plant_of_ones_own() -> None:
+    """Where the estimate stays bounded, too."""
+    shgo: Block = {"type": "shgo", "theta": 80, "initial": {"p": 1, "q": 0.4}}
+    grid: Block = {"step": 0.01, "output_step": 0.01}
+    advice = reason(DUFFING, shgo, PERIOD, **grid)
+    said = re.search(r"theta of at most (\S+), or a period of at most (\S+) s$", advice)
+    assert said is not None
+    theta, period = map(float, said.groups())
+    for one, other in ((theta, 0.1), (80.0, period)):
+        sampled: Block = {"sampling": {"period": other}}
+        result = simulated(DUFFING, {"S": shgo | {"theta": one}}, measurement=sampled, end=20, **grid)
+        assert result.observers["S"].status == "ok"
+        assert np.all(np.abs(result.observers["S"].xhat[-1] - result.x[-1]) < 0.01)
+
+
+def test_nothing_is_said_where_it_is_not_theta() -> None:
+    """A gain that is unstable with a continuous output, too."""
+    shgo: Block = {"type": "shgo", "theta": 2, "gains": [-2, 1]}
+    assert "too large" not in reason(chain(2), shgo, PERIOD, end=100, step=0.01)
+
+
+def test_two_times_in_one_reason_are_told_apart() -> None:
+    """The estimate has left at a point of the grid; controlled steps give up a little later."""
+    shgo: Block = {"type": "shgo", "theta": 200}
+    cubic = inline({"p": "q", "q": "p**3 - p"}, "p") | {"initial": {"p": 0.5, "q": 0}}
+    found = reason(cubic, shgo, {"sampling": {"steps": "0.1"}}, end=1, output_step=0.01)
+    said = re.search(r"leaves the truth for good at t = (\S+), and from t = (\S+) on no step is small enough", found)
+    assert said is not None
+    left, given_up = map(float, said.groups())
+    assert 0.2 < left < given_up < 0.23
