@@ -18,7 +18,7 @@ from hgorun.result.windows import MetricSettings
 from hgorun.simulation.lanes import control_of, reduction_of
 from hgorun.simulation.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import late_points, may_be_astray, may_have_left, size_of
+from hgorun.simulation.verdict import enough_late, late_points, may_be_astray, may_have_left, size_of
 from hgorun.symbolic.evaluate import evaluate
 
 
@@ -27,7 +27,8 @@ def fits(run: PreparedRun) -> bool:
     readout = run.structure.outputs.places is not None  # else outputs are looked at along the whole run
     estimates = all(of.places is not None for of in run.structure.estimates) or run.experiment.grid[2] == 1
     alike = all(treatment == "innovation" for treatment in run.treatments)
-    return (not run.adaptive or controllable(run.structure.system)) and alike and readout and estimates
+    late = enough_late(run.grid.size, run.experiment.grid[2])  # else a run alone looks at more points than the metrics
+    return (not run.adaptive or controllable(run.structure.system)) and alike and readout and estimates and late
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -25,6 +26,8 @@ _FEWEST, _MOST, _GROWTH = 3, 200, 1.25  # samples of an output that are tried fo
 _AGREEMENT = 4.0  # standard deviations: each of some 20 fits has to agree, and with 2 half of all exact models did not
 _DIGITS = 10  # of the start: those behind are the C library's, since here CasADi's own functions are called, for speed
 _FUNCTIONS: Memo[tuple[ca.Function, ca.Function]] = Memo(16)
+_MAPPED: Memo[tuple[ca.Function, ca.Function]] = Memo(64)
+_FITS: Memo[_Fit | None] = Memo(64)
 
 
 def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, float]:
@@ -49,7 +52,10 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
     model = prepared.run.plant.model
     guess = dict(prepared.experiment.plant_block.initial)
     x = np.array([float(guess.get(state, 0.0)) for state in model.states])
-    found = _agreeing(prepared, x) if count == AUTO else _fit(_Task.of(prepared, count), x)
+    whole = _Task.of(prepared, _MOST if count == AUTO else count)  # gains of observers, which are tried, change nothing
+    found = _FITS.get(
+        (count == AUTO, x.tobytes(), whole.key), lambda: _agreeing(prepared, x) if count == AUTO else _fit(whole, x)
+    )
     if found is None:
         first = _FEWEST if count == AUTO else count
         message = f"from the first of {first} samples the model leaves all bounds before the last of them"
@@ -165,9 +171,15 @@ class _Task:
         part = np.arange(_STEPS)[:, None] + np.array([0.0, 0.5, 1.0])
         moments = times[:-1, None, None] + np.diff(times)[:, None, None] * part / _STEPS
         u = prepared.u(moments.ravel()).reshape(*moments.shape, len(model.inputs))
-        step, output = _FUNCTIONS.get(same(model), lambda: (_step(model), _output(model)))
-        of_all = step.mapaccum("steps", _STEPS * (times.size - 1), 2) if times.size > 1 else step
-        return cls(model, prepared.run.plant.parameters, times, u, seen, of_all, output.map(times.size))
+        along = _MAPPED.get((same(model), times.size), lambda: _along(model, times.size))
+        return cls(model, prepared.run.plant.parameters, times, u, seen, *along)
+
+    @property
+    def key(self) -> Hashable:
+        """All that a fit depends on, beside its first guess."""
+        numbers = self.parameters, self.times, self.u
+        seen = ((places.tobytes(), values.tobytes(), std) for places, values, std in self.seen)
+        return same(self.model), *(one.tobytes() for one in numbers), *seen
 
     def residuals(self, x: Floats) -> tuple[Floats, Floats]:
         """Estimated minus measured over the standard deviation, and its derivative by the state at the start."""
@@ -205,6 +217,12 @@ class _Task:
 def _numbers(function: ca.Function, *arguments: float | Floats) -> list[Floats]:
     """The matrices that a function gives."""
     return [np.array(one) for one in function(*arguments)]
+
+
+def _along(model: PlantModel, count: int) -> tuple[ca.Function, ca.Function]:
+    """All steps between so many times, one after the other, and the outputs at all of them."""
+    step, output = _FUNCTIONS.get(same(model), lambda: (_step(model), _output(model)))
+    return step.mapaccum("steps", _STEPS * (count - 1), 2) if count > 1 else step, output.map(count)
 
 
 def _step(model: PlantModel) -> ca.Function:

@@ -71,6 +71,17 @@ def jumping(run: PreparedRun) -> frozenset[str]:
     return frozenset(label for label, own in _features_of(run).items() if any(feature.jump for feature in own))
 
 
+def jumps_of(run: PreparedRun, label: str) -> str:
+    """What jumps in the equations of the plant or of an observer, and in which states: ``sign of v``."""
+    model, told = run.plant.model, dict[str, None]()
+    for feature in _features_of(run).get(label, ()):
+        if feature.jump and feature.operation:
+            own = [model.states[k] for k in feature.states if k < model.n]
+            whose = ["estimates"] if any(k >= model.n for k in feature.states) else []
+            told[f"{feature.operation} of {', '.join([*own, *whose])}"] = None
+    return "; ".join(told)
+
+
 def _features_of(run: PreparedRun) -> dict[str, tuple[Feature, ...]]:
     return _FEATURES.get(same(run.structure), lambda: _features(run.structure))
 

@@ -7,8 +7,9 @@ without that bound, and on runs with shorter steps. A run without suspicion cost
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -17,11 +18,11 @@ from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.observers.capabilities import Switching
 from hgorun.result.estimated import Estimated
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.following import may_not_follow, near, no_longer_follows
-from hgorun.simulation.loss import Again, of_estimate, why_lost
+from hgorun.simulation.following import Finely, may_not_follow, near, no_longer_follows
+from hgorun.simulation.loss import Again, at_times, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import ends, estimates_near, grow_alike, left_for_good, may_have_left, swamped
-from hgorun.simulation.why_diverged import singular, with_reason
+from hgorun.simulation.why_diverged import given_up, singular, with_reason
 from hgorun.symbolic.evaluate import Floats
 
 _SHORTER = (4, 16)
@@ -56,7 +57,7 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
         return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
     bounded = any(np.isfinite(raw.diverged[j, 0]) for j in suspects)
     free = (_free(run, raw, suspects, again) if bounded else None) or raw
-    said = {j: judged(run, free, j, again) for j in suspects}
+    said = {j: judged(run, free, j, again, partial(at_times, again, j)) for j in suspects}
     back = [j for j, verdict in said.items() if not verdict.lost]
     enough = _enough(run, free, again, [j for j in suspects if j not in back])
     for j, verdict in said.items():
@@ -65,7 +66,7 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
             verdict = replace(verdict, at=at)  # there its numbers end
         if verdict.status == "diverged" and j not in enough:
             verdict = with_reason(run, free, j, verdict, again, controlled=run.adaptive)
-            verdict = _no_step(run, free, j, verdict) if run.adaptive else verdict
+            verdict = given_up(run, free, j, verdict) if run.adaptive else verdict
         said[j] = _inaccurate(run, free, j, verdict, enough[j], again) if j in enough else verdict
     raw = _with_blocks(run, raw, free, back)
     raw = _ended(run, raw, {j: verdict for j, verdict in said.items() if verdict.lost or j in enough})
@@ -90,13 +91,17 @@ def ends_with_suspects(run: PreparedRun) -> bool:
     return not run.closed and not run.structure.system.jumps and not run.adaptive
 
 
-def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, dict[str, Verdict]]:
+def ended(
+    run: PreparedRun, raw: Raw, again: Again | None = None, same: Again | None = None
+) -> tuple[Raw, dict[str, Verdict]]:
     """What is to be said of the observers of a run without bound, and its numbers up to where they are lost.
 
     Parameters
     ----------
     again : Again, optional
         The run once more, which tells what is undefined where an observer is lost.
+    same : Again, optional
+        The run once more, which tells whether an observer follows its outputs between points that are far apart.
 
     Returns
     -------
@@ -109,7 +114,7 @@ def ended(run: PreparedRun, raw: Raw, again: Again | None = None) -> tuple[Raw, 
     if run.solver.divergence is not None:
         left = [j for j in suspects if np.isfinite(raw.diverged[j, 0])]
         return raw, {run.observers[j].label: _beyond_given(run, raw, j) for j in left}
-    said = {j: judged(run, raw, j, again) for j in suspects}
+    said = {j: judged(run, raw, j, again, None if same is None else partial(at_times, same, j)) for j in suspects}
     lost = {j: verdict for j, verdict in said.items() if verdict.lost}
     verdicts = {run.observers[j].label: verdict for j, verdict in said.items() if verdict != OK}
     if not lost:
@@ -140,7 +145,7 @@ def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> Simulati
     return explained(run, error)
 
 
-def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Verdict:
+def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None, finely: Finely | None = None) -> Verdict:
     """What is to be said of an observer of a run without bound.
 
     It is undefined if some operation was undefined for its arguments before the estimate had left for good; what
@@ -150,7 +155,8 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
     left = _left(run, raw, j, xhat)
     overflow = float(raw.diverged[j, 0])
     if left is None and not np.isfinite(overflow):
-        return _chatter(run, raw, j, xhat) or no_longer_follows(run, raw, j, xhat) or of_estimate(run, raw, j, xhat)
+        astray = _chatter(run, raw, j, xhat) or no_longer_follows(run, raw, j, xhat, finely)
+        return astray or of_estimate(run, raw, j, xhat)
     missing = np.flatnonzero(~np.all(np.isfinite(xhat), axis=1))
     if left is not None and (not missing.size or left < missing[0]):
         return Verdict("diverged", float(run.grid[left]))
@@ -158,26 +164,6 @@ def judged(run: PreparedRun, raw: Raw, j: int, again: Again | None = None) -> Ve
         return of_estimate(run, raw, j, xhat)
     reason = None if again is None or run.adaptive else why_lost(run, again, j, overflow)
     return Verdict("diverged" if reason is None else "undefined", overflow, reason)
-
-
-def no_step(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> dict[str, Verdict]:
-    """The verdicts, where controlled steps have given observers up and nothing else is known of them."""
-    places = {block.label: j for j, block in enumerate(run.observers)}
-    return {label: _no_step(run, raw, places[label], verdict) for label, verdict in verdicts.items()}
-
-
-def _no_step(run: PreparedRun, raw: Raw, j: int, verdict: Verdict) -> Verdict:
-    """What is said of an observer that controlled steps have given up, where nothing else is known of it."""
-    lost = float(raw.diverged[j, 0])
-    if verdict.status != "diverged" or verdict.reason is not None or not np.isfinite(lost):
-        return verdict
-    when = f"{run.origin + lost:.6g}"
-    since = when if verdict.at is None else f"{run.origin + verdict.at:.6g}"
-    why = "its equations are singular there, its gains too large, or the tolerance is out of reach"
-    if since == when:
-        return replace(verdict, reason=f"no step is small enough at t = {when}: {why}")
-    left = f"its estimate leaves the truth for good at t = {since}, and from t = {when} on"
-    return replace(verdict, reason=f"{left} no step is small enough: {why}")
 
 
 def _chatter(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict | None:
@@ -252,7 +238,8 @@ def _enough(run: PreparedRun, free: Raw, again: Again, lost: list[int]) -> dict[
         except (Problem, SimulationError):  # there is no time or no memory for so many steps
             break
         followed = [j for j in left if not np.isfinite(other.diverged[j, 0])]  # to the end of the run
-        enough |= {j: shorter for j in followed if judged(run, other, j) == OK}
+        finely = {j: partial(at_times, again, j, shorter=shorter) for j in followed}
+        enough |= {j: shorter for j in followed if judged(run, other, j, finely=finely[j]) == OK}
         left = [j for j in left if j not in enough and not _repeats(run, free, other, j)]
         if not left:
             break

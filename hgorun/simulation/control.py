@@ -22,8 +22,8 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import NoStep, Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.between_steps import Missed, jumping, missed
-from hgorun.simulation.confirmation import ended, no_step
+from hgorun.simulation.between_steps import Missed, jumping, jumps_of, missed
+from hgorun.simulation.confirmation import ended
 from hgorun.simulation.escape import escaped, explained
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
@@ -32,10 +32,11 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.scheduling import with_events
 from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
 from hgorun.simulation.stopped import SMOOTH, crossed
-from hgorun.simulation.why_diverged import with_reason
+from hgorun.simulation.why_diverged import no_step, with_reason
 
 _AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
 _MOST_EVENTS = 5_000
+_MUCH = 1_000_000  # evaluations: seconds
 _ADVICE = f"write {SMOOTH}, or compare with a run of a given, shorter solver.step"
 
 
@@ -109,8 +110,9 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     verdicts = {label: _doubt(error, run, search.budget.spent) for label, error in late.items()}
     verdicts |= _not_seen(run, how, found.finished.raw) | unseen | _lost(run, found.finished, progress)
     observers = tuple(verdicts.get(b.label, v) for b, v in zip(run.observers, known.verdicts, strict=True))
+    said = _many(run, search.budget.spent, verdicts)
     return Controlled(
-        run=search.run,
+        run=replace(search.run, remarks=(*search.run.remarks, *said)) if said else search.run,
         how=how,
         raw=found.finished.raw,
         measured=replace(known, verdicts=observers),
@@ -202,18 +204,15 @@ def _passed(run: PreparedRun, found: Missed) -> dict[str, Verdict]:
     """What is said of the plant and of observers that pass features between steps."""
     labels = [PLANT, *(block.label for block in run.observers)]
     if found.countless:
-        reason = (
-            f"there are too many jumps or kinks in its equations to tell whether its steps see all of them: {_ADVICE}"
-        )
-        return dict.fromkeys(labels, Verdict("inaccurate", reason=reason))
-    reason = "at t = {:.6g} its steps pass over a part of the equations that is narrow in a state, which may matter: "
-    reason += "compare with a run of a given, shorter solver.step"
+        reason = "there are too many jumps or kinks in its equations to tell whether its steps see all of them"
+        return dict.fromkeys(labels, Verdict("inaccurate", reason=reason + _advice(run, _ADVICE)))
+    reason = "at t = {:.6g} its steps pass over a part of the equations that is narrow in a state, which may matter"
+    reason += _advice(run, "compare with a run of a given, shorter solver.step")
     first = {label: float(np.min(times)) for label, times in found.narrow.items()}
     first |= {label: min(first[PLANT], first.get(label, np.inf)) for label in labels if PLANT in first}
     said = {label: Verdict("inaccurate", reason=reason.format(run.origin + when)) for label, when in first.items()}
-    reason = (
-        f"its equations jump at t = {{:.6g}} shortly before or after those of the plant, within one step: {_ADVICE}"
-    )
+    reason = "its equations jump at t = {:.6g} shortly before or after those of the plant, within one step"
+    reason += _advice(run, _ADVICE)
     lagging = {label: run.origin + float(np.min(times)) for label, times in found.lagging.items()}
     return {label: Verdict("inaccurate", reason=reason.format(when)) for label, when in lagging.items()} | said
 
@@ -224,7 +223,7 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
         return found.verdicts
     raw = integrate(run, found.how, progress)
     again = Again(run, found.how, progress)
-    _, verdicts = ended(run, raw, None if found.how.tolerance else again)
+    _, verdicts = ended(run, raw, None if found.how.tolerance else again, again)
     for j, block in enumerate(run.observers):
         verdict = verdicts.get(block.label)
         if verdict is not None and verdict.status == "diverged":
@@ -237,12 +236,27 @@ def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:
     """What is said of numbers that have not become accurate."""
     solver = run.solver
     size = f"about {error:.1g}" if error < 1 else "of the size of the numbers themselves, or larger"
-    advice = f"; the plant's equations jump: {_ADVICE}" if PLANT in jumping(run) else ""
+    advice = _advice(run, _ADVICE) if PLANT in jumping(run) else ""
     return Verdict(
         "inaccurate",
         reason=f"the integration error is {size} where solver.accuracy allows {solver.accuracy:g}; "
         f"{spent:.2g} evaluations did not make it smaller (solver.max_evaluations: {solver.max_evaluations:g}){advice}",
     )
+
+
+def _many(run: PreparedRun, spent: int, verdicts: Mapping[str, Verdict]) -> tuple[str, ...]:
+    """What is said of a run that takes much longer since the plant's equations jump, where no reason says so."""
+    told = any(verdict.status == "inaccurate" for verdict in verdicts.values())
+    what = jumps_of(run, PLANT) if spent >= _MUCH and not told else ""
+    if not what:
+        return ()
+    return (f"{spent:.2g} evaluations were needed, since the plant's equations jump ({what}); fewer are with {SMOOTH}",)
+
+
+def _advice(run: PreparedRun, otherwise: str) -> str:
+    """What may be done where the plant's equations jump, naming what does, or otherwise."""
+    what = jumps_of(run, PLANT)
+    return f"; the plant's equations jump ({what}): {_ADVICE}" if what else f": {otherwise}"
 
 
 def _stages(search: Search) -> Iterator[Callable[[], bool]]:

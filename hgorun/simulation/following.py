@@ -12,11 +12,13 @@ transient has just begun.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
 
 from hgorun.engine.memory import Raw
+from hgorun.measurement.availability import Stretch
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.signals import noise_at
 from hgorun.result.estimated import Estimated
@@ -25,7 +27,10 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import astray, ends, may_be_astray, size_of
 from hgorun.symbolic.evaluate import Floats
 
+Finely = Callable[[Floats], Raw]
+
 _AMPLIFIED = 10.0  # times the noise: what gains just below the largest for a period make of it
+_A_SWING, _FINER = 8, 40_000  # points of a finer grid between two samples, and all of them at most
 _SAMPLES = 100_000  # whose noise is looked at, where there are more
 
 
@@ -52,7 +57,7 @@ def may_not_follow(run: PreparedRun, points: np.ndarray, rows: Floats, j: int, x
     rows, xhat : ndarray, shapes (len(points), states) and (len(points), n)
         All states there, and the estimate of observer j.
     """
-    y, yhat = _outputs(run, points, rows, j, xhat)
+    y, yhat = _outputs(run, run.grid[points], rows, j, xhat)
     largest = np.max(np.abs(yhat[1:] - y[1:]), axis=0)
     return bool(may_be_astray(largest, size_of(rows[:, run.structure.truths[j]], xhat)))
 
@@ -63,23 +68,31 @@ def _late_or_sampled(run: PreparedRun) -> bool:
 
 
 @np.errstate(over="ignore", invalid="ignore")
-def no_longer_follows(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict | None:
+def no_longer_follows(run: PreparedRun, raw: Raw, j: int, xhat: Floats, finely: Finely | None = None) -> Verdict | None:
     """``diverged`` from the time on from which an observer does not follow an output.
 
     Parameters
     ----------
     xhat : ndarray, shape (N, n)
         The estimate of observer j on the run's grid.
+    finely : callable, optional
+        The same run at other times, for a grid whose points are so far apart that an error may swing between them.
     """
-    points, rows = ends(len(xhat), run.experiment.grid[2]), raw.rows[:, :, 0]
+    times, points, rows = run.grid, ends(len(xhat), run.experiment.grid[2]), raw.rows[:, :, 0]
     if not _late_or_sampled(run) or not may_not_follow(run, points, rows[points], j, xhat[points]):
         return None
-    y, yhat = _outputs(run, np.arange(len(xhat)), rows, j, xhat)
+    y, yhat = _outputs(run, times, rows, j, xhat)
     largest = np.max(np.abs(y), axis=0)
     noise = [_AMPLIFIED * _noise(run, c, size) for c, size in zip(run.channels, largest.tolist(), strict=True)]
     states = rows[:, run.structure.truths[j]]
     size = max(float(size_of(states, xhat)), float(size_of(y, yhat)), *noise)
     found = astray(y, yhat, size, points[1:])
+    finer = _finer_grid(run)
+    off = may_be_astray(np.max(np.abs(yhat - y)[points[1:]], axis=0), np.array(size))
+    if found is None and finely is not None and finer is not None and np.any(off):  # it may swing between the points
+        times, rows = finer, finely(finer).rows[:, :, 0]
+        y, yhat = _outputs(run, times, rows, j, run.structure.estimates[j].along(times, run.numbers.p, rows))
+        found = astray(y, yhat, size, ends(len(times))[1:])
     if found is None:
         return None
     output, point = found
@@ -88,15 +101,36 @@ def no_longer_follows(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdi
         f"its estimate of {name} errs by up to {error:.2g}, this way and that, where all states, outputs, first errors "
         f"and {_AMPLIFIED:g} times the noise are at most {size:.2g}: it no longer follows what is measured"
     )
-    return Verdict("diverged", float(run.grid[point]), reason)
+    return Verdict("diverged", float(times[point]), reason)
 
 
-def _outputs(run: PreparedRun, points: np.ndarray, rows: Floats, j: int, xhat: Floats) -> tuple[Floats, Floats]:
+def _finer_grid(run: PreparedRun) -> Floats | None:
+    """Times between which no error swings that comes from periods or delays; None where those of the run are so close.
+
+    They are those of the end of the run, where it would be too many.
+    """
+    apart = [_apart(s, run.span) for channel in run.channels for s in channel.stretches]
+    spacing, end = min(apart) / _A_SWING, float(run.grid[-1])
+    if run.grid.size < 2 or run.grid[1] - run.grid[0] <= 2 * spacing * (1 + 1e-9):
+        return None
+    last = int(end / spacing * (1 + 1e-12))
+    return np.asarray(spacing * np.arange(max(last - _FINER, 0), last + 1))
+
+
+def _apart(stretch: Stretch, span: float) -> float:
+    """The time between samples, or their delay, which an error that grows from one to the next swings with."""
+    delay = float(np.max(stretch.delay_at(np.array([stretch.start, stretch.end]))))
+    if stretch.continuous:
+        return delay if delay > 0 else span
+    return stretch.period or span
+
+
+def _outputs(run: PreparedRun, times: Floats, rows: Floats, j: int, xhat: Floats) -> tuple[Floats, Floats]:
     """The outputs without noise of what an observer estimates, and of its estimate, without whole periods between.
 
-    Shapes (len(points), q).
+    Shapes (len(times), q).
     """
-    structure, model, times = run.structure, run.plant.model, run.grid[points]
+    structure, model = run.structure, run.plant.model
     if structure.outputs.places is not None:
         places = structure.outputs.places
         y, yhat = rows[:, [structure.truths[j][k] for k in places]], xhat[:, places]

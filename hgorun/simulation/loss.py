@@ -38,6 +38,11 @@ class Again(Protocol):
         ...
 
 
+def at_times(again: Again, j: int, times: Floats, *, shorter: int = 1) -> Raw:
+    """A run once more with rows at other times, up to where an observer has overflowed."""
+    return again.integrate(again.plan(shorter).with_grid(times), [j])
+
+
 def of_estimate(run: PreparedRun, raw: Raw, j: int, xhat: Floats) -> Verdict:
     """``undefined`` from the first point on where the estimate is not a number.
 

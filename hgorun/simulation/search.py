@@ -26,7 +26,7 @@ from hgorun.simulation.ladder import (
     steps_left,
 )
 from hgorun.simulation.measured import Measured, measured
-from hgorun.simulation.passes import Pass, integrate, part_of_error
+from hgorun.simulation.passes import Again, Pass, integrate, part_of_error
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.stopped import stopped
 
@@ -59,7 +59,7 @@ class Budget:
             self.spent += int(error.args[0]) * how.evaluations_of_a_step
             raise
         self.spent += raw.tries * how.evaluations_of_a_step
-        raw, verdicts = ended(self.run, raw)
+        raw, verdicts = ended(self.run, raw, same=Again(self.run, how))
         return Finished(how, raw, verdicts, measured(self.run, raw, verdicts))
 
 

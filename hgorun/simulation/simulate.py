@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from hgorun.engine.memory import Raw
@@ -71,7 +72,9 @@ def simulate_prepared(
             from hgorun.simulation.control import controlled  # not for the short runs of a given step
 
             best = controlled(run, progress)
-            return record(run, best.raw, best.measured, best.integration, best.of_plant)
+            return record(
+                replace(run, remarks=best.run.remarks), best.raw, best.measured, best.integration, best.of_plant
+            )
         how = as_given(run)
         again = Again(run, how, progress)
         try:

@@ -95,10 +95,19 @@ def late_points(count: int) -> slice:
 
 
 def ends(count: int, every: int = 1) -> NDArray[np.int64]:
-    """The first of so many points, and some of the last ones: whole multiples of every so many points from the end."""
-    late = late_points(count)
+    """The first of so many points, and some of the last ones.
+
+    These are whole multiples of every so many points from the end, where there are :func:`enough_late` of them.
+    """
+    late, every = late_points(count), every if enough_late(count, every) else 1
     apart = every * max((late.stop - late.start) // (_LOOKED_AT * every), 1)
     return np.array([0, *reversed(range(count - 1, late.start - 1, -apart))])
+
+
+def enough_late(count: int, every: int) -> bool:
+    """Whether every so many of the last points are not too few to tell of an error that swings, or are all of them."""
+    late = late_points(count)
+    return every == 1 or (late.stop - late.start) // every >= _LOOKED_AT
 
 
 @np.errstate(invalid="ignore", over="ignore")

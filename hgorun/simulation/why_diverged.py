@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import casadi as ca
@@ -48,6 +48,26 @@ def with_reason(
         found = _too_fast(run, raw, j, again)
     known = [reason for reason in (said, found) if reason]
     return replace(verdict, reason="; ".join(known) or None)
+
+
+def no_step(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> dict[str, Verdict]:
+    """The verdicts, where controlled steps have given observers up and nothing else is known of them."""
+    places = {block.label: j for j, block in enumerate(run.observers)}
+    return {label: given_up(run, raw, places[label], verdict) for label, verdict in verdicts.items()}
+
+
+def given_up(run: PreparedRun, raw: Raw, j: int, verdict: Verdict) -> Verdict:
+    """What is said of an observer that controlled steps have given up, where nothing else is known of it."""
+    lost = float(raw.diverged[j, 0])
+    if verdict.status != "diverged" or verdict.reason is not None or not np.isfinite(lost):
+        return verdict
+    when = f"{run.origin + lost:.6g}"
+    since = when if verdict.at is None else f"{run.origin + verdict.at:.6g}"
+    why = "its equations are singular there, its gains too large, or the tolerance is out of reach"
+    if since == when:
+        return replace(verdict, reason=f"no step is small enough at t = {when}: {why}")
+    left = f"its estimate leaves the truth for good at t = {since}, and from t = {when} on"
+    return replace(verdict, reason=f"{left} no step is small enough: {why}")
 
 
 def singular(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:

@@ -24,6 +24,13 @@ from hgorun.symbolic.kinks import STEPS, apply_to, levels_of
 from hgorun.symbolic.levels import Levels, zero
 
 _SWITCHES = STEPS - {ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND, ca.OP_OR} | {ca.OP_FABS, ca.OP_FMIN, ca.OP_FMAX}
+_WRITTEN = {
+    ca.OP_SIGN: "sign",
+    ca.OP_FLOOR: "floor",
+    ca.OP_CEIL: "ceil",
+    ca.OP_LT: "a comparison",
+    ca.OP_LE: "a comparison",
+}
 _RAMPS = {ca.OP_TANH, ca.OP_ATAN}
 _EXPONENTIALS = {ca.OP_EXP, ca.OP_EXPM1, ca.OP_COSH, ca.OP_SINH}
 _QUOTIENTS = {ca.OP_DIV, ca.OP_INV}
@@ -65,6 +72,8 @@ class Feature:
         Whether it switches from one value to another, so that equations are not continuous there.
     even : bool
         Whether both signs of the argument make a peak.
+    operation : str
+        What switches, as it is written in an expression; empty where that is something else.
     """
 
     argument: Smooth
@@ -76,6 +85,7 @@ class Feature:
     ramp: bool = False
     jump: bool = False
     even: bool = False
+    operation: str = ""
 
     def found(self, curve: Curve, p: Floats, step: int = 1) -> Floats:
         """When a curve passes it, in ascending order; ``step``: how many cells a step may be as long as."""
@@ -220,7 +230,7 @@ def features_of(functions: Sequence[ca.Function], states: Sequence[int]) -> tupl
                 key = kind, str(argument)
                 within = _within(argument, z, states)
                 if within and key not in known and not ca.depends_on(argument, ca.SX.sym("w")):
-                    known[key] = _feature(kind, argument, levels, within, (t, p, z))
+                    known[key] = _feature(op, kind, argument, levels, within, (t, p, z))
     return tuple(known.values())
 
 
@@ -269,7 +279,7 @@ def _within(argument: ca.SX, z: ca.SX, states: Sequence[int]) -> tuple[int, ...]
 
 
 def _feature(
-    kind: str, argument: ca.SX, levels: Levels | None, states: tuple[int, ...], symbols: tuple[ca.SX, ca.SX, ca.SX]
+    op: int, kind: str, argument: ca.SX, levels: Levels | None, states: tuple[int, ...], symbols: tuple[ca.SX, ...]
 ) -> Feature:
     t, p, z = symbols
     s = ca.SX.sym("s", 2 + 4 * len(states))
@@ -287,4 +297,5 @@ def _feature(
         ramp=kind == "ramp",
         jump=kind == "jump",
         even=kind == "even",
+        operation=_WRITTEN.get(op, ""),
     )

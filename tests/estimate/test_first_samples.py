@@ -13,6 +13,7 @@ from recordings import held_input, observers, recording, signal, source
 
 from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
+from hgorun.estimate import starting
 from hgorun.estimate.completed import completed, known_later
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
@@ -181,3 +182,38 @@ def test_a_start_from_a_sample_that_is_known_later_is_told(
     config = source({"plant": OSCILLATOR, "observers": {"o": block}, "solver": {"step": 0.01}})
     found = list(known_later(completed(config, recorded, "start", ""), recorded))
     assert [words.partition(":")[0] + ":" + words.split(":")[1] for words in found] == told
+
+
+def test_a_fit_is_made_again_only_where_what_it_depends_on_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Gains of an observer are not; samples, their noise, parameters and inputs are."""
+    made: list[int] = []
+    fit = starting._fit
+
+    def counted(task: starting._Task, x: np.ndarray) -> starting._Fit | None:
+        made.append(1)
+        return fit(task, x)
+
+    monkeypatch.setattr(starting, "_fit", counted)
+
+    def again(a: np.ndarray, theta: float, k: float = 4.0, std: float = 0.01, **more: Any) -> bool:
+        made.clear()
+        plant = plant_of({"a": "b", "b": "-k*a + u"}, "a") | {
+            "parameters": {"k": k},
+            "inputs": {"u": more.get("u", "0")},
+        }
+        config = {"plant": plant, "observers": {"o": {"type": "shgo", "theta": theta}}, "solver": {"step": 0.01}}
+        recorded = replace(recording(signal("a", TIMES, a, std=std)), first_samples=more.get("count", 6))
+        completed(source(config), recorded, "start", "")
+        return bool(made)
+
+    a = np.cos(2 * TIMES)
+    starting._FITS.clear()
+    assert again(a, 2)
+    assert not again(a, 3)
+    assert again(a, 3, k=5)
+    assert again(a, 3, std=0.02)
+    assert again(2 * a, 3)
+    assert again(a, 3, u="sin(t)")
+    assert again(a, 3, count=5)
+    assert again(a, 3, count="auto")
+    assert not again(a, 4, count="auto")

@@ -54,13 +54,18 @@ def test_the_size_is_that_of_all_states_and_first_errors() -> None:
     assert size_of(x, x + np.array([[0.0, np.nan], [9.0, 9.0]])) == 4
 
 
-@pytest.mark.parametrize(("count", "every"), [(2, 1), (11, 1), (1001, 1), (1001, 10), (6001, 3)])
+@pytest.mark.parametrize(("count", "every"), [(2, 1), (11, 1), (1001, 1), (1001, 5), (6001, 3)])
 def test_the_last_points_lie_on_the_grid_of_the_metrics(count: int, every: int) -> None:
     """Of these alone a sweep knows the errors."""
     first, *late = ends(count, every).tolist()
     assert first == 0
     assert late[-1] == count - 1
     assert all(point % every == 0 and point >= 0.9 * count - 1 for point in late)
+
+
+def test_points_of_the_metrics_that_are_too_few_are_not_all() -> None:
+    """Every fiftieth of the last hundred would be two."""
+    assert ends(1001, 50).tolist() == ends(1001).tolist()
 
 
 def van_der_pol(thetas: dict[str, float], measurement: dict[str, Any], **other: Any) -> dict[str, Any]:
@@ -101,6 +106,37 @@ def test_gains_that_are_too_large_for_anything(tmp_path: Path) -> None:
     """With an automatic step, which is as short as the observer needs."""
     config = van_der_pol({"S": 1e9}, SAMPLED, solver={"step": "auto"})
     assert run(tmp_path, config).status == "diverged"
+
+
+RECORDED: list[dict[str, Any]] = [
+    {"time": {"end": 10, "output_step": 0.1}},  # a point a sample: the errors seem to keep their sign
+    {"time": {"end": 10, "output_step": 2.5}},
+    {"metrics": {"record": 0.1}},
+    {"metrics": {"record": 5}},
+    {"metrics": {"record": 0.005}, "time": {"end": 10, "output_step": 5}},
+]
+
+
+@pytest.mark.parametrize(
+    ("solver", "records"),
+    [({"step": 0.01, "method": "rk4"}, RECORDED), ({"step": "auto"}, RECORDED[:1])],
+    ids=["given", "auto"],
+)
+def test_it_does_not_depend_on_what_is_recorded(
+    solver: dict[str, Any], records: list[dict[str, Any]], tmp_path: Path
+) -> None:
+    """Both poles at -theta: small errors grow from 50 on, and 80 keeps the sign of its errors at the samples."""
+    plant = {"states": ["p", "q"], "dynamics": {"p": "q", "q": "p - p**3 - 0.2*q"}, "output": "p"}
+    duffing = {"plant": plant | {"initial": {"p": 1, "q": 0.5}}, "solver": solver}
+    for recorded in records:
+        found = run(tmp_path, van_der_pol({"A": 30, "B": 80}, SAMPLED, **duffing, **recorded)).observers
+        assert {label: one.status for label, one in found.items()} == {"A": "ok", "B": "diverged"}, recorded
+
+
+@pytest.mark.parametrize("recorded", [RECORDED[0], RECORDED[3]])
+def test_a_sweep_does_not_depend_on_it_either(recorded: dict[str, Any], tmp_path: Path) -> None:
+    base = load(tmp_path, van_der_pol({"S": 1}, SAMPLED, **recorded))
+    assert words(hgorun.sweep(base, {"observers.S.theta": [30.0, 80.0]})) == ["ok", "diverged"]
 
 
 def words(swept: Sweep) -> list[str]:
