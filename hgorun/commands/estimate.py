@@ -22,7 +22,7 @@ from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout,
 from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
-from hgorun.process import keep_memory
+from hgorun.process import keep_memory, take_short_turns
 from hgorun.result.result import Result
 from hgorun.study.split import split
 
@@ -56,6 +56,7 @@ def estimate(options: Estimate) -> int:
         with source.located():
             return export_samples(log.read(), log.all_files, options.export_samples, quiet=not options.text)
     keep_memory()
+    take_short_turns()
     target = _target(options, name)
     _refuse_to_overwrite(options, log, target)
     with source.located(), ThreadPoolExecutor(1) as pool:
