@@ -22,7 +22,7 @@ from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout,
 from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
-from hgorun.process import keep_memory
+from hgorun.process import keep_memory, take_short_turns
 from hgorun.result.result import Result
 from hgorun.study.split import split
 
@@ -56,12 +56,13 @@ def estimate(options: Estimate) -> int:
         with source.located():
             return export_samples(log.read(), log.all_files, options.export_samples, quiet=not options.text)
     keep_memory()
+    take_short_turns()
     target = _target(options, name)
     _refuse_to_overwrite(options, log, target)
     with source.located(), ThreadPoolExecutor(1) as pool:
         files = pool.submit(log.open)
         # what takes longest to import, while machine code reads the files
-        from hgorun.commands.remarks import warn
+        from hgorun.commands.remarks import of_run, warn
         from hgorun.estimate.completed import ready
         from hgorun.estimate.estimate import estimate as estimated
         from hgorun.estimate.long_log import estimate_into
@@ -81,7 +82,7 @@ def estimate(options: Estimate) -> int:
             result.save(target)
     except HgorunError:
         for note in recording.notes:  # what was found in the log may be why
-            print(f"hgorun: {name}: {note}", file=sys.stderr)
+            print(f"hgorun: {of_run(name, str(note))}", file=sys.stderr)
         raise
     file = str(target)
     warn(result)

@@ -10,7 +10,7 @@ import numpy as np
 import yaml
 
 from hgorun.data.recording import Note
-from hgorun.data.units import converted, foreign, is_time, is_unit, meant_for
+from hgorun.data.units import are_usual, converted, foreign, is_time, is_unit, meant_for
 from hgorun.errors import KeyPath, Problem
 
 _IN_NAME = re.compile(r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60})\)|\sin\s+(\S{1,60}))\s*")
@@ -52,6 +52,8 @@ def _convertible(said: str, wanted: str) -> str | None:
 def _same_kind(unit: str, other: str) -> bool:
     if unit == other or not (unit and other) or unit.isdigit():
         return unit == other
+    if not are_usual(unit, other):
+        return False
     try:
         converted(np.zeros(1), unit, other, ())
     except Problem:

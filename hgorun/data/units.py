@@ -12,6 +12,7 @@ import numpy as np
 
 from hgorun.config.expressions import nearest
 from hgorun.config.time_units import SECONDS, SHORT
+from hgorun.data.readable_units import DEFINED, may_be_read
 from hgorun.data.usual_units import in_other_letters, is_usual, unusual
 from hgorun.errors import KeyPath, Problem
 
@@ -61,13 +62,6 @@ _ABBREVIATED = re.compile(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
 _POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
 _TURNS = ("turn", "hertz", "revolutions_per_minute", "revolutions_per_second", "cycle")
 _BITS = ("bit", "byte")
-_DEFINED = (
-    "gauss_in_tesla = 1e-4 tesla = G = gauss",
-    "oersted_in_ampere_per_meter = 250 / pi * ampere / meter = Oe = oersted",
-    "volt_ampere_reactive = watt = var",
-    "part_per_billion = 1e-9 = ppb",
-)
-"""Units that pint has none of, or in a system where they are of another kind."""
 _ABBREVIATIONS = {
     **dict.fromkeys(("mil", "mils"), "thou"),
     "mD": "millidarcy",
@@ -113,7 +107,7 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     Problem
         At ``path``, when a unit is not known or when the two are of different kinds.
     """
-    if _written_out(unit) == _written_out(wanted):
+    if _written_out(unit) == _written_out(wanted) or (are_usual(unit) and _usual(unit) == _usual(wanted)):
         return values
     from pint.errors import DimensionalityError
 
@@ -154,10 +148,18 @@ def _turns_alone(unit: pint.Unit, other: pint.Unit) -> bool:
     return any(turns) and angles[0] != angles[1]
 
 
+def are_usual(*units: str) -> bool:
+    """Whether texts are units that are converted, or say that there is none; told without pint.
+
+    To import it takes longer than many a run takes.
+    """
+    return all(unit in NO_UNIT or unusual(_usual(unit)) is None for unit in units)
+
+
 def not_known(unit: str) -> str:
     """That a unit is not known, with what may be meant; empty where it is, or says that there is none."""
-    if unit in NO_UNIT or unusual(_usual(unit)) is None:
-        return ""  # without pint, which takes longer to import than many a run takes
+    if are_usual(unit):
+        return ""
     try:
         _parsed(_registry(), unit, ())
     except Problem:
@@ -172,6 +174,8 @@ def is_time(unit: str) -> bool:
 
 def is_unit(text: str) -> bool:
     """Whether a text is a unit that numbers can have."""
+    if not are_usual(text):
+        return is_time(text)
     try:
         _parsed(_registry(), text, ())
     except Problem:
@@ -186,6 +190,8 @@ def alike_times(unit: str, other: str) -> bool:
 
 def alike(unit: str, other: str) -> bool:
     """Whether two texts mean the same unit, as degC and °C do; not where one is unknown."""
+    if unit != other and not are_usual(unit, other):
+        return _written_out(unit) == _written_out(other)
     two = np.array([0.0, 1.0])
     try:
         return bool(np.allclose(converted(two, unit, other, ()), two, rtol=1e-12, atol=1e-12))
@@ -208,7 +214,7 @@ def foreign(unit: str, wanted: str) -> bool:
 def _read_as(unit: str, wanted: str) -> bool | None:
     """Whether a library reads a text as the same unit as another; None where it is of another kind or none."""
     two, written = np.array([0.0, 1.0]), [_usual(one) for one in (unit, wanted)]
-    if unit.isdigit() or not all(_UNIT.fullmatch(one) for one in written):
+    if unit.isdigit() or not all(_UNIT.fullmatch(one) and may_be_read(one) for one in written):
         return None
     with suppress(Exception), np.errstate(divide="ignore"):  # whatever its parser stumbles over
         found, target = (_registry().Unit(one) for one in written)
@@ -230,7 +236,7 @@ def _registry() -> pint.UnitRegistry[float]:
     registry: pint.UnitRegistry[float] = pint.UnitRegistry(
         autoconvert_offset_to_baseunit=True, on_redefinition="ignore"
     )
-    for definition in _DEFINED:
+    for definition in DEFINED:
         registry.define(definition)
     return registry
 

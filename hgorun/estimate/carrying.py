@@ -124,9 +124,24 @@ def _error(
     with np.errstate(invalid="ignore"):
         for piece in _pieces(grid.size):
             for j, a in enumerate(estimates(prepared, grid[piece], raw, piece) if xhat is None else xhat):
-                sizes[j] = np.maximum(sizes[j], np.max(np.abs(a), axis=0))
-                gaps[j] = np.maximum(gaps[j], np.max(np.abs(a - beside[j][piece]), axis=0))
+                note_difference(sizes[j], gaps[j], a, beside[j][piece])
     return relative_error(part, sizes, gaps)
+
+
+def note_difference(sizes: Floats, gaps: Floats, own: Floats, other: Floats) -> None:
+    """Note how large estimates are, (n_t, n) of them, and how far from those with other steps.
+
+    Column by column: numpy takes eight times as long for rows of few numbers.
+
+    Parameters
+    ----------
+    sizes, gaps : ndarray, shape (n,)
+        The largest so far, which are changed.
+    own, other : ndarray, shape (n_t, n)
+    """
+    for k, (a, b) in enumerate(zip(own.T, other.T, strict=True)):
+        sizes[k] = np.maximum(sizes[k], np.max(np.abs(a)))
+        gaps[k] = np.maximum(gaps[k], np.max(np.abs(a - b)))
 
 
 def relative_error(part: float, sizes: Floats, gaps: Floats) -> Floats:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from hgorun.engine.methods import METHODS
-from hgorun.estimate.carrying import ORDER, UNEVEN, relative_error
+from hgorun.estimate.carrying import ORDER, UNEVEN, note_difference, relative_error
 from hgorun.estimate.evaluated import Compared
 from hgorun.estimate.samples import Sampled
 from hgorun.result.recorded import RecordedOutput
@@ -108,8 +108,7 @@ class Found:
         with np.errstate(invalid="ignore"):
             for j, (a, b) in enumerate(zip(own, other, strict=True)):
                 if len(a):
-                    self.sizes[j] = np.maximum(self.sizes[j], np.max(np.abs(a), axis=0))
-                    self.gaps[j] = np.maximum(self.gaps[j], np.max(np.abs(a - b), axis=0))
+                    note_difference(self.sizes[j], self.gaps[j], a, b)
 
     def error(self, method: str) -> Floats:
         """Of every observer, as far as it has been compared."""

@@ -133,7 +133,8 @@ class LongLog:
         other, evaluations = self._begin(), len(METHODS[self._prepared.method].c)
         with (
             ahead(planned(self._stretches, self._grid, self._asked, step)) as stretches,
-            ahead(passed(stretches, own, self._bound)) as passes,
+            # two, since some stretches take longer to tell of than to carry out
+            ahead(passed(stretches, own, self._bound), 2) as passes,
         ):
             for one in passes:
                 self._tell(one, step, other, found, file)
