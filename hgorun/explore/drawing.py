@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Sequence
+from functools import cache
+from importlib.resources import files
 from typing import Any
 
 import numpy as np
 from bokeh.models import (
     ColorBar,
     ColumnDataSource,
+    CustomJSTicker,
     CustomJSTickFormatter,
     FactorRange,
     HoverTool,
@@ -38,7 +41,7 @@ _MARKERS = {
     "o": "circle", "s": "square", "^": "triangle", "D": "diamond", "v": "inverted_triangle", "P": "plus", "X": "x",
     "<": "triangle", ">": "triangle", "h": "hex",
 }  # fmt: skip
-_ACROSS, _UP = 3, 4  # ticks of a logarithmic axis, about
+_ACROSS, _UP = 5, 6  # ticks of a logarithmic axis, at most
 _LOGARITHMIC = 5.0
 _MOST_LEVEL = 5  # labels of an axis, without turning them
 _MOST_POINTS = 3_000  # of a scatter
@@ -241,11 +244,17 @@ def _plot(x: str, y: str, **options: Any) -> Plot:
     plot = new_figure(**_SIZE, tools=_TOOLS, x_axis_label=x, y_axis_label=y, output_backend="canvas", **options)
     plot.toolbar.logo = None
     plot.toolbar.autohide = True
-    for axis, few in ((plot.xaxis, _ACROSS), (plot.yaxis, _UP)):
-        if isinstance(axis[0].ticker, LogTicker):  # evenly spaced numbers crowd at the upper end of a logarithmic axis
-            axis.ticker.desired_num_ticks = few
+    plot.border_fill_color = None  # the page's is seen; of one of its own a rim stays when it changes with the scheme
+    for axis, most in ((plot.xaxis, _ACROSS), (plot.yaxis, _UP)):
+        if isinstance(axis[0].ticker, LogTicker):
+            axis.ticker = CustomJSTicker(major_code=_ticks(), minor_code=_ticks(), args={"most": most})
             axis.formatter = CustomJSTickFormatter(code="return String(Number(tick.toPrecision(4)))")
     return plot
+
+
+@cache
+def _ticks() -> str:
+    return (files("hgorun.explore") / "log_ticks.js").read_text(encoding="utf-8")
 
 
 def _finished(plot: Plot) -> Plot:

@@ -8,6 +8,9 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
 from hgorun.figures.style import DPI, styled
@@ -15,11 +18,15 @@ from hgorun.files import written_whole
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+    from PIL import Image
 
+Floats = NDArray[np.float64]
 Writer = Callable[[Path], None]
 
 # A small PNG has the first of these resolutions and numbers of colours with which it is small enough.
 _SMALL, _SMALL_BYTES = ((90, 64), (90, 32), (90, 16), (75, 16), (60, 16)), 40_000
+_GREYS = 6  # of a small PNG, black and white among them
+_GREY = 0.08  # differences of red, green and blue up to which a colour counts as a grey
 # What of the metadata would change from day to day, or from one version of matplotlib to the next.
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
@@ -67,7 +74,8 @@ def save(figure: Figure, path: str | Path, formats: Sequence[str] = ("png", "pdf
 def thumbnail(figure: Figure, path: str | Path) -> Path:
     """Write a figure as a small PNG for reports that are kept under version control.
 
-    90 dpi in 64 colours; fewer colours, then fewer dots, where it would have more than 40 kB.
+    90 dpi in 64 colours; fewer colours, then fewer dots, where it would have more than 40 kB. Among the colours are
+    those of its lines, however few the points of one are.
 
     Parameters
     ----------
@@ -85,17 +93,49 @@ def thumbnail(figure: Figure, path: str | Path) -> Path:
         from PIL import Image
 
         drawn: dict[int, Image.Image] = {}
+        own = _colours(figure)
         for dpi, colours in _SMALL:
             if dpi not in drawn:
                 pixels = io.BytesIO()
                 figure.savefig(pixels, format="png", dpi=dpi, metadata=_METADATA["png"])
                 with Image.open(pixels) as image:
                     drawn[dpi] = image.convert("RGB")
-            drawn[dpi].quantize(colours, dither=Image.Dither.NONE).save(part, format="PNG", optimize=True)
+            _reduced(drawn[dpi], own, colours).save(part, format="PNG", optimize=True)
             if part.stat().st_size <= _SMALL_BYTES:
                 break
 
     return _write({Path(path): write})[0]
+
+
+def _colours(figure: Figure) -> list[Floats]:
+    """Those of lines, without greys: red, green and blue from 0 to 1."""
+    from matplotlib.colors import to_rgb
+    from matplotlib.lines import Line2D
+
+    found = {to_rgb(line.get_color()) for line in figure.findobj(Line2D)}
+    return [np.array(one) for one in sorted(found) if max(one) - min(one) > _GREY]
+
+
+def _reduced(image: Image.Image, own: Sequence[Floats], count: int) -> Image.Image:
+    """An image in so many colours: greys, and its own ones with equally many tints of each.
+
+    The usual choice of colours goes by how many points have them, and would draw a thin line in another one's colour.
+    """
+    from PIL import Image
+
+    tints = (count - _GREYS) // max(len(own), 1)
+    if not own or not tints:
+        return image.quantize(count, dither=Image.Dither.NONE)
+    mixed = [1 - (1 - one) * (k + 1) / tints for one in own for k in range(tints)]
+    palette = np.rint(255 * np.array([*np.linspace(0, 1, _GREYS)[:, None] * np.ones(3), *mixed])).astype(np.uint8)
+    points = np.asarray(image, dtype=np.int64)
+    packed = points[..., 0] << 16 | points[..., 1] << 8 | points[..., 2]
+    seen, places = np.unique(packed, return_inverse=True)
+    apart = np.stack([seen >> 16, seen >> 8 & 255, seen & 255], axis=1)[:, None] - palette.astype(np.int64)
+    nearest_one = np.argmin((apart**2).sum(axis=2), axis=1).astype(np.uint8)
+    found = Image.fromarray(nearest_one[places].reshape(packed.shape))
+    found.putpalette(palette.tobytes())
+    return found
 
 
 def _write(writers: Mapping[Path, Writer]) -> list[Path]:

@@ -11,6 +11,7 @@ import pytest
 from drawn import lines
 from examples import chain, simulated
 from matplotlib.figure import Figure
+from PIL import Image
 
 from hgorun import Result
 from hgorun.commands.tune import _names
@@ -18,6 +19,7 @@ from hgorun.explore.picture import styles_of
 from hgorun.figures.bode import bode_figure
 from hgorun.figures.data import Curve, behind
 from hgorun.figures.drawing import comparison
+from hgorun.figures.files import _colours, _reduced
 from hgorun.figures.peaking import peaking
 from hgorun.figures.style import styled
 from hgorun.figures.ticks import tick
@@ -122,3 +124,21 @@ def test_a_long_goal_fits_beside_its_panel_and_names_no_single_observer() -> Non
         assert ax.yaxis.label.get_text().replace("\n", " ") == name
         assert box.y0 >= 0
         assert box.y1 <= figure.legends[0].get_window_extent().y0
+
+
+def test_a_thin_line_keeps_its_colour_beside_wide_ones_in_a_small_picture() -> None:
+    """Of sixteen colours; the usual choice would take them all for the wide one."""
+    shade = np.random.default_rng(0).uniform(size=(90, 90, 1))
+    wide, thin = np.array([0xE6, 0x9F, 0x00]), np.array([0xC4, 0x46, 0x01])
+    points = np.rint(255 * shade + (1 - shade) * wide).astype(np.uint8)
+    points[0, :5] = thin
+    points[1, :5] = 255
+    image = Image.fromarray(points)
+    small = _reduced(image, [wide / 255, thin / 255], 16)
+    assert small.convert("RGB").getpixel((2, 0)) == tuple(thin)
+    assert small.convert("RGB").getpixel((2, 1)) == (255, 255, 255)
+    assert len(small.getcolors() or []) in range(2, 17)
+    assert image.quantize(16, dither=Image.Dither.NONE).convert("RGB").getpixel((2, 0)) != tuple(thin)
+    figure = Figure()
+    figure.add_subplot().plot([0, 1], color="#C44601")
+    assert [one.tolist() for one in _colours(figure)] == [list(thin / 255)]
