@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TypeAlias
@@ -186,10 +186,19 @@ def raised(error: BaseException) -> str:
     """
     said, trace, user = f"{type(error).__name__}: {error}", error.__traceback__, None
     while trace is not None:
-        code = trace.tb_frame.f_code
-        if trace.tb_frame.f_globals.get("__name__", "").partition(".")[0] != "casadi":
+        code, own = trace.tb_frame.f_code, trace.tb_frame.f_globals
+        if own.get("__name__", "").partition(".")[0] != "casadi":
             user = f"{Path(code.co_filename).name}:{trace.tb_lineno}"
         elif user is not None and code.co_name in _OF_SYMBOLS:
             return f"{type(error).__name__} at {user}: {_OF_SYMBOLS[code.co_name]}"
+        elif user is not None and len(set(shapes := _shapes(trace.tb_frame.f_locals.values()))) > 1:
+            return f"{type(error).__name__} at {user}: the shapes {' and '.join(map(str, shapes))} do not fit together"
         trace = trace.tb_next
     return said
+
+
+def _shapes(arguments: Iterable[object]) -> list[tuple[int, ...]]:
+    """Those of the symbols and arrays among the arguments of a function."""
+    each = [part for one in arguments for part in (one if isinstance(one, (list, tuple)) else [one])]
+    found = (getattr(one, "shape", None) for one in each)
+    return [shape for shape in found if isinstance(shape, tuple)]

@@ -73,6 +73,7 @@ def test_all_else_has_a_meaning(other: str) -> None:
 WITHOUT_NUMBERS = {
     "hgorun.config.kinds",
     "hgorun.config.nearest",
+    "hgorun.config.separators",
     "hgorun.config.overrides",
     "hgorun.config.paths",
     "hgorun.config.plugin",

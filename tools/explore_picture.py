@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import signal
 import subprocess
 import sys
@@ -16,21 +17,27 @@ sys.path.insert(0, str(ROOT / "tests"))
 import browser  # noqa: E402  # of the tests
 
 TARGET = ROOT / "docs" / "images" / "explore.png"
-CONFIG = "experiments/robles2023/chapter3/contois_te025.yaml"
-_WIDTH, _HEIGHT, _COLOURS = 1300, 900, 128
+CONFIG = ROOT / "experiments" / "robles2023" / "chapter3" / "contois_te025.yaml"
+_TWO = (
+    f"extends: {CONFIG}\nobservers: {{FHGO r=1: null, FHGO r=3: null}}\nfigures: null\nclaims: null\n"  # all are high
+)
+_WIDTH, _HEIGHT, _COLOURS = 1300, 1420, 128
 
 
 async def _look(page: browser.Page) -> None:
     await page.resize(_WIDTH, _HEIGHT)
     await page.until("window.hgorun && hgorun.idle")
+    await page.value("document.querySelector('.fold').click()")  # the plant's sliders
     await asyncio.sleep(5)
     await page.picture(TARGET)
 
 
 def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "hgorun", "explore", CONFIG, "--no-browser", "-q", "-o", folder]
-        process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True)
+        (Path(folder) / CONFIG.name).write_text(_TWO)
+        command = [sys.executable, "-m", "hgorun", "explore", CONFIG.name, "--no-browser", "-q"]
+        environment = os.environ | {"PYTHONPATH": str(ROOT)}
+        process = subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, text=True, env=environment)
         try:
             assert process.stdout is not None
             browser.opened(process.stdout.readline().strip(), _look)

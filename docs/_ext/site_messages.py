@@ -33,7 +33,7 @@ SAYING = frozenset(
     )
 )
 LAW = "Broken"  # found and expected
-SENTENCES = ("_sentence", "_too_few")  # functions that word what pydantic has found, in the room config
+SENTENCES = ("sentence_of", "_too_few")  # functions that word what pydantic has found, in the room config
 _BLOCK = re.compile(r"^```\{said\}\n(.*?)^```$", re.DOTALL | re.MULTILINE)
 _NAMED = re.compile(r"\{\w+\}")  # what pydantic puts in
 

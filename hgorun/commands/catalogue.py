@@ -5,10 +5,11 @@ from __future__ import annotations
 import json as json_text
 import os
 from collections.abc import Mapping
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from hgorun.commands import described
+from hgorun.commands import described, publications
 from hgorun.commands.catalogue_options import List, Show
 from hgorun.commands.given import refuse_what_is_no_configuration
 from hgorun.config import yaml_source
@@ -95,6 +96,10 @@ def show(options: Show) -> int:
             text = file.read_text(encoding="utf-8")
             print(json_text.dumps({"name": path, "kind": "experiment", "text": text}) if json else text)
             return 0
+    if of_publications := publications.of_name(name):
+        texts = ("\n".join(chain(*map(wrapped, publications.as_lines(one)))) for one in of_publications)
+        print(json_text.dumps(of_publications, indent=2) if json else "\n\n".join(texts))
+        return 0
     known = [*(name for registry in _REGISTRIES.values() for name in registry.names()), *metrics, *findings, *shipped]
     if os.path.isfile(name):  # of names, also of such that no file can have
         refuse_what_is_no_configuration(Path(name), "show")
@@ -103,7 +108,8 @@ def show(options: Show) -> int:
         raise ConfigError(f"show is for names, see hgorun list; this is a file: {with_words}", file=name)
     if name in _KINDS or f"{name}s" in _KINDS:
         raise ConfigError(f"{name!r} is a list: see hgorun list {name if name in _KINDS else f'{name}s'}")
-    raise ConfigError(f"nothing is called {name!r}.{nearest(name, known)} See hgorun list")
+    hint = nearest(name, [*known, *publications.names()])
+    raise ConfigError(f"nothing is called {name!r}.{hint} See hgorun list; figures and folders are shown, too")
 
 
 def _told(record: described.Record, *, json: bool) -> int:

@@ -20,6 +20,7 @@ from hgorun.commands.outputs import (
 )
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import experiments_of, print_json, run_with_progress
+from hgorun.config.nearest import meant
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.process import say
@@ -90,7 +91,9 @@ def _style(options: Compare) -> Style:
         "latex": lambda results, _: latex(results),
     }
     if options.format not in styles:
-        raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
+        raise ConfigError(
+            f"--format: expected one of {', '.join(styles)}, found {options.format!r}{meant(options.format, styles)}"
+        )
     if options.analyze and options.format == "latex":
         raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
     if (options.overrides or options.seed is not None) and all(map(is_result, options.sources)):

@@ -14,6 +14,7 @@ from hgorun.commands.ensemble_options import Compare, OfEnsembles, Report
 from hgorun.commands.options import Simulate
 from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, formats, refuse_other_kinds, there, written
 from hgorun.config.expressions import nearest
+from hgorun.config.nearest import meant
 from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
@@ -140,7 +141,9 @@ def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
     styles: dict[str, Style] = {"text": tables.text, "csv": plain_tables.csv, "latex": latex}
     if options.format not in styles:
-        raise ConfigError(f"--format: expected one of {', '.join(styles)}, found {options.format!r}")
+        raise ConfigError(
+            f"--format: expected one of {', '.join(styles)}, found {options.format!r}{meant(options.format, styles)}"
+        )
     refused = {
         "--set": options.overrides,
         "--seed": options.seed is not None,

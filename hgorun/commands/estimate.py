@@ -62,7 +62,7 @@ def estimate(options: Estimate) -> int:
     with source.located(), ThreadPoolExecutor(1) as pool:
         files = pool.submit(log.open)
         # what takes longest to import, while machine code reads the files
-        from hgorun.commands.remarks import warn
+        from hgorun.commands.remarks import of_run, warn
         from hgorun.estimate.completed import ready
         from hgorun.estimate.estimate import estimate as estimated
         from hgorun.estimate.long_log import estimate_into
@@ -82,7 +82,7 @@ def estimate(options: Estimate) -> int:
             result.save(target)
     except HgorunError:
         for note in recording.notes:  # what was found in the log may be why
-            print(f"hgorun: {name}: {note}", file=sys.stderr)
+            print(f"hgorun: {of_run(name, str(note))}", file=sys.stderr)
         raise
     file = str(target)
     warn(result)

@@ -11,6 +11,7 @@ from shlex import quote
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Export
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.config.nearest import meant
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.export.c_code import Real
@@ -32,7 +33,9 @@ def export(options: Export) -> int:
     """Write the observers of a configuration; everything is checked before anything is written."""
     refuse_other_kinds(options.output, ())
     if options.lang not in _LANGUAGES:
-        raise ConfigError(f"--lang: expected one of {', '.join(_LANGUAGES)}, found {options.lang!r}")
+        raise ConfigError(
+            f"--lang: expected one of {', '.join(_LANGUAGES)}, found {options.lang!r}{meant(options.lang, _LANGUAGES)}"
+        )
     if options.output is not None and options.output.is_file():
         raise ConfigError(f"--output: {options.output} is a file; name a folder")
     options = replace(options, config=configuration(options.config, "export"))

@@ -63,7 +63,7 @@ class First:
             [f"title: {_text(f'{self.name}, a first configuration')}"],
             [
                 f"# All times and rates are in this unit. Output every {step}.",
-                f"time: {{end: {end}, output_step: {step}, unit: {start.unit}}}",
+                f"time: {{end: {end}, output_step: {step}, unit: {_text(start.unit)}}}",
             ],
             self._plant(),
             self._measurement(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Iterator
 
@@ -23,10 +24,14 @@ def warn(result: Result, experiment: Experiment | None = None) -> None:
     experiment : Experiment, optional
         What was simulated, where that is known: a step that was given may be what an observer diverges with.
     """
-    for remark in result.remarks:
-        print(f"hgorun: {result.name}: {remark}", file=sys.stderr)
-    for words in [*result.troubles(), *_with_a_given_step(result, experiment), *coarse(result)]:
-        print(f"hgorun: {result.name}: {words}", file=sys.stderr)
+    words = [*result.remarks, *result.troubles(), *_with_a_given_step(result, experiment), *coarse(result)]
+    for one in words:
+        print(f"hgorun: {of_run(result.name, one)}", file=sys.stderr)
+
+
+def of_run(name: str, words: str) -> str:
+    """What is told of a run, behind its name unless it begins with the file that is called so."""
+    return words if re.match(rf"{re.escape(name)}\.ya?ml:", words) else f"{name}: {words}"
 
 
 def coarse(result: Result) -> Iterator[str]:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hgorun.commands.ensemble_options import Tune as Options
 from hgorun.commands.outputs import RESULTS, there, written
+from hgorun.config.nearest import among
 from hgorun.config.tuning import Range, Tune, require_few
 from hgorun.config.validation import validate
 from hgorun.config.written import rounded, with_values
@@ -98,8 +99,8 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
     of_plant: dict[str, Range] = {}
     for key, given in block.gains.items():
         if key.startswith(_OF_PLANT):
-            if key.removeprefix(_OF_PLANT) not in experiment.plant.model.parameters:
-                known = ", ".join(experiment.plant.model.parameters)
+            if (name := key.removeprefix(_OF_PLANT)) not in experiment.plant.model.parameters:
+                known = among(name, experiment.plant.model.parameters)
                 raise Problem(("tune", "gains", key), f"the plant has no such parameter; there are {known}")
             of_plant[key] = given
             continue

@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field, model_validator
 
+from hgorun.config.nearest import among
 from hgorun.config.tuning import Range
 from hgorun.config.types import Block, NonEmpty, Positive
 from hgorun.errors import Problem
@@ -116,10 +117,16 @@ class BenchmarkFile(Block):
         for label, one in self.observers.items():
             for name in one.scenarios:
                 if name not in self.scenarios:
-                    raise Problem(("observers", label, "scenarios"), f"no scenario is called {name!r}")
+                    raise Problem(
+                        ("observers", label, "scenarios"),
+                        f"no scenario is called {name!r}; there are {among(name, self.scenarios)}",
+                    )
             for name in one.plants:
                 if name not in self.plants:
-                    raise Problem(("observers", label, "plants"), f"no plant is called {name!r}")
+                    raise Problem(
+                        ("observers", label, "plants"),
+                        f"no plant is called {name!r}; there are {among(name, self.plants)}",
+                    )
         return self
 
     seeds: Seeds = Field(default_factory=Seeds, description="whose runs are averaged")

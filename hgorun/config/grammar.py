@@ -17,6 +17,7 @@ from keyword import iskeyword
 from typing import SupportsFloat, TypeAlias
 
 from hgorun.config.nearest import nearest
+from hgorun.config.separators import misread
 from hgorun.errors import named_unseen, printable
 
 MAX_LENGTH = 2_000
@@ -135,10 +136,8 @@ def check_name(name: str) -> None:
     """Raise an `ExpressionError` if ``name`` cannot stand for a quantity in expressions."""
     if name.isdigit():
         why = DECIMAL_POINT
-    elif ":" in name:
-        why = f"a space belongs behind the colon, as in {name.replace(':', ': ', 1)}"
-    elif "=" in name:
-        why = f"a colon separates a name from its value, as in {name.replace('=', ':', 1).replace(' :', ':', 1)}"
+    elif remedy := misread(name):
+        why = remedy
     elif re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*'", name):
         why = f"the right-hand side of {name} stands under {name[:-1]}"
     elif not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):

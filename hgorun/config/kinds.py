@@ -33,10 +33,11 @@ class Kind:
 HDF5 = Kind("an HDF5 file", "")
 PARQUET = Kind("a Parquet table", "")
 _HDF5 = b"\x89HDF\r\n\x1a\n"
+_ZIP = b"PK\x03\x04"
 _BLOCKS = 0, 512, 1024, 2048  # where it may stand: before it there is room for others, such as MATLAB 7.3
 _MARKS = {
     b"PAR1": PARQUET,
-    b"PK\x03\x04": Kind("a ZIP archive or a workbook of Excel", "save the sheet as CSV"),
+    _ZIP: Kind("a ZIP archive or a workbook of Excel", "save the sheet as CSV"),
     b"\xd0\xcf\x11\xe0": Kind("an old workbook of Excel", "save the sheet as CSV"),
     b"\x1f\x8b": Kind("compressed by gzip", "unpack it first"),
     b"BZh": Kind("compressed by bzip2", "unpack it first"),
@@ -64,12 +65,28 @@ _MARKS = {
     b"%PDF": Kind("a PDF"),
     b"\x7fELF": Kind("a program"),
 }
+_IN_ZIP = {  # names of files that are the first in an archive
+    b".npy": Kind("arrays of NumPy (.npz), as a checkpoint of a stream is", "numpy.savetxt writes CSV"),
+    b"modelDescription.xml": Kind("a functional mock-up unit (FMU), which a simulator loads"),
+}
+_TEXTS = {  # that are for other programs, by the suffixes of their names
+    ".py": Kind("a program of Python", "python {} runs it"),
+    ".ipynb": Kind("a notebook", "jupyter notebook {} opens it"),
+    ".m": Kind("a program of MATLAB", "hgorun has its own equations: hgorun init --plant NAME writes a first one"),
+    **dict.fromkeys((".md", ".rst"), Kind("a page to read", "hgorun init copies an example to start from")),
+    **dict.fromkeys((".htm", ".html", ".svg"), Kind("a page or a picture", "a browser opens it")),
+    **dict.fromkeys((".c", ".h"), Kind("a program in C", "hgorun export CONFIG writes such files")),
+    ".tex": Kind("a text in LaTeX", "hgorun export CONFIG writes such files"),
+    ".toml": Kind("a TOML file", "hgorun init copies an example in YAML to start from"),
+}
 
 
 def kind_of(head: bytes) -> Kind | None:
     """What begins with these bytes; None for text, and for what is not known."""
     if any(head.startswith(_HDF5, place) for place in _BLOCKS):
         return HDF5
+    if head.startswith(_ZIP) and (within := next((kind for mark, kind in _IN_ZIP.items() if mark in head), None)):
+        return within
     found = next((kind for mark, kind in _MARKS.items() if head.startswith(mark)), None)
     return None if found is PARQUET and _is_text(head) else found
 
@@ -137,6 +154,8 @@ def refuse_what_is_no_text(head: bytes, path: Path) -> None:
         advice = "; a YAML file was expected"
     if kind is not None:
         raise ConfigError(f"this is {kind.what}, not a configuration{advice}", file=file)
+    if text := _TEXTS.get(path.suffix.lower()):
+        raise ConfigError(f"this is {text.what}, not a configuration: {text.instead.format(path)}", file=file)
 
 
 _FILES = {  # of other commands, by their keys: what they are, and what is done with them

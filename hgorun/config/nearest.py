@@ -51,6 +51,18 @@ def nearest(name: str, candidates: Iterable[str]) -> str:
     return f" Did you mean `{found}`{how and f', {how}'}?" if found else ""
 
 
+def meant(name: str, candidates: Iterable[str]) -> str:
+    """The same behind a message that ends with what is known: ". Did you mean `x`?"."""
+    found = nearest(name, candidates)
+    return found and f".{found}"
+
+
+def among(name: str, candidates: Iterable[str]) -> str:
+    """All that is known, and what may be meant of it: how a message ends where a name is none of these."""
+    known = tuple(candidates)
+    return f"{', '.join(known)}{meant(name, known)}"
+
+
 def nearest_name(name: str, candidates: Iterable[str]) -> str:
     """The candidate that :func:`nearest` names, or ""."""
     return _meant(name, candidates)[0]

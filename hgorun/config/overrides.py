@@ -35,8 +35,11 @@ def set_path(source: Source, assignment: str) -> Source:
     if not old and new[0] not in File.model_fields:
         _refuse_part_of_a_path(source.data, tuple(new), file)
     path = (*old, *new)
-    value = parse(text, file).data if text.strip() else None
-    if value is None and text.strip():
+    if not text.strip():
+        removed = "" if new else f"; `--set {dotted(path)}=null` removes it"
+        raise ConfigError(f"there is no value behind `=`: write {dotted(path)}=value{removed}", file=file, line=1)
+    value = parse(text, file).data
+    if value is None:
         if new:
             raise ConfigError(_nothing_there(source.data, old, new[0]), file=file, line=1)
         return _without(source, path, file)

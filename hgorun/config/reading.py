@@ -5,9 +5,11 @@ from __future__ import annotations
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from hgorun.config import yaml_source
 from hgorun.config.overrides import merge, set_path
+from hgorun.config.separators import misread
 from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
@@ -32,6 +34,21 @@ def read_source(path: str | Path, overrides: Sequence[str] = (), *, seed: int | 
     if seed is not None:
         source = set_path(source, f"seed={seed}")
     return text, source
+
+
+def mapping(source: Source, keys: str) -> dict[str, Any]:
+    """What a file says, which has to be keys with values; ``keys`` are some that are expected.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if isinstance(source.data, dict):
+        return source.data
+    file, line = source.where(())
+    remedy = misread(source.data) if isinstance(source.data, str) else ""
+    message = f"expected keys such as {keys} with their values, found {describe(source.data)}{remedy and f'; {remedy}'}"
+    raise ConfigError(message, file=file, line=line)
 
 
 def extended(source: Source, path: Path) -> Source:

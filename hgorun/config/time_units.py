@@ -18,11 +18,11 @@ SECONDS = {
 """How long each is."""
 _NAMES = {
     "ns": ("nanosecond", "nanoseconds"),
-    "us": ("µs", "μs", "microsecond", "microseconds"),
-    "ms": ("millisecond", "milliseconds"),
-    "s": ("sec", "second", "seconds"),
-    "min": ("minute", "minutes"),
-    "h": ("hr", "hour", "hours"),
+    "us": ("µs", "μs", "usec", "usecs", "microsecond", "microseconds"),
+    "ms": ("msec", "msecs", "millisecond", "milliseconds"),
+    "s": ("sec", "secs", "second", "seconds"),
+    "min": ("mins", "minute", "minutes"),
+    "h": ("hr", "hrs", "hour", "hours"),
     "d": ("day", "days"),
 }
 SHORT = {name: unit for unit, names in _NAMES.items() for name in names}

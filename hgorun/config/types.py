@@ -19,6 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from hgorun.config.expressions import ExpressionError, check_name, nearest, parse
 from hgorun.config.grammar import DECIMAL_POINT
+from hgorun.config.separators import misread
 from hgorun.errors import printable
 
 SEEDS = 2**63
@@ -49,7 +50,7 @@ class Block(BaseModel):
                 {
                     "keys": ", ".join(cls._keys()),
                     "found": describe(data),
-                    "example": f"; write {cls.written_as}" if cls.written_as else "",
+                    "example": _example(cls.written_as, data),
                 },
             )
         for key in data:
@@ -83,6 +84,12 @@ class Block(BaseModel):
     def _keys(cls) -> tuple[str, ...]:
         """All keys that are known here."""
         return tuple(dict.fromkeys((*cls.model_fields, *cls.read_before)))
+
+
+def _example(written_as: str, found: object) -> str:
+    """What to write where a mapping was expected."""
+    remedy = misread(found) if isinstance(found, str) else ""
+    return f"; {remedy}" if remedy else f"; write {written_as}" if written_as else ""
 
 
 def _blocks(annotation: object) -> Iterator[type[Block]]:

@@ -10,6 +10,7 @@ from pydantic_core import ErrorDetails
 
 from hgorun.config.nearest import nearest
 from hgorun.config.paths import entries
+from hgorun.config.separators import misread
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -24,10 +25,12 @@ _EXPECTED = {
     "bool_parsing": "true or false",
     "bool_type": "true or false",
     "dict_type": "a mapping",
+    "float_parsing": "a number",
     "float_type": "a number",
     "greater_than": "a number above {gt}",
     "greater_than_equal": "a number of at least {ge}",
     "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
     "int_type": "a whole number",
     "less_than": "a number below {lt}",
     "less_than_equal": "a number of at most {le}",
@@ -56,7 +59,7 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         if item["type"] == "value_error" and isinstance(problem := item["ctx"]["error"], Problem):
             where = (*where, *problem.path)  # of a model's own check, from that model on
         file, line = source.where(where)
-        candidates.append((line, where, file, _sentence(item) + _meaning(item, model) + _kind(item, where)))
+        candidates.append((line, where, file, sentence_of(item) + _meaning(item, model) + _kind(item, where)))
     line, where, file, message = min(candidates, key=lambda c: c[0])
     return ConfigError(message, file=file, line=line, key=".".join(map(str, source.written(where))) or None)
 
@@ -65,6 +68,7 @@ def _kind(item: ErrorDetails, where: KeyPath) -> str:
     """Of an observer that is a word: the word may be its type."""
     found = item["input"]
     is_type = item["type"] == "dict_type" and where[:1] == ("observers",) and isinstance(found, str)
+    is_type = is_type and not misread(found)
     return f", such as {where[-1]}: {{type: {found[:40]}}}" if is_type and len(where) == _OF_OBSERVER else ""
 
 
@@ -89,7 +93,7 @@ def _is_there(data: Any, path: KeyPath) -> bool:
     return True
 
 
-def _sentence(item: ErrorDetails) -> str:
+def sentence_of(item: ErrorDetails) -> str:
     """What is wrong, by the type of the error: pydantic's sentences change between its versions."""
     kind, found = item["type"], item["input"]
     if kind == "missing":
@@ -120,7 +124,8 @@ def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
 
 def _hint(kind: str, found: object, expected: str) -> str:
     if kind == "dict_type" and not isinstance(found, dict):
-        return "; write lines `name: value`"
+        remedy = misread(found) if isinstance(found, str) else ""
+        return f"; {remedy or 'write lines `name: value`'}"
     if kind in ("list_type", "tuple_type"):
         return _as_list(found)
     if kind == "literal_error" and isinstance(found, str):

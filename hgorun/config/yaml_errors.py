@@ -13,6 +13,8 @@ from dataclasses import dataclass
 
 import yaml
 
+from hgorun.config.separators import misread, without_space
+
 LINE_BREAK = re.compile(r"\r\n?|\n")
 _QUOTED = {"'": re.compile(r"'(?:[^']|'')*'"), '"': re.compile(r'"(?:[^"\\]|\\.)*"', re.DOTALL)}
 _TAB_INDENT = re.compile(" *\t")
@@ -107,6 +109,18 @@ def explain(error: yaml.YAMLError, text: str, bracket: int | None) -> tuple[str,
     if bracket is not None:  # at the end of the text its own line tells more
         return _BRACKET.format(bracket), problem.line + 1 if problem.char else bracket
     return _unfitting(problem), problem.line + 1
+
+
+def separated(sentence: str, line: int, text: str) -> tuple[str, int]:
+    """Of what :func:`explain` says, what may be said of what stands between a key and its value there or just above."""
+    if sentence not in (_KEY, _COLON):
+        return sentence, line
+    lines = LINE_BREAK.split(text)
+    for number in (line, line - 1):
+        if number and (remedy := without_space(lines[number - 1])):
+            return remedy, number
+    remedy = misread(lines[line - 1]) if sentence == _KEY else ""
+    return (f"this line has no `:` after its key: {remedy}", line) if remedy else (sentence, line)
 
 
 def _after_text(problem: _Place) -> bool:

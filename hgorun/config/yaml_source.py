@@ -18,7 +18,8 @@ import yaml
 from hgorun.config.kinds import refuse_what_is_no_text
 from hgorun.config.nearest import near_file
 from hgorun.config.paths import at, copy, dotted, walk
-from hgorun.config.yaml_errors import LINE_BREAK, explain
+from hgorun.config.separators import misread, without_space
+from hgorun.config.yaml_errors import LINE_BREAK, explain, separated
 from hgorun.errors import ConfigError, KeyPath, Problem, named_unseen
 
 Place: TypeAlias = tuple[str, int]
@@ -27,6 +28,7 @@ MAX_BYTES = 2**20
 MAX_NODES = 100_000
 MAX_DEPTH = 50
 _MAX_KEY = 1_000
+_TIGHT = re.compile(r":[\[{\"']")  # in a key: what begins its value, without a space before it
 _TOO_DEEP = f"lists and mappings nested more than {MAX_DEPTH} deep"
 _MAX_BRACKETS = 10 * MAX_DEPTH
 _MAX_DIGITS = 300  # no float has more than 309; Python's int() refuses more than 4,300
@@ -175,6 +177,7 @@ def parse(text: str, file: str) -> Source:
             builder.take(event)
     except yaml.YAMLError as error:
         sentence, line = explain(error, text, builder.bracket)
+        sentence, line = separated(sentence, line, text)
         for number in (line, line - 1):  # a line that only looks indented is noticed at the next one
             if number and (told := named_unseen(LINE_BREAK.split(text)[number - 1])):
                 raise ConfigError(f"{sentence}; {told}", file=file, line=number) from error
@@ -252,6 +255,9 @@ class _Builder:
         if not event.style and key in ("", "<<"):
             hint = "`<<` is refused: use `extends: FILE`, or an alias for the whole value"
             raise self.error(hint if key else "there is no key before this `:`", line, path)
+        remedy = "" if event.style or not _TIGHT.search(key) else without_space(key)
+        if remedy:
+            raise self.error(remedy, line, path)
         here = (*path, key)
         if key in parent:
             first = self.positions[here][1]
@@ -275,6 +281,8 @@ class _Builder:
                     self.nulls.add(here)
                 if bad := _CONTROL.search(event.value):  # from an escape in double quotes
                     raise self.error(f"U+{ord(bad[0]):04X} is not allowed in text", line, here)
+                if not event.style and not event.value and self.bracket and (remedy := misread(str(self.key or ""))):
+                    raise self.error(f"`{self.key}` has no value: {remedy}", line, here)
                 value = event.value if event.style else self.plain(event.value, here, line)
             elif isinstance(event, yaml.CollectionStartEvent):
                 value = {} if isinstance(event, yaml.MappingStartEvent) else []

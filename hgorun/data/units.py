@@ -55,6 +55,7 @@ _NAMES = {
     "Torr": "torr",
     "degrees_C": "degC",
     "Fahrenheit": "degF",
+    **{"Nm": "(N*m)", "kNm": "(kN*m)", "mNm": "(mN*m)"},
 }
 _TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
@@ -70,7 +71,7 @@ _ABBREVIATIONS = {
     **{"cfm": "ft^3/min", "cfs": "ft^3/s", "gpm": "gal/min", "lpm": "L/min", "slpm": "L/min", "sccm": "mL/min"},
     **{"fpm": "ft/min", "lbm": "lb", "sqft": "ft^2", "kp": "kgf", "PS": "metric_horsepower"},
     **dict.fromkeys(("ft-lb", "lb-ft", "ft.lb", "ft·lb"), "ft_lb"),
-    **{"Nm": "N*m", "kNm": "kN*m", "mNm": "mN*m"},
+    **dict.fromkeys(("in-lb", "lb-in", "in.lb", "in·lb"), "in*lbf"),
 }
 """What pint has none of or reads as something else, as it may be meant; none of these is converted."""
 _ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade")

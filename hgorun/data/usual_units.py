@@ -51,7 +51,7 @@ _ALONE = """
     min h hr sec d yr deg ° °C °F degC degF degR degK delta_degC delta_degF % percent ppm rpm rps turn cycle gon sr dB
     Np psi atm torr mmHg kgf lbf lb lbs oz ft inch in yd mile mi gal hp Btu BTU kn knot mph kph ha acre angstrom Å a
     arcmin arcsec cmH2O mmH2O inH2O ftH2O cmHg inHg nmi kts ksi kip dyn erg cc fps thou ft_lb dBm dBW ‰ ppb
-    mins hrs msec usec
+    mins hrs secs msec usec msecs usecs
 """  # without a prefix
 _ONLY_BESIDE = {"a", "P", "G"}  # symbols that are labels more often where they stand alone
 _NAMES = """

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from hgorun.engine.layout import ACTION_WORDS, ARRIVE, DONE, NOTHING, REBASE, RECORD, RETAKE, SAVE, SET, TAKE
+from hgorun.engine.layout import ACTION_WORDS, ARRIVE, DONE, JUMP, NOTHING, REBASE, RECORD, RETAKE, SAVE, SET, TAKE
 from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Floats, Integers, Plan
 from hgorun.engine.program import Program
@@ -265,29 +266,36 @@ def without(actions: Integers, samples: Collection[tuple[int, int]], flags: Coll
     return found
 
 
-def in_turns(actions: Integers, turns: Sequence[Collection[tuple[int, int]]]) -> Iterator[Integers]:
-    """Rows of the action table so that some samples arrive one after the other; all else happens with the first.
+def in_turns(actions: Integers, turns: Sequence[Collection[tuple[int, int]]], flags: range) -> Iterator[Integers]:
+    """Rows of the action table so that some samples arrive one after the other, each with what it makes jump.
+
+    All else happens with the first: what is set, what observers of one sample do, and samples that are in no turn.
 
     Parameters
     ----------
     turns : sequence of collection of (channel, slot)
         The samples of every turn.
+    flags : range
+        The places in w that say that samples arrive: set before every jump, and reset behind it.
     """
-    others = set[tuple[int, int]]().union(*turns[1:])
-    for number, samples in enumerate(turns):
+    of = {sample: number for number, samples in enumerate(turns) for sample in samples}
+    turn, count, arrived = np.zeros(len(actions), dtype=int), Counter[tuple[int, int]](), set[int]()
+    for k, row in enumerate(actions):
+        op, place = (int(word) for word in row[:2])
+        if op in (ARRIVE, RECORD, REBASE) or (op in (TAKE, RETAKE) and place in arrived):
+            turn[k] = of.get(_sample_of(row), 0)
+            arrived.add(place)
+        elif op == JUMP or (op == SET and place in flags):
+            turn[k] = count[op, place] // (1 if op == JUMP else 2)
+            count[op, place] += 1
+    for number in range(len(turns)):
         found = actions.copy()
-        for row in found:
-            if row[0] not in (ARRIVE, RECORD, REBASE):
-                happens = number == 0
-            else:
-                happens = _sample_of(row) in samples or (number == 0 and _sample_of(row) not in others)
-            if not happens:
-                row[0] = NOTHING
+        found[turn != number, 0] = NOTHING
         yield found
 
 
 def _sample_of(row: Integers) -> tuple[int, int]:
-    """The channel and the slot of the sample that arrives, or whose arrival counts alpha anew."""
+    """The channel and the slot of the sample that is taken, arrives, or whose arrival counts alpha anew."""
     op, channel, slot, first, _ = row.tolist()
     return channel, first - 1 if op == REBASE else slot
 

@@ -13,6 +13,7 @@ from math import prod
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest
+from hgorun.config.nearest import among, meant
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
 from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import Members, written_out
@@ -100,7 +101,10 @@ class Ensemble:
             raise Problem(place, f"{text}: there is no controller")
         what, names = ("input", model.inputs) if kind.of == "input" else ("state", model.states)
         if kind.of != "loop" and found.state not in names:
-            raise Problem(place, f"no {what} is called {found.state!r}. {what.capitalize()}s: {', '.join(names)}")
+            raise Problem(
+                place,
+                f"no {what} is called {found.state!r}. {what.capitalize()}s: {among(found.state or '', names)}",
+            )
         self._check_window(found, place)
         return found
 
@@ -266,7 +270,9 @@ class Ensemble:
             ):
                 value = getattr(kept, key)
                 if value is not None and value not in names:
-                    raise Problem((*place, key), f"expected one of {', '.join(names)}; found {value!r}")
+                    raise Problem(
+                        (*place, key), f"expected one of {', '.join(names)}; found {value!r}{meant(str(value), names)}"
+                    )
         if kept != "none" and (moved := next((p for p in self.axes if p.split(".")[0] == "time"), None)):
             raise Problem(place, f"trajectories need one grid of output, but the axis {moved} may change it")
 

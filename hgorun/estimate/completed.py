@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hgorun.config.models import ExperimentBlocks
+from hgorun.config.nearest import among
 from hgorun.config.overrides import replaced
 from hgorun.config.types import Block
 from hgorun.config.validation import validate
@@ -222,7 +223,10 @@ def _check_outputs(outputs: tuple[str, ...], recording: Recording) -> None:
     """Every output has to be recorded, nothing else can be, and there has to be some time between samples."""
     for name in recording.outputs:
         if name not in outputs:
-            raise Problem(("data", "outputs", name), f"no output of the plant; there are {', '.join(outputs)}")
+            raise Problem(
+                ("data", "outputs", name),
+                f"no output of the plant; there are {among(name, outputs)}",
+            )
     missing = [name for name in outputs if name not in recording.outputs]
     if missing:
         raise Problem(("data", "outputs"), f"the output {missing[0]} of the plant is not among them")
@@ -236,8 +240,9 @@ def _check_names(experiment: Experiment, recording: Recording) -> None:
     model = experiment.plant.model
     for name in recording.reference:
         if name not in {*model.states, *model.outputs}:
-            known = ", ".join(dict.fromkeys((*model.states, *model.outputs)))
-            raise Problem(("data", "reference", name), f"neither a state nor an output; there are {known}")
+            known = tuple(dict.fromkeys((*model.states, *model.outputs)))
+            said = f"neither a state nor an output; there are {among(name, known)}"
+            raise Problem(("data", "reference", name), said)
 
 
 def first_values(experiment: Experiment, recording: Recording) -> dict[str, float]:

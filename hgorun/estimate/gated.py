@@ -86,11 +86,12 @@ class _GatedRun:
         """Whether a place is not passed with others.
 
         There observers are taken back or will be taken back to, or a sample comes after a newer one, which not every
-        observer may have used.
+        observer may have used, or after one that was taken at the same time, which has corrected them.
         """
         entering = self._entering.get(place, [])
         older = any(not self._in_order[one.used] and not self._goes_back(one) for one in entering)
-        return not entering or older or place in self._begins or place in self._saving
+        again = len(entering) > 1 and any(self._again(entering))
+        return not entering or older or again or place in self._begins or place in self._saving
 
     def carried_out(self) -> Raw:
         """All of it."""
@@ -185,23 +186,35 @@ class _GatedRun:
         entering = self._entering.get(place, [])
         turns = self._turns(entering)
         named = [[(one.channel, one.slot) for one in some] for some in turns]
-        rows = in_turns(session.actions, named) if len(turns) > 1 else [session.actions]
+        held = self._prepared.run.structure.system.held
+        flags = range(held.fresh(0), held.fresh(held.outputs)) if held.flags else range(0)
+        rows = in_turns(session.actions, named, flags) if len(turns) > 1 else [session.actions]
         for number, (some, actions) in enumerate(zip(turns, rows, strict=True), start=1):
             self._enter_together(some, actions, number < len(turns), t, z, w)
             if number < len(turns):
                 z, w = session.z.copy(), session.w.copy()
 
     def _turns(self, entering: Sequence[Entering]) -> list[list[Entering]]:
-        """Which samples enter together; where observers jump several of one channel have turns of their own."""
-        corrections = self._prepared.run.structure.system.corrections
+        """Which samples enter together: those of one channel one after the other."""
         turns: list[list[Entering]] = [[]]
-        count: dict[int, int] = {}
-        for one in entering:
-            jumps = any(first <= one.channel < last for _, first, last in corrections)
-            turn = count[one.channel] = 0 if jumps or self._goes_back(one) else count.get(one.channel, -1) + 1
+        count: dict[object, int] = {}
+        for one, again in zip(entering, self._again(entering), strict=True):
+            turn = count[one.channel] = count.get(one.channel, 0) + again
             turns += [[] for _ in range(turn + 1 - len(turns))]
             turns[turn].append(one)
         return turns
+
+    def _again(self, entering: Sequence[Entering]) -> Iterator[bool]:
+        """Whether each sample enters after another one of its channel that does so at the same place.
+
+        Of samples that correct observers, and were taken at different times, only the newest one does.
+        """
+        corrections, before = self._prepared.run.structure.system.corrections, set[object]()
+        for one in entering:
+            corrects = any(first <= one.channel < last for _, first, last in corrections)
+            key = one.channel, self._taken[one.used] if corrects else None
+            yield key in before
+            before.add(key)
 
     def _goes_back(self, one: Entering) -> bool:
         """Whether the observers of a channel go back to where each sample is the newest."""

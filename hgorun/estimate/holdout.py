@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hgorun.config.nearest import among
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
 
@@ -59,7 +60,7 @@ def held_out(recording: Recording, chosen: list[HoldOut]) -> tuple[Recording, Ma
     outputs, aside = dict(recording.outputs), {}
     for one in chosen:
         if one.output not in outputs:
-            known = ", ".join(recording.outputs)
+            known = among(one.output, recording.outputs)
             raise ConfigError(f"--holdout {one.output}: no such output is recorded; there are {known}")
         signal = outputs[one.output]
         out = np.zeros(signal.taken.size, dtype=bool)

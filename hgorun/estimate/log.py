@@ -12,6 +12,7 @@ import numpy as np
 
 from hgorun.config.data import Data, Measured
 from hgorun.config.models import Time
+from hgorun.config.reading import mapping
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.data.reading import Reader, read
@@ -123,7 +124,7 @@ class Log:
 
 def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
     """The block ``data`` of a configuration; ``files`` stand in for those that it names."""
-    data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
+    data = mapping(source, "data, plant and observers")
     if "data" not in data:
         message = "the key data is missing: it says which columns of which files are the measurements"
         raise ConfigError(message, file=str(config))

@@ -17,6 +17,7 @@ from hgorun.errors import Problem
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.given import require_observers
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
+from hgorun.estimate.stepping import require_apart
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of
@@ -238,6 +239,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
             recorded=at_start,
         )
         check_jumps(run)
+        require_apart(experiment, samples)
         check_punctual(run)
         check_corrections(run)
         check_start(run)

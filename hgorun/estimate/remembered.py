@@ -96,12 +96,15 @@ class Remembered:
             raise
 
     def _beside(self, event: Event, place: int) -> int | None:
-        """Among the events before ``place`` one at the same time with samples of other outputs alone."""
-        own = {i for i, *_ in event.samples}
+        """Among the events before ``place`` the first one at the same time with samples of other outputs alone.
+
+        So the second samples of several outputs are together, as the first ones are, in whatever order they come.
+        """
+        own, found = {i for i, *_ in event.samples}, None
         for number in range(place - 1, -1, -1):
             one = self.events[number]
             if one.t != event.t:
-                return None
+                break
             if one.samples and own.isdisjoint(i for i, *_ in one.samples):
-                return number
-        return None
+                found = number
+        return found

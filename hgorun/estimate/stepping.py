@@ -4,9 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from hgorun.engine.plan import Floats
+from hgorun.errors import Problem
 from hgorun.estimate.event import Event
 from hgorun.estimate.live_system import LiveSystem
+from hgorun.estimate.samples import Sampled
+from hgorun.observers.base import SampledObserver
+from hgorun.simulation.experiment import Experiment
 
 
 def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[float]]) -> None:
@@ -22,6 +28,12 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
     ValueError
     """
     last = [taken[0] for taken in newest]
+    for name, i in system.outputs.items():
+        if last[i] == event.t and any(i == one for one, _, _ in event.samples):
+            raise ValueError(
+                f"{system.stepping} steps from sample to sample, and this is a second one of {name} at "
+                f"t = {system.experiment.origin + event.t:g}: leave one of them out, or give their mean"
+            )
     if event.t > max(last) > min(last):
         missing = ", ".join(name for name, i in system.outputs.items() if last[i] < max(last))
         raise ValueError(
@@ -29,6 +41,25 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
             f"t = {system.experiment.origin + max(last):g} is missing: give those of one time together, or one after "
             "the other"
         )
+
+
+def require_apart(experiment: Experiment, samples: Sequence[Sampled]) -> None:
+    """Refuse samples of a file that were taken at one time: no step leads from one of them to the other.
+
+    Raises
+    ------
+    Problem
+    """
+    label = next((label for label, one in experiment.observers.items() if isinstance(one, SampledObserver)), None)
+    for one in samples if label is not None else ():
+        equal = np.flatnonzero(np.diff(one.taken) == 0)
+        if equal.size:
+            t = experiment.origin + one.taken[equal[0]]
+            message = (
+                f"{label} steps from sample to sample, and two samples were taken at {t:g}: take one of them, "
+                "faults: {repeated: mean}, first or last"
+            )
+            raise Problem(("data", "outputs", one.output), message)
 
 
 def keep_inputs(system: LiveSystem, w: Floats) -> None:

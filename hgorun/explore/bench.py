@@ -53,12 +53,19 @@ class Shown:
         return {label: self.truths[label] + _digest(one.xhat) for label, one in self.result.observers.items()}
 
 
+Progress = Callable[[float], None]  # told the completed fraction; what it raises ends what is computed
+
+
+def unwatched(completed: float) -> None:
+    """Nobody looks, and nothing is ended."""
+
+
 @dataclass(frozen=True, eq=False)
 class Ready:
     """What can be carried out: whether that needs new code, and how it is done."""
 
     compiled: bool
-    carry_out: Callable[[], Shown]
+    carry_out: Callable[[Progress], Shown]
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +112,7 @@ class Bench(ABC):
 
     def shown(self, state: State) -> Shown:
         """What a state comes to; raises what :meth:`ready` and its carrying out raise."""
-        return self.ready(state).carry_out()
+        return self.ready(state).carry_out(unwatched)
 
     @abstractmethod
     def _knobs(self) -> Sequence[Knob]:

@@ -67,13 +67,20 @@
     waiting.push(question);
     send();
   }
+  // What is still computed after a second is dropped for a newer place of the same slider.
+  function overtakes(next) {
+    return asked.do === "set" && next.do === "set" && next.name === asked.name && !next.typed
+      && performance.now() - asked.sent > 1000;
+  }
   function send() {
-    if (channel === null || asked !== null || waiting.length === 0) return;
+    if (channel === null || waiting.length === 0 || (asked !== null && !overtakes(waiting[0]))) return;
     asked = waiting.shift();
     asked.number = ++number;
+    asked.sent = performance.now();
     channel.send(JSON.stringify(asked));
     clearTimeout(slow);
     slow = setTimeout(() => say("computing", "busy"), 200);
+    setTimeout(send, 1010);
   }
   function say(words, kind = "") {
     const said = byId("said");

@@ -17,7 +17,7 @@ from hgorun.estimate.estimate import estimate_prepared
 from hgorun.estimate.holdout import thinned
 from hgorun.estimate.log import log_of
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
-from hgorun.explore.bench import Bench, Ready, Shown
+from hgorun.explore.bench import Bench, Progress, Ready, Shown
 from hgorun.explore.knobs import Knob
 from hgorun.explore.recorded_knobs import knobs_of
 from hgorun.explore.state import State
@@ -79,7 +79,7 @@ class RecordedBench(Bench):
         experiment = completed(said, samples[0], self.base.name, self.text_of_file)
         prepared = prepare_estimate(experiment, samples[0])
 
-        def carried_out() -> Shown:
+        def carried_out(progress: Progress) -> Shown:
             with experiment.located():
                 result = estimate_prepared(prepared, *samples)
             return Estimated(state, said, experiment, result, prepared, samples)

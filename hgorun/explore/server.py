@@ -33,7 +33,7 @@ from hgorun.explore.bench import Bench, Shown
 from hgorun.explore.keeping import Keeper
 from hgorun.explore.session import Session
 from hgorun.explore.view import View
-from hgorun.explore.worker import Worker
+from hgorun.explore.worker import SOON, Worker
 
 HOST = "127.0.0.1"
 _SECRET_BYTES = 24
@@ -137,6 +137,7 @@ class LivePage:
         def begun() -> None:
             self._running = asyncio.get_running_loop()
             ready()
+            self.worker.submit(self._begin_theory, SOON)
 
         interval = sys.getswitchinterval()
         sys.setswitchinterval(_TURN)
@@ -147,6 +148,11 @@ class LivePage:
         finally:
             sys.setswitchinterval(interval)
             self._server.stop(wait=False)
+
+    def _begin_theory(self) -> None:
+        """Compile and compute what takes longest at the start, while the browser reads its scripts."""
+        for label in self._base.result.observers if self.bench.theory else ():
+            self.bench.promise(self._base, label)
 
     def stop(self) -> None:
         """End :meth:`serve`; a signal or any thread may ask for it."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
 from hgorun.config.expressions import nearest
@@ -20,6 +20,10 @@ from hgorun.explore.state import History, State
 from hgorun.explore.worker import AT_ONCE, LATER, SOON, Job, Worker
 
 Told = dict[str, Any]  # what goes to the page, as JSON
+
+
+class Superseded(Exception):
+    """What is being computed is no longer wanted."""
 
 
 class Page(Protocol):
@@ -104,6 +108,7 @@ class Session:
         if self._shown is not None and history.shown == self._shown.state:
             let_go = self.history.preview is not None and history.preview is None
             self.history = history
+            self._wanted = self._drawn = number
             self._tell(number)
             if let_go:
                 self._later(self._shown)
@@ -142,16 +147,21 @@ class Session:
         """Have a state computed; the page keeps what it has where that fails."""
         self._wanted = number
 
+        def go_on(_: float = 0.0) -> None:
+            if self.closed or number < self._wanted:
+                raise Superseded
+
         def job() -> None:
-            if self.closed:
-                return
             try:
+                go_on()
                 ready = self.bench.ready(history.shown)
                 if not ready.compiled:
                     self.post(lambda: self._tell(number, busy="compiling new equations"))
-                shown = ready.carry_out()
+                shown = ready.carry_out(go_on)
                 picture = picture_of(shown)
                 theories = self._known(shown)
+            except Superseded:
+                return
             except HgorunError as problem:
                 words = f"{problem}" + ("" if self._shown is None else ": the values before are shown")
                 self.post(lambda: self._failed(number, words))
@@ -170,7 +180,10 @@ class Session:
         return [self._theory(shown, label) for label in labels if self.bench.known(shown, label)]
 
     def _theory(self, shown: Shown, label: str) -> Theory:
-        promise = self.bench.promise(shown, label)
+        promise, observer = self.bench.promise(shown, label), shown.result.observers[label]
+        if observer.lost and promise.transient is not None:
+            unit = shown.result.units.get("time", "")
+            promise = replace(promise, transient=None, reason=f"it is lost: {observer.verdict.text(unit)}")
         return Theory(label, promise, bounds_of(label, promise, shown.result))
 
     def _arrived(
@@ -182,6 +195,8 @@ class Session:
         theories: list[Theory],
         error: str,
     ) -> None:
+        if number < self._wanted:
+            return
         self.history, self._shown, self._drawn = history, shown, number
         gone: dict[str, list[Bound]] = {label: [] for label in self.bench.labels if label not in shown.result.observers}
         self.page.draw(picture, {**gone, **{one.label: one.bounds for one in theories}})

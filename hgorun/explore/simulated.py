@@ -68,7 +68,9 @@ class SimulatedBench(Bench):
         experiment = run.experiment
         return Ready(
             self._known.compiled(run),
-            lambda: Simulated(state, experiment.source, experiment, simulate_prepared(run, known=self._known), run),
+            lambda progress: Simulated(
+                state, experiment.source, experiment, simulate_prepared(run, progress=progress, known=self._known), run
+            ),
         )
 
     def _prepared(self, state: State) -> PreparedRun:

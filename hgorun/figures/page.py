@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from hgorun.config.nearest import meant
 from hgorun.config.study import WIDTHS
 from hgorun.config.study import Figure as FigureBlock
 from hgorun.errors import ConfigError
@@ -62,9 +63,9 @@ class Page:
             For names that there are not.
         """
         if width not in WIDTHS:
-            raise ConfigError(f"--width: expected one of {', '.join(WIDTHS)}, found {width!r}")
+            raise ConfigError(f"--width: expected one of {', '.join(WIDTHS)}, found {width!r}{meant(width, WIDTHS)}")
         if style not in STYLES:
-            raise ConfigError(f"--style: expected one of {', '.join(STYLES)}, found {style!r}")
+            raise ConfigError(f"--style: expected one of {', '.join(STYLES)}, found {style!r}{meant(style, STYLES)}")
         return cls(WIDTHS[width], style)
 
 

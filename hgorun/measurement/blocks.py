@@ -9,6 +9,7 @@ from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
 from pydantic_core import PydanticCustomError
 
 from hgorun.config.expressions import nearest
+from hgorun.config.separators import misread
 from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, NonNegative, Number, Positive, describe
 from hgorun.noise.base import NOISE, Noise
 
@@ -81,7 +82,9 @@ def _noise(value: Any) -> Any:
     if isinstance(value, Noise):
         return value
     if not isinstance(value, dict):
-        raise ValueError(f"expected a mapping with type: {', '.join(NOISE.names())}; found {describe(value)}")
+        remedy = misread(value) if isinstance(value, str) else ""
+        found = f"{describe(value)}{remedy and f'; {remedy}'}"
+        raise ValueError(f"expected a mapping with type: {', '.join(NOISE.names())}; found {found}")
     if "type" not in value:
         raise ValueError(f"type is missing; one of {', '.join(NOISE.names())}")
     try:

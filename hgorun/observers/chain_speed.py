@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from pydantic import Field
 
+from hgorun.config.nearest import among
 from hgorun.config.types import Name, Positive
 from hgorun.errors import Problem
 from hgorun.observers.constant_gain import PlacedGain
@@ -44,5 +45,5 @@ class ChainSpeed(PlacedGain):
         given, outputs = self.speed or {}, form.plant.outputs
         for output in given:
             if output not in outputs:
-                raise Problem(("speed", output), f"no output of the plant; there are {', '.join(outputs)}")
+                raise Problem(("speed", output), f"no output of the plant; there are {among(output, outputs)}")
         return np.array([given.get(output, 1.0) for output in outputs])

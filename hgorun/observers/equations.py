@@ -32,6 +32,11 @@ class Flow:
     derivatives: Mapping[str, ca.SX]
     correction: ca.SX | None = None
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.derivatives, Mapping):
+            kind = type(self.derivatives).__name__
+            raise TypeError(f"Flow takes derivatives as {{state: expression}}, such as {{'xhat': ...}}, found {kind}")
+
 
 @dataclass(frozen=True)
 class Sample:

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import casadi as ca
 
 from hgorun.config.expressions import ExpressionError, parse
+from hgorun.config.nearest import among
 from hgorun.errors import KeyPath, Problem
 from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.smooth import SmoothCopy
@@ -22,7 +23,7 @@ def require_states(key: str, names: Iterable[str], states: Sequence[str]) -> Non
     """
     for name in names:
         if name not in states:
-            raise Problem((key, name), f"unknown state {name!r}; known here: {', '.join(states)}")
+            raise Problem((key, name), f"unknown state {name!r}; known here: {among(name, states)}")
 
 
 def require_known(path: KeyPath, text: str, known: Sequence[str]) -> None:

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 from pydantic import BeforeValidator, Discriminator, Field, ModelWrapValidatorHandler, Tag, model_validator
 
+from hgorun.config.nearest import among
 from hgorun.config.types import Name, NonNegative, Number, Positive, describe
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
@@ -192,7 +193,7 @@ class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
         if isinstance(self.Q, dict):
             for name in self.Q:
                 if name not in states:
-                    raise Problem(("Q", name), f"unknown state {name!r}; known here: {', '.join(states)}")
+                    raise Problem(("Q", name), f"unknown state {name!r}; known here: {among(name, states)}")
             Q = np.diag([self.Q.get(name, 0.0) for name in states])
         else:
             assert self.Q is not None

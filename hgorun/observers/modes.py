@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 from pydantic import Field, ValidationError, model_validator
 
+from hgorun.config.nearest import meant
 from hgorun.config.types import Block, NonNegative, Number, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import (
@@ -221,6 +222,7 @@ def _family(block: Mapping[str, object]) -> type[ContinuousObserver]:
     except KeyError:
         raise ValueError(
             f"observer: no observer is called {name!r}; take one of chains, such as shgo or fhgo2"
+            f"{meant(name, OBSERVERS.names())}"
         ) from None
     jumps = issubclass(family, CorrectedObserver | DecidedObserver | RecallingObserver | NoiseInformed)
     if not issubclass(family, ContinuousObserver) or jumps or family.form is not canonical_form:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from hgorun.config.reading import read_source
 
@@ -30,19 +32,24 @@ def is_shipped(path: Path) -> bool:
     return path.resolve().is_relative_to(folder().resolve())
 
 
-def drawing_figure(name: str) -> list[str]:
-    """The experiments that draw a figure, called as ``hgorun figures`` calls it: ``3.10`` or ``lee2016/1``."""
+def drawing_figure(name: str) -> dict[str, Mapping[str, Any]]:
+    """The experiments that draw a figure, called as ``hgorun figures`` calls it, with what they say: ``lee2016/1``."""
     *group, figure = name.split("/")
-    return [
-        path
-        for path, file in experiments().items()
-        if (not group or group == [path.split("/")[0]]) and figure in _figures(file)
-    ]
+    return {
+        path: said
+        for path, said in _said().items()
+        if (not group or group == [path.split("/")[0]]) and figure in (said.get("figures") or ())
+    }
 
 
-def _figures(file: Path) -> list[str]:
-    _, source = read_source(file)
-    return list(source.data.get("figures") or ())
+def below(name: str) -> dict[str, Mapping[str, Any]]:
+    """The experiments in a folder, such as ``robles2023``, or in all without a name, with what they say."""
+    folder_of = f"{name.rstrip('/')}/" if name else ""
+    return {path: said for path, said in _said().items() if path.startswith(folder_of)}
+
+
+def _said() -> dict[str, Mapping[str, Any]]:
+    return {path: read_source(file)[1].data for path, file in experiments().items()}
 
 
 def examples() -> dict[str, tuple[Path, ...]]:

@@ -14,8 +14,8 @@ from hgorun.measurement.schedule import nearest_event
 from hgorun.native.places import places_in
 from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.kinds import Kind, Numbered
-from hgorun.simulation.replay import Replay, Replayed
-from hgorun.symbolic.levels import distinct
+from hgorun.simulation.replay import ROUND, Replay, Replayed
+from hgorun.simulation.rounds import corrections, in_rounds, rounds_of
 
 _FIRST = -5  # the smallest rank of what happens at one event
 _ACTS, _KEEPS = 5, 6  # those of a controller's action, and of inputs that are kept
@@ -144,7 +144,7 @@ class Actions:
         layout = system.held
         rebase = system.has_alpha and not system.compares_with_past
         kinds: list[Kind] = []
-        arrivals: list[np.ndarray] = []
+        arrivals: list[list[np.ndarray]] = []  # of every output by rounds
         base, held, self.snapshots = 0, 0, 0
         replayed: list[Replayed] = []
         known: dict[int, np.ndarray] = {}  # by the clocks that outputs share
@@ -161,23 +161,31 @@ class Actions:
                 base += s.arrival.size
                 continue
             arrive, take = event_of(s.arrival), event_of(s.taken)
-            kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
+            corrects = any(first <= i < stop for _, first, stop in system.corrections)
+            rounds = rounds_of(take, arrive, s.used) if corrects else None
             if isinstance(c, HeardOtherwise) and c.retaken:
                 kinds.append(Kind.of(arrive, 0, RETAKE, i, Numbered(base)))
-            jumps = bool(system.stepped) or any(
-                first <= i < stop for _, first, stop in system.corrections
-            )  # at samples
-            heard = s.used & _last_of_equal(arrive) if jumps else s.used
-            arrivals.append(arrive if heard.all() else arrive[heard])
-            what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)
-            kinds.append(Kind.of(arrive, 1, what, i, Numbered(base)))
-            if rebase:
-                kinds.append(_counted_anew(take, arrive, s.used, i, base))
+            if rounds is None:
+                kinds.append(Kind.of(take, 0, TAKE, i, Numbered(base)))
+                heard = s.used & _last_of_equal(arrive) if corrects or system.stepped else s.used
+                arrivals.append([arrive if heard.all() else arrive[heard]])
+                what = ARRIVE if heard.all() else np.where(heard, ARRIVE, RECORD).astype(np.int8)
+                kinds.append(Kind.of(arrive, 1, what, i, Numbered(base)))
+                if rebase:
+                    kinds.append(_counted_anew(take, arrive, s.used, i, base))
+            else:
+                kinds += in_rounds(i, base, take, arrive, rounds)
+                arrivals.append([arrive[rounds == number] for number in range(int(rounds.max()) + 1)])
+                if rebase:
+                    for number in range(-1, int(rounds.max()) + 1):
+                        again = _counted_anew(take, arrive, s.used & (rounds == number), i, base)
+                        kinds.append(replace(again, rank=again.rank + ROUND * max(number, 0)))
             base += s.arrival.size
             times = c.held_changes[0]
             kinds.append(Kind.of(nearest_event(events, times), 0, SET, layout.noise(i), Numbered(held)))
             held += times.size
         self.values = np.zeros(0)
+        behind = ROUND * (max(map(len, arrivals), default=1) - 1)
         if system.stepped:
             samples = channels[0].samples
             event = event_of(samples.arrival)
@@ -189,15 +197,15 @@ class Actions:
                 at, self.values = at[1:], self.values[1:]
             kinds.append(Kind.of(at, -2, SET, layout.interval, Numbered(held)))
             held += at.size
-            kinds += [Kind.of(event[heard], _KEEPS, JUMP, number) for number in system.keeping]
+            kinds += [Kind.of(event[heard], behind + _KEEPS, JUMP, number) for number in system.keeping]
             for number, (start, _, _) in enumerate(system.stepped):
                 kinds.append(Kind.of(at, -1 if start < system.plant_states else 3, JUMP, number))
         if system.corrections:
-            kinds += _corrections(arrivals, system, held)
+            kinds += corrections(arrivals, system, held)
             self.values = np.concatenate([self.values, _FLAGS])
             held += _FLAGS.size
         if acting is not None:
-            kinds += [Kind.of(acting, _ACTS, JUMP, number) for number in system.acting]
+            kinds += [Kind.of(acting, behind + _ACTS, JUMP, number) for number in system.acting]
         stepped = bool(system.stepped)
         lines = [] if inputs is None else list(inputs.actions(events, channels, layout, held, before=stepped))
         if order is not None:
@@ -272,27 +280,6 @@ def _interleaved(found: Sequence[tuple[Kind, slice]], first: int, stop: int) -> 
 
 
 _FLAGS = np.array([1.0, 0.0])  # a sample arrives just now, or does not
-
-
-def _corrections(arrivals: Sequence[np.ndarray], system: HybridSystem, first: int) -> Iterator[Kind]:
-    """What corrects observers by the outputs that a sample arrives of.
-
-    Parameters
-    ----------
-    arrivals : sequence of ndarray
-        Of every output that is not replayed the events at which its samples arrive.
-    first : int
-        Place of the flags among all that is set.
-    """
-    if len(arrivals) == 1 == system.outputs:  # then it is the one that arrives, whenever there is a correction
-        yield Kind.of(arrivals[0][:1], 2, SET, system.held.fresh(0), first)
-    else:
-        for i, event in enumerate(arrivals):
-            yield Kind.of(event, 2, SET, system.held.fresh(i), first)
-            yield Kind.of(event, 4, SET, system.held.fresh(i), first + 1)
-    for number, start, stop in system.corrections:
-        if stop <= len(arrivals):
-            yield Kind.of(distinct(np.concatenate(arrivals[start:stop])), 3, JUMP, number)
 
 
 def _counted_anew(take: np.ndarray, arrive: np.ndarray, used: np.ndarray, output: int, base: int) -> Kind:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -27,6 +28,8 @@ _CELLS = 1 << 14  # of a run with controlled steps, whose times are not known
 _NUMBERS = 6e6  # that are recorded of a run: with more steps than that a cell has several
 _ROWS = 8  # of the output grid are looked at together
 _SHORT = 1e-2  # of a run: what lasts longer is seen by every controlled step
+
+_NONE: Mapping[str, float] = MappingProxyType({})
 
 _FEATURES: Memo[dict[str, tuple[Feature, ...]]] = Memo(64)
 
@@ -113,16 +116,26 @@ def may_miss(run: PreparedRun, p: Floats, grid: Floats, rows: Floats) -> np.ndar
     return found
 
 
-def missed(run: PreparedRun, how: Pass) -> Missed:
-    """What the steps of a pass may have passed over."""
-    features = _features_of(run)
+def missed(run: PreparedRun, how: Pass, lost: Mapping[str, float] = _NONE) -> Missed:
+    """What the steps of a pass may have passed over.
+
+    Parameters
+    ----------
+    lost : mapping of str to float, optional
+        From when on it does not matter what an observer passes; from the start on where it is -inf.
+    """
+    features = {label: own for label, own in _features_of(run).items() if lost.get(label, 0.0) > -np.inf}
     if not any(features.values()):
         return Missed()
     low, high, seen = _cells(run, how)
     step = int(_SHORT * _CELLS) if how.tolerance else 1
     try:
         curve = _curve(run, how, low, high)
-        found = {label: Passages.of(own, curve, run.numbers.p, seen, step) for label, own in features.items() if own}
+        found = {
+            label: Passages.of(own, _until(curve, lost.get(label)), run.numbers.p, seen, step)
+            for label, own in features.items()
+            if own
+        }
     except (TooMany, SimulationError):
         return Missed(countless=True)
     longest = _SHORT * run.span if how.tolerance else how.step
@@ -133,6 +146,11 @@ def missed(run: PreparedRun, how: Pass) -> Missed:
         lagging={label: times for label, times in lagging.items() if times.size},
         jumps=not how.tolerance and any(of.jumps.size for of in found.values()),
     )
+
+
+def _until(curve: Curve, end: float | None) -> Curve:
+    """A trajectory up to the cell in which a time lies."""
+    return curve if end is None else curve.where(curve.low < end)
 
 
 def _lagging(found: Mapping[str, Passages], seen: Floats) -> dict[str, Floats]:

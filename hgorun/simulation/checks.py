@@ -77,7 +77,8 @@ def check_punctual(run: PreparedRun) -> None:
     for b in run.observers:
         sampled = late if late_to(b.observer) else []
         for name in [*sampled, *continuous][:1]:
-            if why := why_punctual(b.observer, f"{name} is late", sampled=bool(sampled)):
+            why = why_punctual(b.observer, f"{name} is late", sampled=bool(sampled))
+            if why is not None:
                 raise Problem(("observers", b.label), why)
 
 

@@ -21,7 +21,7 @@ from hgorun.result.status import OK, Verdict
 from hgorun.simulation.following import Finely, may_not_follow, near, no_longer_follows
 from hgorun.simulation.loss import Again, at_times, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import ends, estimates_near, left_for_good, may_have_left, swamped
+from hgorun.simulation.verdict import ends, estimates_near, grow_alike, left_for_good, may_have_left, swamped
 from hgorun.simulation.why_diverged import given_up, singular, with_reason
 from hgorun.symbolic.evaluate import Floats
 
@@ -59,7 +59,7 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
     free = (_free(run, raw, suspects, again) if bounded else None) or raw
     said = {j: judged(run, free, j, again, partial(at_times, again, j)) for j in suspects}
     back = [j for j, verdict in said.items() if not verdict.lost]
-    enough = _enough(run, again, [j for j in suspects if j not in back])
+    enough = _enough(run, free, again, [j for j in suspects if j not in back])
     for j, verdict in said.items():
         at = float(raw.diverged[j, 0])
         if verdict.status == "diverged" and np.isfinite(at):
@@ -222,14 +222,17 @@ def _beyond_given(run: PreparedRun, raw: Raw, j: int) -> Verdict:
     return Verdict("diverged", float(raw.diverged[j, 0]), bound)
 
 
-def _enough(run: PreparedRun, again: Again, lost: list[int]) -> dict[int, int]:
-    """With how many times shorter steps each of the observers is not lost; those are left out that always are."""
+def _enough(run: PreparedRun, free: Raw, again: Again, lost: list[int]) -> dict[int, int]:
+    """With how many times shorter steps each of the observers is not lost; those are left out that always are.
+
+    So are those whose growth the shorter steps repeat: it is that of their equations, and no step ends it.
+    """
     enough: dict[int, int] = {}
     if run.adaptive or not lost:
         return enough
     rates = [run.observers[j].observer.fastest_rate(run.observers[j].form) or 0.0 for j in lost]  # 0: not known
+    left = lost
     for shorter in _attempts(run, max(rates)):
-        left = [j for j in lost if j not in enough]
         try:
             other = again.integrate(again.plan(shorter), left)
         except (Problem, SimulationError):  # there is no time or no memory for so many steps
@@ -237,9 +240,18 @@ def _enough(run: PreparedRun, again: Again, lost: list[int]) -> dict[int, int]:
         followed = [j for j in left if not np.isfinite(other.diverged[j, 0])]  # to the end of the run
         finely = {j: partial(at_times, again, j, shorter=shorter) for j in followed}
         enough |= {j: shorter for j in followed if judged(run, other, j, finely=finely[j]) == OK}
-        if len(enough) == len(lost):
+        left = [j for j in left if j not in enough and not _repeats(run, free, other, j)]
+        if not left:
             break
     return enough
+
+
+def _repeats(run: PreparedRun, raw: Raw, other: Raw, j: int) -> bool:
+    """Whether a run with other steps has the same growth of an observer's errors."""
+    x = raw.rows[:, run.structure.truths[j], 0]
+    along = run.structure.estimates[j].along
+    one, two = (along(run.grid, run.numbers.p, of.rows[:, :, 0]) for of in (raw, other))
+    return grow_alike(x, one, two)
 
 
 def _attempts(run: PreparedRun, rate: float) -> Iterator[int]:

@@ -136,6 +136,12 @@ def _lost_sooner(found: Attempt | None, before: Attempt, slack: float) -> bool:
     return any(_when(verdict) < _when(earlier.get(label)) - slack for label, verdict in lost.items())
 
 
+def _lost_from(verdicts: Mapping[str, Verdict], before: Mapping[str, float]) -> dict[str, float]:
+    """From when on it does not matter what observers pass that are lost: of those that were ``before``, all along."""
+    lost = {label: verdict.at for label, verdict in verdicts.items() if verdict.lost and verdict.at is not None}
+    return {label: -np.inf if label in before else at for label, at in lost.items()}
+
+
 def _when(verdict: Verdict | None) -> float:
     """When an observer is lost; never, where nothing says so."""
     if verdict is None:
@@ -157,11 +163,15 @@ def _followed(search: Search) -> dict[str, Verdict]:
 
     The times at which a trajectory passes what is narrow in a state become events. What follows the first of them
     changes with it, so that others are met at other times. Jumps are left to steps that errors control. An observer
-    that is lost sooner with these events is not given up for it: it may be the steps between them that fail.
+    that is lost sooner with these events is not given up for it: it may be the steps between them that fail. What one
+    passes after its loss is nothing to the others, and one that is lost a second time is lost for certain.
     """
     known, before, rounds = np.zeros(0), -np.inf, 0
+    lost: dict[str, float] = {}
     while search.best is not None and search.enough():
-        found, kept = missed(search.run, search.best.finished.how), search.best
+        kept = search.best
+        lost = _lost_from(kept.finished.verdicts, lost)
+        found = missed(search.run, kept.finished.how, lost)
         auto = search.run.solver.method == "auto"
         if found.nothing:
             break

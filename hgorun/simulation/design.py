@@ -8,9 +8,11 @@ from functools import cached_property
 
 import numpy as np
 
-from hgorun.errors import PluginError, Problem, called
+from hgorun.config.nearest import among, meant
+from hgorun.errors import PluginError, Problem
 from hgorun.memo import same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
+from hgorun.observers.returned import Misfit, numbers
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.first_inputs import Recorded, started
 from hgorun.simulation.overflow import overflow
@@ -67,7 +69,10 @@ class Design:
                 if not known:
                     raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
                 if name not in known:
-                    raise Problem(("observers", label, key), f"unknown state {name!r}; known here: {', '.join(known)}")
+                    raise Problem(
+                        ("observers", label, key),
+                        f"unknown state {name!r}; known here: {among(name, known)}",
+                    )
         gains = _gains(label, observer, form)
         gains |= _shrinking(label, observer)
         defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
@@ -75,6 +80,7 @@ class Design:
             if not isinstance(value, (np.ndarray, Symmetric)):
                 kind = type(value).__name__
                 raise PluginError(f"observer {observer.type!r}: states has a {kind} for {name}, expected an array")
+            _numbers(observer, f"states: {name}", value.values if isinstance(value, Symmetric) else value)
         return cls(label, observer, form, form if origin is None else origin, gains, defaults)
 
     def initial(self, plant: BuiltPlant, *, has_alpha: bool, recorded: Recorded) -> np.ndarray:
@@ -91,9 +97,10 @@ class Design:
         if known is None or known[0] != key:  # the runs of a family often have the same parameters
             try:
                 estimate = started(self.form, self._estimate, plant, self.observer.canonical, recorded)
-                xhat = self.observer.start(estimate, self.gains)
+                found = self.observer.start(estimate, self.gains)
             except ValueError as error:
                 raise self._fail("initial", f"{error}{self._defaulted}") from error
+            xhat = _numbers(self.observer, "start: the first estimate", found, (self.form.plant.n,))
             own = self._own_alpha if has_alpha else self._own
             # in one piece: runs in other threads may share the design
             known = self._last["start"] = key, np.concatenate([np.ravel(xhat), own])
@@ -127,7 +134,9 @@ class Design:
         for name, given in self.observer.internal.items():
             if name not in values:
                 known = ", ".join(values) or "none"
-                raise self._fail("internal", f"unknown internal state {name!r}; this observer has: {known}")
+                raise self._fail(
+                    "internal", f"unknown internal state {name!r}; this observer has: {known}{meant(name, values)}"
+                )
             try:
                 values[name] = places[name].initial(given, values[name])
             except ValueError as error:
@@ -163,6 +172,19 @@ class Design:
         return self.form.guess if isinstance(self.form, Guessing) else None
 
 
+def _numbers(observer: AnyObserver, what: str, value: object, shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """What a method has returned, as numbers.
+
+    Raises
+    ------
+    PluginError
+    """
+    try:
+        return numbers(value, shape)
+    except Misfit as misfit:
+        raise PluginError(f"observer {observer.type!r}: {what} {misfit}") from None
+
+
 def _gains(label: str, observer: AnyObserver, form: Form) -> dict[str, np.ndarray]:
     """What the observer's keys give for the plant.
 
@@ -174,8 +196,7 @@ def _gains(label: str, observer: AnyObserver, form: Form) -> dict[str, np.ndarra
     try:
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             found = observer.design(form)
-            with called("observer", observer.type, "design"):
-                gains = {name: np.asarray(value, dtype=float) for name, value in found.items()}
+            gains = {name: _numbers(observer, f"design: {name}", value) for name, value in found.items()}
     except Problem as problem:
         raise Problem(("observers", label, *problem.path), problem.message) from problem
     except (np.linalg.LinAlgError, OverflowError) as error:

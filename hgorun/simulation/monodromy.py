@@ -1,8 +1,10 @@
-"""What becomes of small errors from one sample to the next."""
+"""What becomes of small errors from one sample to the next: exponentials of matrices, and monodromy matrices."""
 
 from __future__ import annotations
 
 import numpy as np
+
+_TERMS = 9  # of the exponential's series, after scaling to a norm of 1/2: 3e-10
 
 
 def on_their_way(period: float, delay: float) -> tuple[int, float]:
@@ -38,3 +40,17 @@ def monodromy(before: np.ndarray, after: np.ndarray | None, H: np.ndarray, waiti
     if after is not None:
         state = flow(state, after, waiting + 2)
     return np.concatenate([state[:, :N], state[:, N + q :]], axis=1)
+
+
+def exponentials(Omega: np.ndarray) -> np.ndarray:
+    """Of many matrices at once."""
+    norm = float(np.max(np.abs(Omega).sum(axis=2)))
+    halvings = max(int(np.ceil(np.log2(max(norm, 1e-300) / 0.5))), 0)
+    X = Omega / 2**halvings
+    eye = np.eye(X.shape[1])
+    value = eye + X / _TERMS
+    for k in range(_TERMS - 1, 0, -1):
+        value = eye + X @ value / k
+    for _ in range(halvings):
+        value = value @ value
+    return np.asarray(value)

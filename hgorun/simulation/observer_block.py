@@ -20,6 +20,7 @@ from hgorun.observers.base import (
 )
 from hgorun.observers.kalman import KalmanFilter
 from hgorun.observers.recalling import LAGS, RecallingObserver
+from hgorun.observers.returned import Misfit, fitting
 from hgorun.simulation.design import SHRINK, Design
 from hgorun.symbolic.forms import Copy, Form, GuessingCopy, ModelCopy, saturate
 from hgorun.symbolic.parameters import Parameters
@@ -236,10 +237,10 @@ class ObserverBlock:
         }
 
     def _of_shape(self, value: ca.SX, shape: tuple[int, int], what: str) -> ca.SX:
-        found = ca.SX(value)
-        if found.shape != shape:
-            raise self._wrong(f"{what} has the shape {found.shape}, expected {shape}")
-        return found
+        try:
+            return fitting(value, shape)
+        except Misfit as misfit:
+            raise self._wrong(f"{what} {misfit}, expected {shape}") from None
 
     def _wrong(self, message: str) -> Problem:
         """A mistake in the class, told at the block that uses it."""

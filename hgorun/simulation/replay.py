@@ -41,7 +41,7 @@ class Replay:
 
     Before anything happens at an event with samples that are on their way their states are saved; when one of these
     becomes known they are restored. Repeated are the samples that are known by then. Several samples of one output
-    that were taken at the same time enter one after the other, in as many rounds.
+    that were taken at the same time enter one after the other, in as many rounds, each compared with what is left then.
 
     Attributes
     ----------
@@ -64,13 +64,16 @@ class Replay:
         for one in self.outputs:
             items, place = order.places(one.taken)
             again, known = order.again[place], one.known[items] <= order.now[place]
-            yield Kind.of(place[~again], 0, TAKE, one.output, one.slot + items[~again])
+            early = ~again & ~known
+            yield Kind.of(place[early], 0, TAKE, one.output, one.slot + items[early])
             items, place, turn = _in_turn(items[known], place[known])
             slot, again = one.slot + items, order.again[place]
-            yield Kind.of(place[again], 0, RETAKE, one.output, slot[again])
             for number in range(int(turn.max(initial=-1)) + 1):
-                rounds.setdefault(number, []).append(place[turn == number])
-                yield from self._arriving(one.output, place[turn == number], slot[turn == number], number * ROUND)
+                own = turn == number
+                rounds.setdefault(number, []).append(place[own])
+                for what, which in ((TAKE, own & ~again), (RETAKE, own & again)):
+                    yield Kind.of(place[which], number * ROUND, what, one.output, slot[which])
+                yield from self._arriving(one.output, place[own], slot[own], number * ROUND)
         first = self.outputs[0].output
         for jump, start, _ in system.corrections:
             if start == first:

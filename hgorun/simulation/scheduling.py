@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterator
 from dataclasses import replace
 
 import numpy as np
 
 from hgorun.config.models import Time
-from hgorun.errors import Problem
+from hgorun.errors import Problem, printable
 from hgorun.measurement.blocks import Periodic
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.extremes import Unknown
@@ -145,8 +145,20 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
         *unknown_units(experiment.source),
         *of_observers,
         *_uneven(experiment),
+        *_long_step(experiment),
         *sign_remarks(experiment.source),
     )
+
+
+def _long_step(experiment: Experiment) -> Iterator[str]:
+    """A step that was given and is longer than the run: in another unit of time, as a rule."""
+    step, length = experiment.blocks.solver.step, experiment.time.end - experiment.time.start
+    if isinstance(step, float) and step > length * (1 + 1e-9):
+        where, unit = experiment.source.told(("solver", "step")), printable(experiment.blocks.time.unit)
+        yield (
+            f"{where}: {step:g} is longer than the run, {length:g}: steps end where output is written or a sample "
+            f"arrives, and nothing else limits them; times are in {unit}"
+        )
 
 
 def _swapped(experiment: Experiment) -> list[str]:

@@ -17,18 +17,18 @@ from hgorun.errors import HgorunError, printable
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import HighGain, NotLinear, SlidingMode
 from hgorun.simulation.design import Design
-from hgorun.simulation.monodromy import monodromy, on_their_way
+from hgorun.simulation.monodromy import exponentials, monodromy, on_their_way
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.slopes import slopes
 from hgorun.simulation.structure import parameter_values
 from hgorun.symbolic.evaluate import Floats, evaluate
 
-_POINTS = 5  # of the run
+_POINTS = 3  # of the run
 _GROWS = 1 + 1e-6  # from sample to sample: less may be rounding of 1
-_RATIO, _PRECISION = 1.08, 1e-3  # of neighbouring values in a search, and of what it finds
-_TRIED = 300  # values in such a search
-_SMALLEST = 1e-3  # of the period or delay in use: the search begins there
+_RATIO, _PRECISION = 1.3, 3e-3  # of neighbouring values in a search, and of what it finds
+_TRIED = 80  # values in such a search
+_SMALLEST = 1e-2  # of the period or delay in use: the search begins there
 _FINE = 16  # samples a delay that stand for a continuous output
 _WAITING = 100  # samples on their way at most
 
@@ -153,16 +153,14 @@ class _Error:
         return np.block([[A0, E], [-K0, -K]]), H
 
     def _radii(self, timing: _Timing) -> Floats:
-        from scipy.linalg import expm  # not for runs in which nothing is lost
-
         G, H = self._systems
         period, delay = timing.period, timing.delay
         if period is None:  # samples d/n apart that are d - d/(2 n) old on arrival are d old in the mean
             period, delay = delay / _FINE, delay - delay / (2 * _FINE)
         waiting, rest = on_their_way(period, delay)
         with np.errstate(over="ignore", invalid="ignore"):
-            after = expm(G * rest) if rest > 0 else None
-            M = monodromy(expm(G * (period - rest)), after, H, waiting)
+            after = exponentials(G * rest) if rest > 0 else None
+            M = monodromy(exponentials(G * (period - rest)), after, H, waiting)
         known = np.all(np.isfinite(M), axis=(1, 2))
         radii = np.full(len(M), np.inf)
         radii[known] = np.max(np.abs(np.linalg.eigvals(M[known])), axis=1)
@@ -174,7 +172,7 @@ def _largest_part(growth: Callable[[float], float]) -> float | None:
     low = _SMALLEST
     while growth(low) >= 1:
         low /= 10
-        if low < _SMALLEST**4:
+        if low < _SMALLEST**6:
             return None
     high = low * _RATIO
     while high < 1 and growth(high) < 1:

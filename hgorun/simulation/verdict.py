@@ -20,12 +20,13 @@ from hgorun.result.estimated import Estimated
 from hgorun.symbolic.evaluate import Floats
 
 _FAR = 1e6  # times the size of the state
-_GROWN = 1e3  # times the smallest errors of the run
+_GROWN = 1e3  # times the smallest errors of the run, or all states and the first error
 _ROUNDING = 1e-9  # times the largest state: one that is smaller all along may be rounding
 _SMALLEST = 0.1  # of the points: those with the smallest errors
 _LATE = 0.1  # of the points: the last
 _ASTRAY = 2.0  # times the size of a run: twice is as far as two numbers of one size can be from each other
 _SWINGS = 4  # changes of an error's sign: a transient has fewer, and a constant error of the model has none
+_ALIKE = 1e-2  # of an error: so far two steps may be apart where they show the same
 _LOOKED_AT = 16  # of the last points
 
 
@@ -64,6 +65,18 @@ def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
     first, last = _gap(x, xhat)
     size = np.maximum(np.max(np.abs(x), axis=0), np.where(np.isfinite(first), first, 0.0))
     return np.asarray(~np.all(last <= _FAR * size, axis=0))
+
+
+@np.errstate(invalid="ignore", over="ignore")
+def grow_alike(x: Floats, xhat: Floats, other: Floats) -> bool:
+    """Whether two runs with different steps have the same error of an estimate, where it is a thousand times all else.
+
+    Steps that are too long for an observer amplify its errors as much as their length says, each in its own way.
+    """
+    gap = np.max(_gap(x, xhat), axis=1)
+    size = max(float(np.max(np.abs(x))), float(gap[0]))
+    grown = np.flatnonzero((gap > _GROWN * size) & np.isfinite(gap))
+    return bool(grown.size and np.max(_gap(xhat[grown[0]], other[grown[0]])) <= _ALIKE * gap[grown[0]])
 
 
 def swamped(x: Floats, xhat: Floats) -> int | None:

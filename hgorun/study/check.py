@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from hgorun.config.expressions import nearest
+from hgorun.config.nearest import among
 from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.errors import KeyPath, Problem
@@ -104,7 +105,8 @@ def _check_quantity(study: Study, quantity: Quantity, path: KeyPath) -> None:
         model, of_input = experiment.plant.model, kind.of == "input"
         what, names = ("input", model.inputs) if of_input else ("state", model.states)
         if quantity.state is not None and quantity.state not in names:
-            raise Problem(path, f"no {what} is called {quantity.state!r}. {what.capitalize()}s: {', '.join(names)}")
+            known = among(quantity.state, names)
+            raise Problem(path, f"no {what} is called {quantity.state!r}. {what.capitalize()}s: {known}")
         _check_window(study.runs[run], quantity, path)
     if len({run for run, _ in quantity.of}) > 1 and not all(study.runs[run].single for run, _ in quantity.of):
         raise Problem(path, f"{quantity}: members of different ensembles cannot be compared")

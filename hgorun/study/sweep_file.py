@@ -7,6 +7,7 @@ from pathlib import Path
 
 from hgorun.config.expressions import nearest
 from hgorun.config.kinds import refuse_file_of_another_command
+from hgorun.config.nearest import meant
 from hgorun.config.reading import extended, read_source
 from hgorun.config.sweeps import SweepFile
 from hgorun.config.validation import validate
@@ -51,8 +52,8 @@ def load_sweeps(path: str | Path, run: str | None = None) -> dict[str, Ensemble]
     runs = study_of(source, path.stem, text).runs
     found = {name: ensemble_of(one) for name, one in runs.items() if not one.single and run in (None, name)}
     if not found:
-        known = ", ".join(name for name, one in runs.items() if not one.single)
-        what = f"no run with seeds or vary is called {run!r}. Known: {known}"
+        known = [name for name, one in runs.items() if not one.single]
+        what = f"no run with seeds or vary is called {run!r}. Known: {', '.join(known)}{meant(run or '', known)}"
         nothing = "none of its runs has seeds or vary; a sweep file has base, axes and keep"
         raise ConfigError(what if known else nothing, file=str(path))
     return {f"{path.stem}/{name}": ensemble for name, ensemble in found.items()}

@@ -30,28 +30,29 @@ class Enclosure:
 
     function: ca.Function
     _compiled: list[SegmentMeans] = field(default_factory=list)  # one, or none
-    _poles: list[np.ndarray] = field(default_factory=list)  # points that have no bound, as far as they are known
+    _poles: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)  # corners of boxes that hold one each
 
     def has_pole(self, low: np.ndarray, high: np.ndarray) -> bool:
         """Whether a box, corners (d,), is known to hold a point without a bound: then no cutting of it leads to one."""
-        return any(np.all(low <= pole) and np.all(pole <= high) for pole in self._poles)
+        return any(np.all(low <= below) and np.all(above <= high) for below, above in self._poles)
 
     def find_pole(self, low: np.ndarray, high: np.ndarray) -> None:
-        """Narrow a box of which nothing is known down to a point, and keep it where nothing is known of that either."""
+        """Narrow a box of which nothing is known down to neighbouring numbers, and keep these where it is so there."""
         low, high = low.copy(), high.copy()
         for j in np.tile(np.flatnonzero(self.matters), _NARROWINGS):
+            if low[j] == high[j]:
+                continue
             edges = np.linspace(low[j], high[j], _SLICES + 1)
-            lows, highs = np.tile(low, (_SLICES, 1)), np.tile(high, (_SLICES, 1))
-            lows[:, j], highs[:, j] = edges[:-1], edges[1:]
+            middles = 0.5 * (edges[:-1] + edges[1:])  # most poles are met with one number given
+            lows, highs = np.tile(low, (2 * _SLICES, 1)), np.tile(high, (2 * _SLICES, 1))
+            lows[:, j], highs[:, j] = np.append(edges[:-1], middles), np.append(edges[1:], middles)
             unbounded = np.flatnonzero(~np.isfinite(np.maximum(*map(np.abs, self(lows, highs)))))
             if not unbounded.size:
                 return
-            k = unbounded[unbounded.size // 2]
+            given = unbounded[unbounded >= _SLICES]
+            k = given[given.size // 2] if given.size else unbounded[unbounded.size // 2]
             low, high = lows[k], highs[k]
-        for point in (low, high):
-            if not np.isfinite(np.maximum(*map(np.abs, self(point[None], point[None])))[0]):
-                self._poles.append(point)
-                return
+        self._poles.append((low, high))
 
     @cached_property
     def instructions(self) -> list[Instruction]:

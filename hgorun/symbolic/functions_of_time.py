@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from hgorun.symbolic.evaluate import Floats, evaluate
+from hgorun.symbolic.instructions import Instruction, read
 from hgorun.symbolic.intervals import Bounds, enclose
 
 
@@ -43,12 +45,20 @@ class Smooth:
 
     def bounds(self, low: Floats, high: Floats, p: Floats, s: Floats) -> tuple[Bounds, Bounds]:
         """Bounds (N,) of value and slope for times between low and high (N,)."""
-        value, slope = enclose(self.slope, _argument(low, high, p, s))[0]
+        value, slope = enclose(self.slope, _argument(low, high, p, s), instructions=self._both)[0]
         return _wide(value, low), _wide(slope, low)
 
     def bounds_at(self, times: Floats, p: Floats, s: Floats) -> Bounds:
         """Bounds (N,) of the value at times (N,), which rounding keeps apart."""
-        return _wide(enclose(self.value, _argument(times, times, p, s))[0][0], times)
+        return _wide(enclose(self.value, _argument(times, times, p, s), instructions=self._one)[0][0], times)
+
+    @cached_property
+    def _one(self) -> list[Instruction]:
+        return read(self.value)  # once: a search asks for bounds thousands of times
+
+    @cached_property
+    def _both(self) -> list[Instruction]:
+        return read(self.slope)
 
 
 def _argument(low: Floats, high: Floats, p: Floats, s: Floats) -> Callable[[int, int], Bounds]:

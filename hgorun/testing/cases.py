@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from hgorun.config.types import Block
+from hgorun.config.validation import sentence_of
 from hgorun.errors import HgorunError, Problem
 from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, SampledObserver, is_observer
 from hgorun.plants.base import PLANTS, Plant
@@ -195,7 +196,7 @@ def block_of(cls: type[BlockT], keys: Keys) -> BlockT:
         first = error.errors(include_url=False)[0]
         key = ".".join(map(str, first["loc"]))
         raise Broken(
-            f"the block {dict(keys)} refused at {key or 'its top'}: {first['msg']}",
+            f"the block {dict(keys)} refused at {key or 'its top'}: {sentence_of(first)}",
             "keys that work: by block=, or by the class method example for keys without default",
         ) from error
 

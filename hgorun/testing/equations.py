@@ -21,6 +21,7 @@ from hgorun.observers.base import (
     Sample,
     SampledObserver,
 )
+from hgorun.observers.returned import Misfit, fitting, numbers
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.first_inputs import started
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
@@ -49,12 +50,14 @@ class Equations:
     def __init__(self, observer: AnyObserver, plant: BuiltPlant, form: Form) -> None:
         self.observer, self.plant, self.form = observer, plant, form
         with told("design"):
-            self.design: dict[str, np.ndarray] = {n: np.asarray(v) for n, v in observer.design(form).items()}
+            found = observer.design(form)
+            self.design: dict[str, np.ndarray] = {n: _numbers(f"design(): {n}", v) for n, v in found.items()}
         with told("states"):
             self.defaults: Mapping[str, np.ndarray | Symmetric] = observer.states(form)
             for name, value in self.defaults.items():
                 if not isinstance(value, (np.ndarray, Symmetric)):
                     raise Broken(f"states(): {name} is a {type(value).__name__}", "an array")
+                _numbers(f"states(): {name}", value.values if isinstance(value, Symmetric) else value)
         self.states: dict[str, StateBlock] = {}
         end = 0
         for name, value in {"xhat": np.zeros(plant.model.n), **self.defaults}.items():
@@ -82,7 +85,8 @@ class Equations:
     def estimate(self) -> ca.SX:
         """The estimate in the observer's coordinates."""
         with told("estimate"):
-            return self.observer.estimate(self._s, self._k)
+            found = self.observer.estimate(self._s, self._k)
+        return shaped(found, (self.plant.model.n, 1), "estimate(): the estimate")
 
     @cached_property
     def rates(self) -> dict[str, ca.SX]:
@@ -197,6 +201,7 @@ class Equations:
         with told("start"):
             estimate = started(self.form, x, self.plant, self.observer.canonical)
             xhat = self.observer.start(estimate, self.design)
+        _numbers("start(): the first estimate", xhat, (self.plant.model.n,))
         values = {n: v.values if isinstance(v, Symmetric) else v for n, v in self.defaults.items()}
         values["xhat"] = xhat
         return np.concatenate([block.numbers(np.asarray(values[name])) for name, block in self.states.items()])
@@ -217,6 +222,23 @@ class Equations:
         of = {"xhat": "estimate", **self.observer.roles(self.form)}
         blocks = [block for name, block in self.states.items() if of[name] in roles]
         return np.concatenate([np.zeros(0, int), *(np.arange(b.start, b.start + b.size) for b in blocks)])
+
+
+def shaped(value: object, shape: tuple[int, int], what: str) -> ca.SX:
+    """An expression that a method has returned; Broken where it has another shape, or is none."""
+    try:
+        return fitting(value, shape)
+    except Misfit as misfit:
+        raise Broken(f"{what} {misfit}", f"an expression of the shape {shape}") from None
+
+
+def _numbers(what: str, value: object, shape: tuple[int, ...] | None = None) -> np.ndarray:
+    """Numbers that a method has returned, as far as their kind and their shape go; Broken where these are wrong."""
+    try:
+        return numbers(value, shape)
+    except Misfit as misfit:
+        found, _, expected = str(misfit).rpartition(", expected ")
+        raise Broken(f"{what} {found}", expected) from None
 
 
 @contextmanager

@@ -9,7 +9,7 @@ from typing import get_args
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import HgorunError, PluginError
+from hgorun.errors import HgorunError, PluginError, raised
 from hgorun.observers.base import (
     AnyObserver,
     Arrival,
@@ -26,7 +26,7 @@ from hgorun.symbolic.states import Symmetric
 from hgorun.testing.cases import CHAINS, WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
 from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to
 from hgorun.testing.decay import decays
-from hgorun.testing.equations import Equations, numbers_of, points
+from hgorun.testing.equations import Equations, numbers_of, points, shaped
 from hgorun.testing.runs import RUN_LAWS
 
 CORRECTION = 1e-9  # relative difference of two ways to the same number
@@ -124,18 +124,18 @@ def _equations(subject: Subject) -> None:
     for case in subject.cases:
         equations = case.equations()
         if isinstance(equations.observer, ContinuousObserver):
-            _same_shapes(equations, equations.rates, "derivatives", whole=True)
+            _same_shapes(equations, equations.rates, "equations(): the derivative", whole=True)
             c = equations.correction
-            if c is not None and ca.SX(c).shape != (equations.outputs, 1):
-                raise Broken(f"a correction of shape {ca.SX(c).shape}", f"{(equations.outputs, 1)}, one an output")
+            if c is not None:
+                shaped(c, (equations.outputs, 1), "equations(): the correction, one an output,")
         if isinstance(equations.observer, DecidedObserver):
-            _same_shapes(equations, equations.decided(), "values after a decision", whole=False)
+            _same_shapes(equations, equations.decided(), "decide(): the value", whole=False)
         if isinstance(equations.observer, SampledObserver):
             sample = Sample(ca.SX.sym("y", equations.outputs), ca.SX.sym("y_", equations.outputs), ca.SX.sym("T"))
-            _same_shapes(equations, equations.jump(sample), "values after a jump", whole=False)
+            _same_shapes(equations, equations.jump(sample), "jump(): the value", whole=False)
         if isinstance(equations.observer, CorrectedObserver):
             arrival = Arrival(ca.SX.sym("y", equations.outputs), ca.SX.sym("fresh", equations.outputs))
-            _same_shapes(equations, equations.corrected(arrival), "values after a correction", whole=False)
+            _same_shapes(equations, equations.corrected(arrival), "correct(): the value", whole=False)
         for values in numbers_of(equations):
             if not np.all(np.isfinite(values)):
                 raise Broken(
@@ -149,9 +149,7 @@ def _same_shapes(equations: Equations, found: dict[str, ca.SX], what: str, *, wh
     if set(found) - known or (whole and known - set(found)):
         raise Broken(f"{what} of {sorted(found)}", f"{'all' if whole else 'some'} of {sorted(known)}")
     for name, value in found.items():
-        shape = (*equations.states[name].shape, 1, 1)[:2]
-        if ca.SX(value).shape != shape:
-            raise Broken(f"{what} of {name} with shape {ca.SX(value).shape}", f"{shape}, that of the state")
+        shaped(value, equations.states[name].matrix, f"{what} of {name}")
 
 
 def _arguments(subject: Subject) -> None:
@@ -249,16 +247,16 @@ def _refuses(subject: Subject) -> None:
         try:
             prepare(case.experiment({"it": {"initial": case.aside}}))
         except HgorunError as error:
-            raised = error.__cause__ if isinstance(error, PluginError) else None
+            fault = error.__cause__ if isinstance(error, PluginError) else None
         except Exception as error:
-            raised = error
+            fault = error
         else:
             continue
-        if raised is not None:
+        if fault is not None:
             raise Broken(
-                f"{type(raised).__name__}: {raised}, for the plant {keys['dynamics']}, output {keys['output']}",
+                f"{raised(fault)}, for the plant {keys['dynamics']}, output {keys['output']}",
                 "an HgorunError that says why the plant is not one for this observer, or an observer that works",
-            ) from raised
+            ) from fault
 
 
 def _explains_itself(subject: Subject) -> None:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.nearest import near_file
-from hgorun.config.reading import read_source
+from hgorun.config.reading import mapping, read_source
 from hgorun.config.tuning import Tune, TuneFile
 from hgorun.config.validation import validate
 from hgorun.ensemble.refused import refuse
@@ -58,7 +58,7 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
             )
     text, source = read_source(path, overrides)
     refuse_file_of_another_command(source.data, path, "tune")
-    data = source.data if isinstance(source.data, dict) else {}
+    data = mapping(source, "base and tune")
     if "tune" not in data:
         raise ConfigError("the key tune is missing: it says which gains to tune, and for which goal", file=str(path))
     config = path

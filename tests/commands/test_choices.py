@@ -98,6 +98,19 @@ def test_metrics_and_findings_are_shown_like_the_rest(shell: Shell) -> None:
         assert out.split() == " ".join(f"{key}: {value}" for key, value in described.items()).split()
 
 
+def test_a_figure_is_shown_with_its_experiment_and_the_commands_that_make_it(shell: Shell) -> None:
+    code, out, _ = shell("show", "3.9")
+    assert code == 0
+    assert "experiment: robles2023/chapter3/contois_te025: Contois bioreactor" in out
+    assert "draw it: hgorun figures 3.9" in out
+    records = json.loads(shell("show", "1", "--json")[1])
+    assert [one["name"] for one in records] == ["katayama/1", "lee2016/1", "meiners2025/1"]
+    assert json.loads(shell("show", "lee2016/1", "--json")[1])[0]["claims about it"] == ["23a"]
+    (folder,) = json.loads(shell("show", "lee2016", "--json")[1])
+    assert (folder["kind"], folder["figures"]) == ("folder of experiments", ["1", "2", "3", "4", "5", "6"])
+    assert "Did you mean `3.9`?" in shell("show", "3.91")[2]
+
+
 @pytest.mark.measured
 @pytest.mark.slow
 def test_a_report_of_ones_own_figures(shell: Shell) -> None:
@@ -113,6 +126,12 @@ def test_remarks_are_said_and_are_no_errors(capsys: pytest.CaptureFixture[str], 
     result = replace(hgorun.simulate(hgorun.load(shell.folder / "base.yaml")), remarks=("one thing", "another"))
     warn(result)
     assert capsys.readouterr().err == "hgorun: base: one thing\nhgorun: base: another\n"
+
+
+def test_the_file_of_a_run_is_named_once(capsys: pytest.CaptureFixture[str], shell: Shell) -> None:
+    result = hgorun.simulate(hgorun.load(shell.folder / "base.yaml"))
+    warn(replace(result, remarks=("base.yaml:3: time.end: one", "other.yaml:2: two")))
+    assert capsys.readouterr().err == "hgorun: base.yaml:3: time.end: one\nhgorun: base: other.yaml:2: two\n"
 
 
 @pytest.mark.parametrize(

@@ -162,9 +162,9 @@ def answers(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
 
 
 def test_a_plant_of_your_own_from_answers(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    equations = ("x2", "-a*x1 + w", "-a*x1 + u")  # the second of these has an unknown name, and is asked again
+    equations = ("x2", "-a*x1 + w", "", "-a*x1 + u")  # the second of these has an unknown name, and is asked again
     end_and_sampling = ("-5", "5", "0", "0.01")
-    named = ("own", "h", "x1, x1", "x1, x2", "b", "a = 2, c = 3", "u")
+    named = ("own", "parsec", "h", "t, x1", "x1, x1", "x1, x2", "b", "a = 2, c = 3", "u")
     answers(
         monkeypatch, *named, *equations, "", "a*cos(t)", "", "", "", "one", "0", *end_and_sampling, "shgo, ekff", "shgo"
     )
@@ -172,7 +172,8 @@ def test_a_plant_of_your_own_from_answers(shell: Shell, monkeypatch: pytest.Monk
     assert code == 0, err
     assert "written: own.yaml" in out
     for words in (
-        "`w` is not known",
+        "'parsec' is not a unit of time",
+        "t is the time: take another name",
         "nothing uses the parameter c: it is left out",
         "different names",
         "expected name = number",
@@ -188,11 +189,26 @@ def test_a_plant_of_your_own_from_answers(shell: Shell, monkeypatch: pytest.Monk
     assert "sampling" not in found["measurement"]
 
 
+def test_names_that_only_equations_have_are_asked_for(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    equations = ("speed", "-k*pos - c*spee + F", "", "-k*pos - c*speed + F", "1/2", "0.5*sin(t)", "")
+    answers(monkeypatch, "own", "-", "pos, speed", "k = 4", "", *equations, *[""] * 8)
+    code, out, err = shell("init", "--ask", "-o", "own.yaml")
+    assert code == 0, err
+    asked = "F is not known. Its number, or as an input an expression of t (Enter: write it again)"
+    assert asked in out
+    found = yaml.safe_load((shell.folder / "own.yaml").read_text())
+    assert found["time"]["unit"] == "-"
+    assert found["plant"]["parameters"] == {"k": 4, "F": 0.5}
+    assert found["plant"]["inputs"] == {"c": "0.5*sin(t)"}
+
+
 def test_a_built_in_plant_from_answers(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
-    answers(monkeypatch, "contoi", "contois", "", "0.5", "", "")
-    code, _, err = shell("init", "--ask")
-    assert (code, "Did you mean `contois`?" in err) == (0, True)
+    answers(monkeypatch, "contoi", "contois", "0.2 1/h", "0.2*mu", "", "0.5", "", "")
+    code, out, err = shell("init", "--ask")
+    assert (code, "Did you mean `contois`?" in err, "a number has no unit here" in err) == (0, True, True)
+    assert "input D (dilution rate, 1/h), a number or an expression of t" in out
     found = yaml.safe_load((shell.folder / "contois.yaml").read_text())
+    assert found["plant"]["inputs"] == {"D": "0.2*mu"}
     assert found["measurement"]["sampling"] == {"period": 0.5}
     answers(monkeypatch, "contois")
     code, _, err = shell("init", "--ask", "-o", "other.yaml")

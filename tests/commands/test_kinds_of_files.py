@@ -40,6 +40,9 @@ OTHERS = {
         "this is a log, not a configuration: hgorun estimate CONFIG x.parquet runs",
     ),
     "x.txt": (b"t;y\n0;1,5\n", "this is a log, not a configuration: hgorun estimate CONFIG x.txt runs observers"),
+    "x.npz": (b"PK\x03\x04" + bytes(22) + b"\x05\0\0\0a.npy", "this is arrays of NumPy (.npz), as a checkpoint"),
+    "x.py": (b"import hgorun\n", "this is a program of Python, not a configuration: python x.py runs it"),
+    "x.md": (b"# Title\n", "this is a page to read, not a configuration: hgorun init copies an example"),
     "y.yaml": (b"a,b\n0,1\n" * MAX_BYTES, "this is a log, not a configuration"),
 }
 WANTS_A_CONFIGURATION = ("simulate", "compare", "analyze", "export", "explore", "sweep", "benchmark", "cite", "figures")
@@ -79,6 +82,13 @@ def test_every_command_says_it(shell: Shell, command: str) -> None:
 def test_a_configuration_is_no_table(shell: Shell, words: str) -> None:
     (shell.folder / "c.yaml").write_text(words)
     assert "log" not in shell("simulate", "c.yaml")[2]
+
+
+@pytest.mark.parametrize(("command", "key"), [("estimate", "data"), ("tune", "tune")])
+def test_a_text_is_no_configuration_that_lacks_a_key(shell: Shell, command: str, key: str) -> None:
+    (shell.folder / "x.txt").write_text("Hello\n")
+    code, _, err = shell(command, "x.txt")
+    assert (code, "x.txt:1: expected keys such as" in err, key in err, "'Hello'" in err) == (2, True, True, True), err
 
 
 def test_a_kind_is_not_asked_of_what_cannot_be_read(tmp_path: Path) -> None:

@@ -59,7 +59,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("std: 0.1", "std: 5%", "a percentage is a fraction, 0.05"),
         ("k: 4.5", "k: 4,5", "a decimal number is written with a point"),
         ("initial: {x1: 1, x2: 0}", "initial: {x1:1, x2:0}", "a space belongs behind the colon, as in x1: 1"),
-        ("output: x1", "output:x1", "with a space behind the colon"),
+        ("output: x1", "output:x1", "c.yaml:7: a space belongs behind the colon, as in output: x1"),
         ("plant:", "// my plant\nplant:", "a comment begins with #"),
         ("    x1: x2", "    x1': x2", "the right-hand side of x1' stands under x1"),
         ("    x1: x2", "    dx1: x2", "dx1 is no state: the key is the name of the state itself"),

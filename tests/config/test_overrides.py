@@ -28,7 +28,6 @@ def get(source: Source, *path: str | int) -> Any:
     [
         ("time.end=5", ("time", "end"), 5),
         ("title=a = b", ("title",), "a = b"),
-        ("title=", ("title",), None),
         ("observers.SHGO.theta=1e1", ("observers", "SHGO", "theta"), 10.0),
         ("observers.SHGO.theta='3'", ("observers", "SHGO", "theta"), "3"),
         ("observers.FHGO r=2.theta=4", ("observers", "FHGO r=2", "theta"), 4),
@@ -115,6 +114,9 @@ def test_set_path_in_turn() -> None:
         ("time..end=5", "path=value"),
         (".time=5", "path=value"),
         ("time.end = 5", "path=value"),
+        ("title=", "no value behind `=`: write title=value; `--set title=null` removes it"),
+        ("observers.FHGO r=2=", "; `--set observers.FHGO r=2=null` removes it"),
+        ("solver.step= ", "no value behind `=`: write solver.step=value"),
         ("time.end.outputstep=5", "Did you mean `output_step`?"),
         ("time.end.x=5", "`time.end` is '40' and has no `x` in it. Beside it: end, output_step, unit."),
         ("measurement.noise.1.type=x", "an index from 0 to 0"),

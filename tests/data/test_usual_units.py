@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from hgorun.data.named_units import convertible_in_name, foreign_in_name
-from hgorun.data.units import _COMMON, _registry, converted, is_unit, not_known
+from hgorun.data.units import _COMMON, _registry, converted, is_unit, not_known, seconds
 from hgorun.data.usual_units import _SYMBOLS, _WORDS, unusual
 from hgorun.errors import Problem
 
 ACCIDENTS = """
-    Grad grad a OD pH mass unit units Pt PS cfm au e k c R G u at D x dot point hand chain link rod pt Nm Temp cu fr nit
+    Grad grad a OD pH mass unit units Pt PS cfm au e k c R G u at D x dot point hand chain link rod pt Temp cu fr nit
     P dd cmin kdeg Mm kt Skt
 """
 
@@ -98,7 +98,7 @@ def test_bytes_are_no_bels() -> None:
         ("p [psig]", "psi", ""),
         ("q [cfm]", "m^3/s", "cfm"),
         ("M [ft-lb]", "N*m", "ft-lb"),
-        ("M [kNm]", "N*m", "kNm"),
+        ("M [in-lb]", "N*m", "in-lb"),
         ("M [Nm]", "N*m", ""),
         ("B [G]", "T", "G"),
         ("B [Gauss]", "T", "Gauss"),
@@ -123,6 +123,21 @@ def test_what_is_usual_is_known_to_the_library_and_what_is_suggested_is_usual() 
     assert all(unusual(unit) is None for unit in _COMMON)
     for name in sorted(_SYMBOLS | _WORDS):
         _registry().Unit(name)
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted", "factor"),
+    [("Nm", "N*m", 1), ("kNm", "N*m", 1000), ("mNm", "J", 1e-3), ("Nm/rad", "N*m/rad", 1), ("J/Nm", "1", 1)],
+)
+def test_a_newton_metre_is_one_in_its_usual_notation(unit: str, wanted: str, factor: float) -> None:
+    np.testing.assert_allclose(converted(np.array([2.0]), unit, wanted, ()), [2 * factor], rtol=1e-12)
+    assert not not_known(unit)
+
+
+@pytest.mark.parametrize(("unit", "short"), [("secs", "s"), ("mins", "min"), ("hrs", "h"), ("msecs", "ms")])
+def test_short_plurals_are_units_of_time(unit: str, short: str) -> None:
+    assert seconds(unit, ()) == seconds(short, ())
+    np.testing.assert_allclose(converted(np.array([3.0]), f"1/{unit}", f"1/{short}", ()), [3.0], rtol=1e-12)
 
 
 def test_german_degrees_are_offered_as_such() -> None:

@@ -12,6 +12,7 @@ import socket
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from http.client import HTTPConnection
 from pathlib import Path
@@ -37,6 +38,18 @@ OTHERS = (
     "/{short}/", "/{wrong}/", "/{wrong}/static/js/bokeh.min.js", "/{wrong}/ws", "/{wrong}/figure.png", "//{secret}/",
     "/channel?key=x", "/{wrong}/channel?key=x", "/x/../{wrong}/", "/{secret}",
 )  # fmt: skip
+
+
+# Little to compile: what is simulated does not matter here.
+SERVED = """\
+title: <b>A & B</b>
+time: {unit: min, end: 1, output_step: 0.05}
+plant: {type: integrator_chain, n: 2, phi: 0, initial: {x1: 1, x2: 0}}
+observers:
+  F: {type: shgo, theta: 2, poles: -1}
+  S: {type: shgo, theta: 3, poles: -1}
+solver: {method: rk4, step: 0.05}
+"""
 
 
 class Served:
@@ -72,10 +85,24 @@ class Served:
 @pytest.fixture(scope="module")
 def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Served]:
     path = tmp_path_factory.mktemp("served") / "a.yaml"
-    path.write_text(OSCILLATOR.replace("time: {", "title: <b>A & B</b>\ntime: {unit: min, "))
+    path.write_text(SERVED)
     found = Served(path)
     yield found
     found.stop()
+
+
+def test_bounds_are_computed_while_the_browser_begins(tmp_path: Path) -> None:
+    """They take longest at the start: nothing has asked for them."""
+    (tmp_path / "a.yaml").write_text(SERVED)
+    found = Served(tmp_path / "a.yaml")
+    try:
+        bench, base = found.page.bench, found.page._base
+        end = time.monotonic() + 60
+        while not all(bench.known(base, label) for label in ("F", "S")):
+            assert time.monotonic() < end
+            time.sleep(0.02)
+    finally:
+        found.stop()
 
 
 def test_only_this_machine(served: Served) -> None:

@@ -24,7 +24,7 @@ def test_units_of_time_are_taken(unit: str) -> None:
 
 @pytest.mark.parametrize(
     ("unit", "told"),
-    [("kg", ""), ("hz", " Did you mean"), ("hour s", " Did you mean `hours`?"), ("m", ""), ("Tag", ""), ("msec", "")],
+    [("kg", ""), ("hz", " Did you mean"), ("hour s", " Did you mean `hours`?"), ("m", ""), ("Tag", ""), ("msekk", "")],
 )
 def test_other_units_of_time_are_refused(unit: str, told: str) -> None:
     with pytest.raises(ConfigError, match=f"time.unit: '{unit}' is not a unit of time.{told}") as caught:

@@ -96,3 +96,13 @@ def test_a_number_that_is_not_finite_is_shown() -> None:
 def test_a_pole_of_a_function_of_time_is_at_its_time() -> None:
     with pytest.raises(ConfigError, match="this is not finite at t = 0: it has"):
         simulate(config("-c*x1/t"))
+
+
+@pytest.mark.parametrize("start", [0.0, 7.0])
+def test_a_step_longer_than_the_run_is_told(start: float) -> None:
+    found = config("-c*x1")
+    found["time"] = {"start": start, "end": start + 0.1, "output_step": 0.05, "unit": "h"}
+    assert simulate(found | {"solver": {"step": 0.1}}).remarks == ()  # as long as the run
+    (told,) = simulate(found | {"solver": {"step": 0.11}}).remarks
+    assert "solver.step: 0.11 is longer than the run, 0.1: steps end where output is written" in told
+    assert told.endswith("times are in h")

@@ -324,6 +324,41 @@ class OfMath(StandardObserver):
         return Flow({"xhat": s.xhat * math.tanh(e[0])})
 
 
+class TextForARate(StandardObserver):
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": "xhat"})
+
+
+class ListForARate(StandardObserver):
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": list(ca.vertsplit(s.xhat))})
+
+
+class GainsOfAnotherLength(StandardObserver):
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        return Flow({"xhat": plant.copy(s.xhat) - ca.SX.ones(5, 1)})
+
+
+class LongEstimate(StandardObserver):
+    def estimate(self, s: Symbols, k: Symbols) -> ca.SX:
+        return ca.vertcat(s.xhat, 0)
+
+
+class LongStart(StandardObserver):
+    def start(self, xhat: np.ndarray, k: Mapping[str, np.ndarray]) -> np.ndarray:
+        return np.append(xhat, 0.0)
+
+
+class TextForAGain(StandardObserver):
+    def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {"K": np.array(["large"])}
+
+
+class DeepState(StandardObserver):
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {"w": np.zeros((2, 2, 2))}
+
+
 class KeyWithoutAWord(StandardObserver):
     """Documented, but for a key."""
 
@@ -334,15 +369,19 @@ class KeyWithoutAWord(StandardObserver):
     ("cls", "law", "words"),
     [
         (WrongCorrection, "correction", "what the output of the estimate feels"),
-        (CorrectionOfTheWrongShape, "equations", "a correction of shape (2, 1)"),
+        (CorrectionOfTheWrongShape, "equations", "the correction, one an output, has the shape (2, 1)"),
         (NaNDesign, "finite design", "G = [nan nan]"),
         (SlowRate, "declared rate", "but eigenvalues up to 2.00001 on integrator_chain"),
         (InfiniteRate, "declared rate", "fastest_rate = inf"),
         (WrongCopy, "fixed point", "after starting at the truth"),
         (Counting, "repeatable", "when they are built again"),
         (Company, "company", "the same bits alone and in company"),
-        (MissingDerivative, "equations", "derivatives of ['xhat']; expected all of ['w', 'xhat']"),
-        (StateOfTheWrongShape, "equations", "derivatives of w with shape (2, 1); expected (1, 1)"),
+        (MissingDerivative, "equations", "derivative of ['xhat']; expected all of ['w', 'xhat']"),
+        (
+            StateOfTheWrongShape,
+            "equations",
+            "derivative of w has the shape (2, 1); expected an expression of the shape (1, 1)",
+        ),
         (Singular, "equations", "nan"),
         (FreeSymbol, "equations", "the free symbols truth"),
         (Traceback, "refusal", "IndexError: list index out of range"),
@@ -368,6 +407,13 @@ class KeyWithoutAWord(StandardObserver):
         (Deciding, "equations", "a symbol: write casadi.if_else(condition, a, b)"),
         (Summing, "equations", "write casadi.vertsplit, casadi.sum1"),
         (OfMath, "equations", "casadi.sin does not"),
+        (TextForARate, "equations", "equations(): the derivative of xhat is a str: expressions are SX of casadi"),
+        (ListForARate, "equations", "the derivative of xhat is a list: casadi.vertcat makes a column of its entries"),
+        (GainsOfAnotherLength, "equations", "the shapes (2, 1) and (5, 1) do not fit together"),
+        (LongEstimate, "equations", "estimate(): the estimate has the shape (3, 1); expected an expression of"),
+        (LongStart, "equations", "start(): the first estimate has the shape (3,); expected (2,)"),
+        (TextForAGain, "takes a plant", "design(): K holds text; expected numbers"),
+        (DeepState, "takes a plant", "states(): w has the shape (2, 2, 2); expected a number, a vector or a matrix"),
         (KeyWithoutAWord, "documentation", "the key leak without description"),
     ],
 )
@@ -484,7 +530,7 @@ class JumpToNowhere(Jumping):
 
 
 def test_a_jump_may_leave_states_out_but_not_invent_them() -> None:
-    with pytest.raises(ContractError, match=r"values after a jump of \['xbar'\]; expected some of \['xhat'\]"):
+    with pytest.raises(ContractError, match=r"jump\(\): the value of \['xbar'\]; expected some of \['xhat'\]"):
         check_observer(JumpToNowhere, plants=[PLANT])
 
 

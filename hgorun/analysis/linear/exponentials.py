@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.analysis.linear.error_system import ErrorSystem
+from hgorun.simulation.monodromy import exponentials
 
-_TERMS = 9  # of the exponential's series, after scaling to a norm of 1/2: 3e-10
 _FINE = 0.5  # of 1/rate: the longest step of a transition matrix
 _MAX_STEPS = 8_000
 
@@ -39,20 +39,6 @@ def interpolated(times: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.nd
     left = np.minimum(place.astype(int), times.size - 2)
     weight = (place - left)[:, None, None]
     return np.asarray(values[left] * (1 - weight) + values[left + 1] * weight)
-
-
-def exponentials(Omega: np.ndarray) -> np.ndarray:
-    """Of many matrices at once."""
-    norm = float(np.max(np.abs(Omega).sum(axis=2)))
-    halvings = max(int(np.ceil(np.log2(max(norm, 1e-300) / 0.5))), 0)
-    X = Omega / 2**halvings
-    eye = np.eye(X.shape[1])
-    value = eye + X / _TERMS
-    for k in range(_TERMS - 1, 0, -1):
-        value = eye + X @ value / k
-    for _ in range(halvings):
-        value = value @ value
-    return np.asarray(value)
 
 
 def _tree(factors: np.ndarray) -> np.ndarray:

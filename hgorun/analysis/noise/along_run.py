@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.analysis.linear.exponentials import exponentials
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import relevant_states, restricted
 from hgorun.analysis.noise.events import Edges, edges_of
@@ -25,6 +24,7 @@ from hgorun.analysis.reasons import NO_SLOPES, NoValue, no_spectrum
 from hgorun.measurement.channels import Channel
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
+from hgorun.simulation.monodromy import exponentials
 from hgorun.simulation.prepared import PreparedRun
 
 _NUMBERS = 60_000  # states times points of the noise_free's output grid at which it is linearised

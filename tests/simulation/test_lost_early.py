@@ -1,0 +1,88 @@
+"""An observer that its gains lose is lost with all steps: that is found out with few of them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+
+from hgorun import Experiment, simulate
+from hgorun.simulation import control
+from hgorun.simulation.between_steps import Missed
+from hgorun.simulation.passes import Again, Pass
+from hgorun.simulation.verdict import grow_alike
+
+# A theta of 40 is far too large for samples every 0.2, and nothing else bounds the error of a chain of integrators.
+SAMPLED = """\
+time: {end: 12, output_step: 0.02}
+plant: {type: integrator_chain, n: 2, phi: 0, initial: {x1: 1, x2: 0}}
+measurement: {sampling: {period: 0.2}}
+observers:
+  lost: {type: shgo, theta: 40, poles: -1}
+  sound: {type: shgo, theta: 1, poles: -1}
+"""
+# Without samples, steps of 0.02 are too long for a pole at -400: only shorter ones follow it.
+STIFF = SAMPLED.replace("measurement: {sampling: {period: 0.2}}\n", "").replace("theta: 40", "theta: 400")
+
+
+def run(text: str) -> Experiment:
+    return Experiment(yaml.safe_load(text), name="test")
+
+
+@pytest.fixture
+def shorter(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """How many times shorter the steps were of what has been carried out again."""
+    real, found = Again.plan, list[int]()
+
+    def plan(self: Again, times: int = 1) -> Any:
+        found.append(times)
+        return real(self, times)
+
+    monkeypatch.setattr(Again, "plan", plan)
+    return found
+
+
+def test_growth_that_shorter_steps_repeat_is_followed_no_further(shorter: list[int]) -> None:
+    found = simulate(run(SAMPLED + "solver: {method: rk4, step: 0.01}\n"))
+    assert [found.observers[label].status for label in ("lost", "sound")] == ["diverged", "ok"]
+    assert [times for times in shorter if times > 1] == [4]
+
+
+def test_growth_that_is_of_the_steps_ends_with_shorter_ones(shorter: list[int]) -> None:
+    """The two growths differ, since each is that of its steps."""
+    found = simulate(run(STIFF + "solver: {method: rk4, step: 0.05}\n"))
+    assert found.observers["lost"].status == "inaccurate"
+    assert "but not with shorter ones: give a step of at most 0.00313" in str(found.observers["lost"].verdict.reason)
+    assert max(shorter) == 16
+
+
+def test_growth_is_alike_where_it_is_a_thousandfold() -> None:
+    """Of exp(t), followed with the factors per step of two steps of Euler's method, and nearly exactly."""
+    t = np.arange(0.0, 12.0)
+    x = np.zeros((t.size, 1))
+    exact, near, half, whole = (f ** t[:, None] for f in (np.e, 1.0005 * np.e, 2.25, 2.0))
+    assert grow_alike(x, exact, near)  # 0.4 % apart where the error is beyond 1000: at t = 7
+    assert not grow_alike(x, whole, half)
+    assert not grow_alike(x[:6], exact[:6], near[:6])  # it has grown to 148
+    assert not grow_alike(x, exact, np.where(t[:, None] < 7, exact, np.nan))  # the other one has ended
+
+
+def test_what_a_lost_observer_passes_matters_up_to_its_loss_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What is asked of the steps between: of the first search up to the loss, of the next one nothing."""
+    asked: list[dict[str, float]] = []
+
+    def missed(run: Any, how: Pass, lost: Mapping[str, float]) -> Missed:
+        asked.append(dict(lost))
+        return Missed(narrow={"lost": np.array([0.31])}) if len(asked) == 1 else Missed()
+
+    monkeypatch.setattr(control, "missed", missed)
+    found = simulate(run(SAMPLED))
+    assert [found.observers[label].status for label in ("lost", "sound")] == ["diverged", "ok"]
+    at = found.observers["lost"].verdict.at
+    assert at is not None
+    assert [list(one) for one in asked] == [["lost"], ["lost"]]
+    assert 0 < asked[0]["lost"] <= at + 0.5
+    assert asked[1]["lost"] == -np.inf
