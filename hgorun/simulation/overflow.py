@@ -29,8 +29,10 @@ def overflow(label: str, observer: AnyObserver, *, gains: bool = False) -> Probl
     if size < _FAR:
         return None
     kind = "large" if abs(number) > 1 else "small"
-    what = "the equations overflow there" if key in _STARTS else "gains that follow from it overflow"
-    return Problem(("observers", label, key), f"{number:g} is too {kind}: {what}")
+    path = ("observers", label, key)
+    if key in _STARTS:
+        return Problem(path, f"{number:g} is too {kind}: the equations overflow there")
+    return Problem(path, f"{number:g} is too {kind}: gains that follow from it overflow")
 
 
 def moderate(parameters: np.ndarray) -> np.ndarray:
