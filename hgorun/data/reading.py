@@ -11,7 +11,14 @@ import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data.missing import told_once
-from hgorun.data.named_units import AnotherUnit, convertible_in_name, foreign_in_name, note_of, per_unit_of, unit_in_name
+from hgorun.data.named_units import (
+    AnotherUnit,
+    convertible_in_name,
+    foreign_in_name,
+    note_of,
+    per_unit_of,
+    unit_in_name,
+)
 from hgorun.data.one_clock import OneClock
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
@@ -172,8 +179,8 @@ class Reader:
         if not per_time:
             return
         message = (
-            f"column {column!r}: {source} says {found}, and the model, whose time is in {time}, has no unit for {name}: "
-            f"taken as they are; plant.units: {{{name}: {found}}} says that this is right; for a model in {per_time}, "
+            f"column {column!r}: {source} says {found}, and the model, whose time is in {time}, has no unit for {name}:"
+            f" taken as they are; plant.units: {{{name}: {found}}} says that this is right; for a model in {per_time}, "
             f"plant.units: {{{name}: {per_time}}} and {'.'.join(map(str, signal.path))}.unit: {found} convert"
         )
         self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))

@@ -112,7 +112,9 @@ def test_a_stream_has_the_bits_of_the_file(kind: str) -> None:
     agree(config(kind, FAMILIES[kind], ONE), {})
 
 
-@pytest.mark.parametrize(("kind", "plant"), [("shgo", ONE), ("low_power", ONE), ("shgo", TWO)], ids=["shgo", "low power", "two"])
+@pytest.mark.parametrize(
+    ("kind", "plant"), [("shgo", ONE), ("low_power", ONE), ("shgo", TWO)], ids=["shgo", "low power", "two"]
+)
 def test_so_it_has_where_samples_become_known_when_others_are_taken(kind: str, plant: Block) -> None:
     """What is kept for these is C xhat - alpha: in both before alpha is counted anew, or in both behind it."""
     agree(config(kind, FAMILIES[kind], plant), {}, by_whole_periods)
