@@ -9,6 +9,7 @@ from pathlib import Path
 from hgorun.commands.given import refuse_what_is_no_configuration
 from hgorun.commands.outputs import RESULT_SUFFIXES
 from hgorun.config.kinds import HDF5, kind_of_file
+from hgorun.config.nearest import near_file, nearest
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.process import say
@@ -35,6 +36,7 @@ def configuration(path: Path, command: str) -> Path:
     shipped = experiments()
     name = next((n for n in shipped if str(path.with_suffix("")) in (n, Path(n).name)), None)
     if name is None:
+        _refuse_unknown_name(path)
         return path  # whoever reads it says that it is not there
     own = with_suffix(path)
     if own is not None:
@@ -48,6 +50,19 @@ def configuration(path: Path, command: str) -> Path:
         )
     say(f"hgorun: {path}: no file here; this is the experiment {name}, which `hgorun init {path.name}` copies")
     return shipped[name]
+
+
+def _refuse_unknown_name(path: Path) -> None:
+    """Where neither a file nor an experiment is called so, nor a file alike: what it is, or which name may be meant."""
+    if path.suffix or near_file(path):
+        return
+    from hgorun.commands.other_names import in_its_place
+    from hgorun.reproduce.shipped import experiments
+
+    shipped = experiments()
+    near = nearest(str(path), [*shipped, *(Path(name).name for name in shipped)])
+    hint = in_its_place(str(path)) or f"{near} See hgorun list experiments"
+    raise ConfigError(f"there is no such file.{hint}", file=str(path))
 
 
 def with_suffix(path: Path) -> Path | None:

@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING, Any
 
 from typer import BadParameter
 
-from hgorun.config.nearest import nearest, nearest_name
+from hgorun.config.nearest import nearest_name
 from hgorun.errors import ConfigError, printable
 
 if TYPE_CHECKING:
     from typer._click.core import Context
 
 UsageError: type[Exception] = BadParameter.__mro__[1]  # click's own class, or that of a typer that comes without click
+
+_ENOUGH = 5  # letters and hyphens of an option that is not written to its end
 
 
 def refused(error: Exception, ctx: Context, all_options: Callable[[], Mapping[str, Sequence[str]]]) -> ConfigError:
@@ -42,13 +44,23 @@ def _no_option(name: str, ctx: Context, known: Mapping[str, Sequence[str]]) -> C
     command, parent = ctx.command, ctx.parent
     long = name.startswith("--")  # letters are no likelier meant for each other
     own = [*options(command.params), *ctx.help_option_names]
-    hint = nearest(name, own) if long else ""
-    meant = nearest_name(name, {option for of_one in known.values() for option in of_one}) if long else name
+    everywhere = {option for of_one in known.values() for option in of_one}
+    near = _nearest_option(name, own) if long and name not in everywhere else ""
+    hint = near and f" Did you mean `{near}`?"
+    meant = _nearest_option(name, everywhere) if long else name
     of = ", ".join(other for other, of_one in known.items() if meant in of_one)
     if not hint and of:
         hint = f" Of {of} there is {meant}."
     called = f"hgorun {command.name}" if parent is not None else "hgorun"
     return ConfigError(f"there is no option {printable(name)}.{hint} {called} -h lists the options")
+
+
+def _nearest_option(name: str, known: Iterable[str]) -> str:
+    """The long option that begins so, or is most like it in its letters, of which its hyphens are none; or ""."""
+    names = sorted(one[2:] for one in known if one.startswith("--"))
+    begun = [one for one in names if one.startswith(name[2:])] if len(name) >= _ENOUGH else []
+    found = begun[0] if begun else nearest_name(name[2:], names)
+    return found and f"--{found}"
 
 
 def _wrong_use(name: str, params: Iterable[Any]) -> ConfigError:

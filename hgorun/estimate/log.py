@@ -126,7 +126,10 @@ def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:
     """The block ``data`` of a configuration; ``files`` stand in for those that it names."""
     data = mapping(source, "data, plant and observers")
     if "data" not in data:
-        message = "the key data is missing: it says which columns of which files are the measurements"
+        message = (
+            "the key data is missing: it says which columns of which files are the measurements; "
+            "`hgorun init fermentation` copies an example"
+        )
         raise ConfigError(message, file=str(config))
     block = validate(Data, data["data"], source, ("data",))
     time = data.get("time")

@@ -200,10 +200,12 @@ def _gains(label: str, observer: AnyObserver, form: Form) -> dict[str, np.ndarra
     except Problem as problem:
         raise Problem(("observers", label, *problem.path), problem.message) from problem
     except (np.linalg.LinAlgError, OverflowError) as error:
-        if beyond := overflow(label, observer):
+        if beyond := overflow(label, observer, gains=True):
             raise beyond from error
         raise
-    if not all(np.all(np.isfinite(value)) for value in gains.values()) and (beyond := overflow(label, observer)):
+    if not all(np.all(np.isfinite(value)) for value in gains.values()) and (
+        beyond := overflow(label, observer, gains=True)
+    ):
         raise beyond
     return gains
 

@@ -1,4 +1,4 @@
-"""Numbers of an observer's block with which its gains overflow."""
+"""Numbers of an observer's block with which its gains overflow, or what follows from its initial estimate."""
 
 from __future__ import annotations
 
@@ -10,18 +10,29 @@ from hgorun.errors import Problem
 from hgorun.observers.base import AnyObserver
 
 _FAR = 15.0  # orders of magnitude: powers of such a number may overflow
+_STARTS = {"initial", "internal"}  # keys of what the observer starts with
 _MODERATE = 1e10  # whose powers up to 30 do not
 
 
-def overflow(label: str, observer: AnyObserver) -> Problem | None:
-    """What is said where a gain is not a finite number; None if no number of the block is large or small enough."""
-    given = [(key, number) for key in observer.model_fields_set for number in _numbers(getattr(observer, key))]
+def overflow(label: str, observer: AnyObserver, *, gains: bool = False) -> Problem | None:
+    """What is said where a number is not finite; None if no number of the block is large or small enough.
+
+    Parameters
+    ----------
+    gains : bool
+        Whether it is a gain, on which the initial estimate has no influence.
+    """
+    keys = observer.model_fields_set - (_STARTS if gains else set())
+    given = [(key, number) for key in keys for number in _numbers(getattr(observer, key))]
     far = [(abs(float(np.log10(abs(number)))), key, number) for key, number in given if number]
     size, key, number = max(far, default=(0.0, "", 0.0))
     if size < _FAR:
         return None
     kind = "large" if abs(number) > 1 else "small"
-    return Problem(("observers", label, key), f"{number:g} is too {kind}: gains that follow from it overflow")
+    path = ("observers", label, key)
+    if key in _STARTS:
+        return Problem(path, f"{number:g} is too {kind}: the equations overflow there")
+    return Problem(path, f"{number:g} is too {kind}: gains that follow from it overflow")
 
 
 def moderate(parameters: np.ndarray) -> np.ndarray:

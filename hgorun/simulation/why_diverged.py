@@ -12,6 +12,7 @@ from hgorun.engine.memory import Raw
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import NotLinear, SlidingMode
 from hgorun.result.status import Verdict
+from hgorun.simulation.far_start import far_start
 from hgorun.simulation.loss import Again, step_at
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
@@ -43,7 +44,9 @@ def with_reason(
         return verdict  # where the plant goes depends on the estimate
     said = verdict.reason
     found = None if said else _unstable_gain(run, raw, run.observers[j])
-    found = found or too_large(run, raw, j) or (None if said else singular(run, raw, j, again))
+    found = (
+        found or too_large(run, raw, j) or far_start(run, raw, j) or (None if said else singular(run, raw, j, again))
+    )
     if found is None and not said and not controlled:
         found = _too_fast(run, raw, j, again)
     known = [reason for reason in (said, found) if reason]

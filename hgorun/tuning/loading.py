@@ -60,7 +60,10 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     refuse_file_of_another_command(source.data, path, "tune")
     data = mapping(source, "base and tune")
     if "tune" not in data:
-        raise ConfigError("the key tune is missing: it says which gains to tune, and for which goal", file=str(path))
+        goal = "holdout_rmse(*, y)" if "data" in data else "rmse(*, x1)"
+        example = f"tune: {{gains: {{observers.*.theta: {{log: [0.5, 20]}}}}, minimise: '{goal}'}}"
+        message = f"the key tune is missing: it says which gains to tune, and for which goal; such as {example}"
+        raise ConfigError(message, file=str(path))
     config = path
     if "base" in data:
         blocks = validate(TuneFile, data, source, ())

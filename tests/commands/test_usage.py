@@ -5,8 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import yaml
 from shell import Shell
 
+from hgorun.tuning.loading import load_tuning
 from hgorun.version import __version__
 
 SMALL = """
@@ -33,6 +35,22 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("simulate a.yaml --no-plots", "there is no option --no-plots. Of estimate, compare,"),
         ("simulate a.yaml --plot", "there is no option --plot. Of estimate, compare,"),
         ("simulate a.yaml -x", "there is no option -x. hgorun simulate -h lists the options"),
+        ("analyze a.yaml --observers S", "there is no option --observers. Of export, init there is --observer."),
+        ("simulate a.yaml --obs S", "there is no option --obs. Of export, init there is --observer."),
+        ("compare a.yaml --plant x", "there is no option --plant. Of init there is --plant."),
+        ("compare a.yaml --zzzz", "there is no option --zzzz. hgorun compare -h lists the options"),
+        ("cite nosuch", "nosuch: there is no such file. See hgorun list experiments"),
+        ("simulate contois_t025", "contois_t025: there is no such file. Did you mean `contois_te025`? See hgorun list"),
+        ("estimate fermentation", "fermentation: there is no such file. It is an experiment: hgorun init fermentation"),
+        (
+            "estimate a.yaml",
+            "a.yaml: the key data is missing: it says which columns of which files are the measurements; "
+            "`hgorun init fermentation` copies an example",
+        ),
+        (
+            "tune a.yaml",
+            "a.yaml: the key tune is missing: it says which gains to tune, and for which goal; such as tune: ",
+        ),
         ("--verion", "there is no option --verion. Did you mean `--version`? hgorun -h lists the options"),
         ("--hlep", "there is no option --hlep. Did you mean `--help`? hgorun -h lists the options"),
         ("simulate --hlep", "there is no option --hlep. Did you mean `--help`? hgorun simulate -h lists the options"),
@@ -64,3 +82,12 @@ def test_figures_beside_a_table_for_programs_are_told(shell: Shell) -> None:
     assert err == "hgorun: written: results/a-comparison.png, results/a-comparison.pdf (--no-plots draws none)\n"
     assert shell("compare", "a.yaml", "--format", "latex", "--no-plots")[2] == ""
     assert shell("compare", "a.yaml", "--format", "csv", "-q")[1:] == ("", "")
+
+
+def test_the_block_that_tune_names_is_one(shell: Shell) -> None:
+    """Of a configuration of a plant whose states are called so."""
+    block = shell("tune", "a.yaml")[2].split("such as ")[1]
+    (shell.folder / "b.yaml").write_text(SMALL + block + "seed: 0\n")
+    with (shell.folder / "b.yaml").open() as file:
+        assert yaml.safe_load(file)["tune"]["minimise"] == "rmse(*, x1)"
+    assert len(load_tuning(shell.folder / "b.yaml").tasks) == 1

@@ -1,0 +1,32 @@
+"""Whether a run starts so far out that no gain helps: the key and its number."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hgorun.engine.memory import Raw
+from hgorun.simulation.prepared import PreparedRun
+
+_FAR = 1e6  # times all that the plant's states are: so far an estimate is lost, see hgorun.simulation.verdict
+_HUGE = 1e15  # beside which numbers have no digits left for what is of size 1
+
+
+def far_start(run: PreparedRun, raw: Raw, j: int) -> str | None:
+    """The initial state or estimate that is to blame where an observer diverges; None where neither is."""
+    plant = [
+        ("plant.initial", name, value) for name, value in zip(run.plant.model.states, run.plant.initial, strict=True)
+    ]
+    key, name, value = max(plant, key=lambda one: abs(one[2]))
+    if abs(value) >= _HUGE:
+        lost = f"{np.spacing(abs(value)):.1g}"
+        why = f"beside which numbers lose what is smaller than {lost}: give one of a usual size"
+        return f"{key}.{name} is {value:.6g}, {why}"
+    block = run.observers[j]
+    states = raw.rows[:, run.structure.truths[j], 0][:, : run.plant.model.n]
+    size = float(np.max(np.abs(states), where=np.isfinite(states), initial=0.0))
+    given = block.observer.initial
+    name = max(given, key=lambda one: abs(given[one]), default="")
+    if not name or abs(given[name]) <= _FAR * size or not size:
+        return None
+    key = f"observers.{block.label}.initial.{name}"
+    return f"{key} is {given[name]:.6g}, too far away: the plant's states are {size:.3g} at most; give a nearer one"
