@@ -113,6 +113,7 @@ class Actions:
 
     At one event the inputs change first, then the plant is stepped, then samples are taken, then they arrive,
     then alpha is counted anew, the discrete-time observers jump and others are corrected; last a controller acts.
+    Only samples of one output that are taken and arrive then go one after the other, each through all of this.
 
     Parameters
     ----------
@@ -162,7 +163,7 @@ class Actions:
                 continue
             arrive, take = event_of(s.arrival), event_of(s.taken)
             corrects = any(first <= i < stop for _, first, stop in system.corrections)
-            rounds = rounds_of(take, arrive, s.used) if corrects else None
+            rounds = rounds_of(take, arrive, s.used) if corrects or rebase else None
             if isinstance(c, HeardOtherwise) and c.retaken:
                 kinds.append(Kind.of(arrive, 0, RETAKE, i, Numbered(base)))
             if rounds is None:
