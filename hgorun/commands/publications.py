@@ -1,8 +1,9 @@
-"""What ``hgorun show`` says of a figure of a publication, and of a folder of experiments."""
+"""What ``hgorun show`` says of a figure of a publication, of a claim about it, and of a folder of experiments."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -12,19 +13,20 @@ Record: TypeAlias = dict[str, str | list[str]]
 
 
 def of_name(name: str) -> list[Record]:
-    """Of each figure that is called so, as by ``hgorun figures``, or else of the folder; nothing of other names."""
+    """Of each figure and claim that is called so, or else of the folder; nothing of other names."""
     found = drawing_figure(name)
     several = len({path.split("/")[0] for path in found}) > 1
     figures = [_of_figure(name, path, said, several=several) for path, said in found.items()]
     inside = below(name)
-    return figures or ([_of_folder(name.rstrip("/"), inside)] if inside else [])
+    return [*figures, *_claims(name)] or ([_of_folder(name.rstrip("/"), inside)] if inside else [])
 
 
 def names() -> list[str]:
-    """Of all figures and of the folders of experiments."""
+    """Of all figures and claims, and of the folders of experiments."""
     said = below("")
     figures = (str(figure) for one in said.values() for figure in one.get("figures") or ())
-    return [*figures, *(parent.as_posix() for path in said for parent in list(Path(path).parents)[:-1])]
+    claims = (str(claim["id"]) for one in said.values() for claim in one.get("claims") or ())
+    return [*figures, *claims, *(parent.as_posix() for path in said for parent in list(Path(path).parents)[:-1])]
 
 
 def _of_figure(name: str, path: str, said: Mapping[str, Any], *, several: bool) -> Record:
@@ -46,6 +48,26 @@ def _of_figure(name: str, path: str, said: Mapping[str, Any], *, several: bool) 
     return found
 
 
+def _claims(name: str) -> Iterator[Record]:
+    """Of each claim with this id, such as ``23a`` or ``lee2016/23a``."""
+    *group, own = name.split("/")
+    for path, said in below("").items():
+        for claim in said.get("claims") or ():
+            if str(claim["id"]) == own and (not group or group == [path.split("/")[0]]):
+                yield _of_claim(path, said, claim)
+
+
+def _of_claim(path: str, said: Mapping[str, Any], claim: Mapping[str, Any]) -> Record:
+    figure = claim.get("figure")
+    keys = ("claim", "source", "value", "below", "above", "between", "undecidable", "note")
+    found: Record = {"name": str(claim["id"]), "kind": "claim"}
+    found |= {key: str(claim[key]).strip() for key in keys if key in claim}
+    found["experiment"] = f"{path}: {said.get('title', '')}".rstrip(": ")
+    if figure is not None:
+        found["figure"] = str(figure)
+    return found | {"measure it": f"hgorun claims {path}", "see its experiment": f"hgorun show {path}"}
+
+
 def _of_folder(name: str, inside: Mapping[str, Mapping[str, Any]]) -> Record:
     return {
         "name": name,
@@ -60,4 +82,14 @@ def _of_folder(name: str, inside: Mapping[str, Mapping[str, Any]]) -> Record:
 
 def as_lines(record: Record) -> Sequence[str]:
     """Sentences for a terminal, to be wrapped."""
-    return [f"{key}: {value if isinstance(value, str) else ', '.join(value)}" for key, value in record.items()]
+    return [_plain(f"{key}: {value if isinstance(value, str) else ', '.join(value)}") for key, value in record.items()]
+
+
+def _plain(text: str) -> str:
+    """Without the marks of LaTeX: ``theta = 5`` of ``$\\theta = 5$``, ``xhat_1`` of ``$\\hat x_1$``."""
+    return re.sub(r"\$([^$]*)\$", lambda formula: _letters(formula[1]), text)
+
+
+def _letters(formula: str) -> str:
+    named = re.sub(r"\\(hat|bar|tilde|dot)\s*\{?(\w)\}?", r"\2\1", formula)
+    return re.sub(r"\\(?:var)?([A-Za-z]+)|[{}]", lambda word: word[1] or "", named)

@@ -88,7 +88,11 @@ def _used(wanted: dict[str, Any], every: dict[str, Any]) -> dict[str, Any]:
 
 def build_schema() -> dict[str, Any]:
     """The schema of configurations, in as few words as possible."""
-    return compact(full_schema())
+    top = full_schema()
+    definitions = top["$defs"]
+    for block in (top, *(definitions[name] for name in _outside_lists(top, definitions))):
+        block["properties"] = {key: _or_null(key, one) for key, one in block.get("properties", {}).items()}
+    return compact(top)
 
 
 def full_schema() -> dict[str, Any]:
@@ -125,6 +129,21 @@ def full_schema() -> dict[str, Any]:
     for incomplete in (top, *(definitions[name] for name in _outside_lists(top, definitions))):
         incomplete.pop("required", None)
     return {"$schema": DIALECT, **top}
+
+
+def _or_null(key: str, schema: dict[str, Any]) -> dict[str, Any]:
+    """A key's schema that takes null as well, which removes an inherited key; so with keys of mappings of blocks."""
+    if key in ("type", "extends") or "const" in schema:
+        return schema
+    inside = schema.get("additionalProperties")
+    if isinstance(inside, dict):
+        schema = {**schema, "additionalProperties": _or_null("", inside)}
+    described = {name: schema[name] for name in ("description", "default", "examples") if name in schema}
+    rest = {name: value for name, value in schema.items() if name not in described}
+    alternatives = rest["anyOf"] if list(rest) == ["anyOf"] else [rest]
+    if {"type": "null"} in alternatives:
+        return schema
+    return {**described, "anyOf": [*alternatives, {"type": "null"}]}
 
 
 def _in_a_line(model: type[BaseModel], name: str) -> str:

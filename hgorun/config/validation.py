@@ -123,6 +123,8 @@ def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _hint(kind: str, found: object, expected: str) -> str:
+    if kind == "dict_type" and found is None:
+        return "; write lines `name: value`, or leave the key out: null removes only what is inherited by `extends`"
     if kind == "dict_type" and not isinstance(found, dict):
         remedy = misread(found) if isinstance(found, str) else ""
         return f"; {remedy or 'write lines `name: value`'}"

@@ -10,10 +10,11 @@ import numpy as np
 import yaml
 
 from hgorun.data.recording import Note
-from hgorun.data.units import are_usual, converted, foreign, is_time, is_unit, meant_for
+from hgorun.data.units import alike_times, are_usual, converted, foreign, is_time, is_unit, meant_for
 from hgorun.errors import KeyPath, Problem
 
 _IN_NAME = re.compile(r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60})\)|\sin\s+(\S{1,60}))\s*")
+_PER = re.compile(r"/\s*\(?\s*([^\W\d_]+)|([^\W\d_]+)\s*(?:\^|\*\*)?\s*\(?[-⁻][1-9¹²³]")
 _TEMPERATURES = {"C": "degC", "F": "degF"}  # to pint coulomb and farad
 
 
@@ -65,6 +66,18 @@ def time_in_name(name: str) -> str:
     """The unit of time in the name of a column; empty without one."""
     said = unit_in_name(name)
     return said if is_time(said) else ""
+
+
+def per_unit_of(unit: str, time: str) -> str:
+    """A unit that is per another unit of time, as it is per this one: 1/s of 1/h; empty where it is not."""
+    if not is_time(time):
+        return ""
+    for match in _PER.finditer(unit):
+        name = match[1] or match[2]
+        if is_time(name) and not alike_times(name, time):
+            first, end = match.span(1 if match[1] else 2)
+            return unit[:first] + time + unit[end:]
+    return ""
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -11,7 +11,14 @@ import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data.missing import told_once
-from hgorun.data.named_units import AnotherUnit, convertible_in_name, foreign_in_name, note_of
+from hgorun.data.named_units import (
+    AnotherUnit,
+    convertible_in_name,
+    foreign_in_name,
+    note_of,
+    per_unit_of,
+    unit_in_name,
+)
 from hgorun.data.one_clock import OneClock
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
@@ -79,7 +86,7 @@ class Reader:
 
     def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
         """All signals; arguments as of :func:`read`."""
-        self._units = units
+        self._units, self._time_unit = units, unit
         signals = [signal for some in self._wanted.values() for signal in some]
         clock = OneClock(self._block, signals, self._tables, unit, beside)
         self._times, self._origin = clock.times, clock.origin
@@ -127,6 +134,8 @@ class Reader:
         file = signal.parts[0].file
         for part in dict.fromkeys(part.file for part in signal.parts):
             self._require_unit(signal, part)
+            if said is None and not wanted:
+                self._tell_rate(signal, part)
         if said is None:
             return values
         if not wanted:
@@ -160,6 +169,21 @@ class Reader:
             who="the model has",
         )
         self._notes.append(note_of(another, "units", signal.key, signal.path))
+
+    def _tell_rate(self, signal: Wanted, file: LogFile) -> None:
+        """Tell that numbers are per another unit of time than the model's, which has no unit for them."""
+        column, name, time = signal.block.column, signal.name, self._time_unit
+        in_file = file.table.unit(column)
+        found, source = in_file or unit_in_name(column), "the file" if in_file else "its name"
+        per_time = per_unit_of(found, time)
+        if not per_time:
+            return
+        message = (
+            f"column {column!r}: {source} says {found}, and the model, whose time is in {time}, has no unit for {name}:"
+            f" taken as they are; plant.units: {{{name}: {found}}} says that this is right; for a model in {per_time}, "
+            f"plant.units: {{{name}: {per_time}}} and {'.'.join(map(str, signal.path))}.unit: {found} convert"
+        )
+        self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
 
     def _all_sorted(self, signals: Sequence[Wanted]) -> Mapping[Wanted, Samples]:
         """The samples of all signals, those of long logs looked through side by side."""

@@ -296,8 +296,8 @@ def in_turns(actions: Integers, turns: Sequence[Collection[tuple[int, int]]], fl
 
 def _sample_of(row: Integers) -> tuple[int, int]:
     """The channel and the slot of the sample that is taken, arrives, or whose arrival counts alpha anew."""
-    op, channel, slot, first, _ = row.tolist()
-    return channel, first - 1 if op == REBASE else slot
+    _, channel, slot, _, _ = row.tolist()
+    return channel, slot
 
 
 def with_stops(plan: Plan, at: Integers) -> tuple[Plan, np.ndarray]:

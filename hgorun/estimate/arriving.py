@@ -69,10 +69,12 @@ class Arriving:
     def _take_on_time(self, now: float, places: Places, samples: Samples, inputs: Inputs) -> None:
         """Samples that are known when they are taken."""
         event = Event(now, places, samples, inputs, now)
-        if self._joint and now == self._live.t:
+        if now != self._live.t:
+            self._past.go_on(event)
+        elif self._joint:
             self._past.go_back(event, together=True)
         else:
-            self._past.go_on(event)
+            self._past.go_on_beside_late(event)
 
     def _samples(self, y: Any) -> tuple[Places, Samples]:
         """Places of samples that are known when they are taken, and the samples; those that are missing left out."""
@@ -121,7 +123,7 @@ class Arriving:
             past.go_on(Event(now, (), (), inputs, now))
             return
         slots = tuple((i, run.next_slot(i)) for i, _, _ in given)
-        past.go_back(Event(taken, slots))
+        past.keep(Event(taken, slots))
         samples = tuple((i, slot, value) for (i, slot), (_, _, value) in zip(slots, given, strict=True))
         past.go_on(Event(now, (), samples, inputs, taken))
 

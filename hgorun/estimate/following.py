@@ -99,6 +99,9 @@ class Following:
         if self._decides or event.inputs or event.taken != t or not len(event.take) == len(samples) > 0:
             self._carry_out(event)
             return
+        if event.take[0] != samples[0][:2]:  # kept for others that come later
+            self._carry_out(event)
+            return
         live = self.live
         for _, slot, value in samples:
             live.sample_words[slot] = value
@@ -285,8 +288,7 @@ class Following:
             rows += [(TAKE, i, slot, 0, 0) for i, slot in event.take]
             rows += [(ARRIVE if heard else RECORD, i, slot, 0, 0) for (i, slot, _), heard in arriving]
             if system.has_alpha:
-                late = ((i, slot_of(i, 1), slot_of(i + 1)) for (i, _, _), heard in arriving if heard)
-                rows += [(REBASE, i, 0, first, last) for i, first, last in late]
+                rows += [(REBASE, i, slot, slot_of(i), slot_of(i + 1)) for (i, slot, _), heard in arriving if heard]
             rows += [(JUMP, number, 0, 0, 0) for number in jumps]
             rows += [(SET, place, _ZERO, 0, 0) for place in fresh]
             if len(self._rows) > _ROWS:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import islice
 from operator import attrgetter
 
@@ -65,9 +66,38 @@ class Remembered:
         ValueError
             For an event that is older than all that is remembered, or where one is refused; all is as before then.
         """
-        now = self._run.live.t
         place = bisect_right(self.events, event.t, key=_time)
-        other = self._beside(event, place) if together else None
+        self._again(event, place, self._beside(event, place) if together else None)
+
+    def keep(self, event: Event) -> None:
+        """Keep what is estimated at a time for samples that come later.
+
+        As in a file, that is done before anything of the same outputs that arrives at this time counts alpha anew:
+        C xhat - alpha + alpha is the same number as C xhat, but rounded otherwise.
+        """
+        place = bisect_right(self.events, event.t, key=_time)
+        arrived = self._arrived(event, place)
+        self._again(event, place, arrived[0] if arrived else None)
+
+    def go_on_beside_late(self, event: Event) -> None:
+        """As :meth:`go_on`, but what is kept for its samples is kept before late ones that have arrived just now."""
+        place = len(self.events)
+        arrived = self._arrived(event, place)
+        if not arrived or any(self.events[k].taken == event.t for k in arrived):  # those go one after the other
+            self.go_on(event)
+            return
+        self._again(Event(event.t, event.take), place, arrived[0])
+        self.go_on(replace(event, take=()))
+
+    def _arrived(self, event: Event, place: int) -> list[int]:
+        """The events before ``place`` at the same time that have samples of the outputs of which something is kept."""
+        own = {i for i, _ in event.take}
+        first = bisect_left(self.events, event.t, hi=place, key=_time)
+        return [k for k in range(first, place) if not own.isdisjoint(i for i, *_ in self.events[k].samples)]
+
+    def _again(self, event: Event, place: int, other: int | None) -> None:
+        """Carry out all again from an event on that is put at a place, or joined to the event ``other``."""
+        now = self._run.live.t
         if event.t >= now and other is None:
             self.go_on(event)
             return

@@ -49,7 +49,7 @@ class Kinds:
             first = i * (late + 1)
             rows: list[_Row] = [((TAKE, i, 0, 0, 0), "own"), ((ARRIVE, i, 0, 0, 0), "own")]
             if system.has_alpha:
-                rows.append(((REBASE, i, 0, first + 1, first + 1 + late), ""))
+                rows.append(((REBASE, i, 0, first, first + 1 + late), ""))
             rows += [((JUMP, number, 0, 0, 0), "") for number in corrections]
             if layout.flags:
                 flag = layout.fresh(i)

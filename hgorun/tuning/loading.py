@@ -61,8 +61,8 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     data = mapping(source, "base and tune")
     if "tune" not in data:
         goal = "holdout_rmse(*, y)" if "data" in data else "rmse(*, x1)"
-        block = f"tune: {{gains: {{observers.*.theta: {{log: [0.5, 20]}}}}, minimise: '{goal}'}}"
-        message = f"the key tune is missing: it says which gains to tune, and for which goal; such as {block}"
+        example = f"tune: {{gains: {{observers.*.theta: {{log: [0.5, 20]}}}}, minimise: '{goal}'}}"
+        message = f"the key tune is missing: it says which gains to tune, and for which goal; such as {example}"
         raise ConfigError(message, file=str(path))
     config = path
     if "base" in data:

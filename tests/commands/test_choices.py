@@ -111,6 +111,28 @@ def test_a_figure_is_shown_with_its_experiment_and_the_commands_that_make_it(she
     assert "Did you mean `3.9`?" in shell("show", "3.91")[2]
 
 
+def test_a_claim_is_shown_by_its_id(shell: Shell) -> None:
+    code, out, _ = shell("show", "23a")
+    assert code == 0
+    assert "The estimate of x1 with SA follows the solution" in out
+    assert "measure it: hgorun claims lee2016/stochastic_approximation" in out
+    (record,) = json.loads(shell("show", "lee2016/23a", "--json")[1])
+    assert (record["kind"], record["figure"], record["below"]) == ("claim", "1", "0.05")
+    assert shell("show", "katayama/23a")[0] == 2
+
+
+@pytest.mark.parametrize(
+    ("name", "title"),
+    [
+        ("3.9", "Estimate of x_1 from the SHGO, theta = 1, T_e = 0.25 h"),
+        ("lee2016/4", "Error xhat_1 - x_1 with SA (in the paper x_1 - xhat_1)"),
+    ],
+)
+def test_titles_are_shown_without_the_marks_of_latex(shell: Shell, name: str, title: str) -> None:
+    assert f"title: {title}\n" in shell("show", name)[1]
+    assert "$" in json.loads(shell("show", name, "--json")[1])[0]["title"]
+
+
 @pytest.mark.measured
 @pytest.mark.slow
 def test_a_report_of_ones_own_figures(shell: Shell) -> None:

@@ -64,6 +64,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("    x1: x2", "    x1': x2", "the right-hand side of x1' stands under x1"),
         ("    x1: x2", "    dx1: x2", "dx1 is no state: the key is the name of the state itself"),
         ("inputs: {u: 0.5}", "inputs: 0.5", "write lines `name: value`"),
+        ("observers:", "observers:\n  Z: ~", "or leave the key out: null removes only what is inherited by `extends`"),
         ("noise: [{type: gaussian, std: 0.1}]", "noise: gaussian", "a list has brackets"),
         ("theta: 2", "theta: 2, r: 1", "unknown key 'r': it is a key of fhgo2"),
         ("std: 0.1", "std: 0.02 rad", "a number has no unit here, so `rad` is too much"),

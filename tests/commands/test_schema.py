@@ -197,3 +197,19 @@ def test_the_schema_is_small_and_says_what_every_key_means(made: Callable[[], di
             while "description" not in one and "$ref" in one:
                 one = schema["$defs"][one["$ref"].removeprefix("#/$defs/")]
             assert "description" in one or "const" in one, f"{name}.{key}"
+
+
+@pytest.mark.parametrize(
+    ("part", "valid"),
+    [
+        ({"observers": {"Z": None}}, True),  # which removes an inherited one
+        ({"measurement": {"sampling": None}}, True),
+        ({"figures": {"1": None}, "claims": None}, True),
+        ({"observers": {"Z": {"type": "shgo", "theta": None}}}, True),
+        ({"observers": {"Z": {"type": None}}}, False),
+        ({"observers": {"Z": 3}}, False),
+        ({"time": {"end": "", "rows": None}}, False),  # no key
+    ],
+)
+def test_null_is_allowed_where_it_removes_an_inherited_key(part: dict[str, Any], valid: bool) -> None:
+    assert validator(ROOT / "experiments" / "hgorun.schema.json").is_valid(part) == valid

@@ -70,6 +70,14 @@ def some_late(output: int) -> tuple[np.ndarray, np.ndarray]:
     return values, TAKEN + delays
 
 
+def by_whole_periods(output: int) -> tuple[np.ndarray, np.ndarray]:
+    """Values that are known when others are taken: one period later at first, then some at once and some not."""
+    random = np.random.default_rng(3 + output)
+    delays = np.ones(COUNT)
+    delays[20:] = random.integers(0, 4, COUNT - 20)
+    return 2.0 * random.normal(size=COUNT), TAKEN + PERIOD * delays
+
+
 Samples = Callable[[int], tuple[np.ndarray, np.ndarray]]
 
 
@@ -102,6 +110,14 @@ def of_stream(
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_a_stream_has_the_bits_of_the_file(kind: str) -> None:
     agree(config(kind, FAMILIES[kind], ONE), {})
+
+
+@pytest.mark.parametrize(
+    ("kind", "plant"), [("shgo", ONE), ("low_power", ONE), ("shgo", TWO)], ids=["shgo", "low power", "two"]
+)
+def test_so_it_has_where_samples_become_known_when_others_are_taken(kind: str, plant: Block) -> None:
+    """What is kept for these is C xhat - alpha: in both before alpha is counted anew, or in both behind it."""
+    agree(config(kind, FAMILIES[kind], plant), {}, by_whole_periods)
 
 
 @pytest.mark.parametrize("late", ["innovation", "replay"])
@@ -145,3 +161,16 @@ def agree(block: Block, gates: dict[str, float], samples: Samples = some_late) -
             assert count >= 2
             assert offered - count == np.count_nonzero(outputs[name].used[:, j])
     return result
+
+
+@pytest.mark.parametrize("remembered", [0, 100])
+def test_two_samples_of_one_output_at_one_time_enter_one_after_the_other(remembered: int) -> None:
+    taken, values = np.repeat(TAKEN, 2), np.random.default_rng(1).normal(size=2 * COUNT)
+    block = config("low_power", HIGH_GAIN, ONE)
+    result = estimate(source(block), recording(signal("ya", taken, values)), sensitivity=False)
+    estimator = Estimator(Experiment(block), std={}, remembered=remembered)
+    rows = []
+    for t, y in zip(taken.tolist(), values.tolist(), strict=True):
+        estimator.update(t, {"ya": y})
+        rows.append(estimator.estimate()["O"])
+    np.testing.assert_array_equal(np.array(rows[1::2]), result.observers["O"].xhat)
