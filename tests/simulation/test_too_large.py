@@ -88,10 +88,11 @@ def test_with_a_delay_the_theta_that_is_advised_settles(
     assert 0 < len(waiting) < 100
     advised = float(said[1])
     assert 1.5 < advised * (period + delay) < 5  # not so small that anything would do
-    result = simulated(swinging, {"S": shgo | {"theta": advised}}, measurement=late, **(grid | {"end": 100}))
+    long: Block = {"end": 600, "output_step": 0.1}  # near the limit errors fade slowly
+    result = simulated(swinging, {"S": shgo | {"theta": advised}}, measurement=late, **(grid | long))
     assert result.observers["S"].status == "ok"
     error = np.abs(result.observers["S"].xhat - result.x)
-    assert np.max(error[-1000:]) < 0.1 * np.max(error[:1000])
+    assert np.max(error[-100:]) < 0.1 * np.max(error[:100])
 
 
 def test_nothing_is_said_where_it_is_not_theta() -> None:
