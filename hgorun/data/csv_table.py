@@ -13,6 +13,7 @@ from hgorun.ahead import ahead
 from hgorun.config.data import Csv
 from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Numbers
+from hgorun.data.comments import is_comment
 from hgorun.data.dialect import Dialect, cells, dialect_of
 from hgorun.data.missing import leave_out
 from hgorun.data.rows import Rows
@@ -170,7 +171,7 @@ def _cells_of(parts: Iterator[Block], dialect: Dialect) -> Iterator[Sequence[str
     for block in parts:
         for raw in block.text.split(b"\n"):
             line = raw.decode("utf-8", "replace")
-            if line.strip() and not line.lstrip().startswith(dialect.comment):
+            if line.strip() and not is_comment(line, dialect.comment, dialect.missing, dialect.separator):
                 yield cells(line, dialect.separator)
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 from hgorun.config.data import Csv
 from hgorun.data.cells import looks_like_iso
+from hgorun.data.comments import is_comment
 from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
 from hgorun.errors import ConfigError
@@ -138,12 +139,12 @@ def cells(line: str, separator: str) -> list[str]:
 
 def _lines(block: Block, told: Csv, comments: list[_Line]) -> Iterator[_Line]:
     """The first lines of a file that are neither empty nor comments."""
-    found = 0
+    found, missing = 0, missing_texts(told)
     for number, raw in enumerate(block.text.split(b"\n", told.skip + 50 * _LOOKED_AT), start=block.line):
         text = raw.decode("utf-8", "replace")
         if number - block.line < told.skip or not text.strip():
             continue
-        if text.lstrip().startswith(told.comment):
+        if is_comment(text, told.comment, missing, told.separator):
             comments.append(_Line(number, text))
             continue
         yield _Line(number, text)

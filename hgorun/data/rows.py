@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.data.cells import Cells
+from hgorun.data.comments import is_comment
 from hgorun.data.dialect import SPACES, Dialect
 from hgorun.data.text import Block
 from hgorun.errors import ConfigError
@@ -122,10 +123,10 @@ class _Lines:
         return self.begin
 
     def __iter__(self) -> Iterator[str]:
-        first, comment = self._dialect.first, self._dialect.comment
+        d = self._dialect
         for number, text in self._lines:
             if not self._open:
-                if number < first or not text.strip() or text.lstrip().startswith(comment):
+                if number < d.first or not text.strip() or is_comment(text, d.comment, d.missing, d.separator):
                     continue
                 self._open, self.begin = True, number
             yield f"{text}\n"  # inside quotes it belongs to the cell

@@ -21,13 +21,13 @@ from hgorun.estimate.stepping import require_apart
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of
-from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.checks import check_corrections, check_jumps, check_punctual
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.preparation import check_limit, in_groups, numbers_of, treatments_of
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.start import check_start
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.tables import build_plan

@@ -13,8 +13,8 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.noise import StretchNoise, deviations
 from hgorun.measurement.samples import Samples
-from hgorun.simulation.actions import RecordedInputs, last_of
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.recorded_inputs import RecordedInputs, last_of
 from hgorun.symbolic.levels import distinct
 
 

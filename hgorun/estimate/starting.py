@@ -49,6 +49,8 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
     Problem
         Where the model leaves the numbers from every state near the guess, or "auto" lacks a ``std``.
     """
+    if count == AUTO:
+        _require_noise(prepared)
     model = prepared.run.plant.model
     guess = dict(prepared.experiment.plant_block.initial)
     x = np.array([float(guess.get(state, 0.0)) for state in model.states])
@@ -61,6 +63,14 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
         message = f"from the first of {first} samples the model leaves all bounds before the last of them"
         raise Problem(("data", "first_samples"), message)
     return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(model.states, found.x.tolist(), strict=True)}
+
+
+def _require_noise(prepared: PreparedEstimate) -> None:
+    """Refuse samples whose noise is not known, also where a fit of the same numbers is kept."""
+    known = stated(prepared.experiment)
+    for one in prepared.samples:
+        if one.values.size and one.output not in known:
+            raise Problem(("data", "first_samples"), f"auto needs the noise of the samples: {one.output} has no std")
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -111,10 +121,6 @@ def _agreeing(prepared: PreparedEstimate, x: Floats) -> _Fit | None:
     state of the start leaves the bounds that the noise permits about one of the starts found before (the rule of
     Lepski): then the error of the model has become larger than that of the noise was.
     """
-    known = stated(prepared.experiment)
-    for one in prepared.samples:
-        if one.values.size and one.output not in known:
-            raise Problem(("data", "first_samples"), f"auto needs the noise of the samples: {one.output} has no std")
     most = min(_MOST, max(one.values.size for one in prepared.samples))
     low, high = np.full(x.size, -np.inf), np.full(x.size, np.inf)
     count, best = _FEWEST, None

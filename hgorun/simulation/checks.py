@@ -200,7 +200,8 @@ def check_jumps(run: PreparedRun) -> None:
         if samples.identity != first.identity and not np.array_equal(samples.arrival, first.arrival):
             raise Problem(stepped[0], "this needs all outputs sampled at the same times")
         if samples.late:
-            raise Problem(stepped[0], "this takes samples without delay")
+            message = f"this takes samples without delay, but {channel.name} is late: run it apart, without the delay"
+            raise Problem(stepped[0], message)
     _check_schedules(run, first.arrival[first.used])
 
 

@@ -14,8 +14,8 @@ from hgorun.measurement.late import HeardOtherwise
 from hgorun.measurement.long import AnySchedule, LongSchedule
 from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
-from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.long_tables import LongTables
+from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.tabulated import Stretchwise, Tables, Tabulated, long_from
 
 _KEPT = 500_000  # actions and segments of tables that are kept in memory

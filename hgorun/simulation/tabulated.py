@@ -14,7 +14,8 @@ from hgorun.measurement.channels import Channel
 from hgorun.measurement.long import AnySchedule
 from hgorun.measurement.schedule import Schedule
 from hgorun.native.places import places_in
-from hgorun.simulation.actions import Actions, RecordedInputs
+from hgorun.simulation.actions import Actions
+from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.segment_rows import segment_rows
 from hgorun.simulation.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
 

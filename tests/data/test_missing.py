@@ -42,6 +42,26 @@ def test_a_sentinel_is_read_as_the_numbers_of_the_file(
     assert recording.outputs["S"].values.tolist() == values
 
 
+@pytest.mark.parametrize(
+    ("separator", "row", "values"),
+    [
+        ("\t", "\t4\t#N/A\t3.5", [3.5]),
+        ("\t", "\t4\t#12\t3.5", [3.5]),
+        (",", "#N/A,4,1,3.5", [3.5]),
+        (" ", "#N/A 4 1 3.5", [3.5]),
+        (",", "  # 4,1,3.5", []),
+        (",", "\t#12", []),
+        ("\t", "# NA\t4\t1\t3.5", []),
+    ],
+)
+def test_a_row_that_begins_with_no_value_is_no_comment(
+    tmp_path: Path, separator: str, row: str, values: list[float]
+) -> None:
+    above = [["note", "t", "x", "glucose"], *(["a", str(k), "1", f"{k + 0.25}"] for k in range(4))]
+    recording = recorded(tmp_path, "\n".join([*map(separator.join, above), row, ""]))
+    assert recording.outputs["S"].values.tolist() == [0.25, 1.25, 2.25, 3.25, *values]
+
+
 def written(path: Path, columns: dict[str, Any]) -> None:
     if path.suffix == ".parquet":
         parquet.write_table(pyarrow.table(columns), path)

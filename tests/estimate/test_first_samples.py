@@ -101,6 +101,8 @@ def test_samples_that_the_model_does_not_describe_are_not_used_for_the_start() -
 
 
 def test_what_agrees_is_a_matter_of_the_noise() -> None:
+    """Also where the same samples with a std of 1, which is taken where none is needed, have been fitted before."""
+    start_of(OSCILLATOR, recording(signal("a", TIMES, TIMES, std=1.0)), "auto")
     with pytest.raises(ConfigError, match="first_samples: auto needs the noise of the samples: a has no std"):
         start_of(OSCILLATOR, recording(signal("a", TIMES, TIMES)), "auto")
 

@@ -7,7 +7,7 @@ import pytest
 
 from hgorun.estimate.bands import Band, since_last
 from hgorun.estimate.evaluated import first_undefined
-from hgorun.simulation.actions import RecordedInputs
+from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.steps import count_steps
 
 TAKEN = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 200))

@@ -13,9 +13,9 @@ from exported_c import Compiled, load_all
 from hgorun import simulate
 from hgorun.engine.memory import Start
 from hgorun.export.prepared import Wanted, exported
-from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.structure import parameter_values, structure_of
 from hgorun.simulation.tables import build_plan
 from hgorun.simulation.truth import Recording

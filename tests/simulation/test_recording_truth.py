@@ -11,10 +11,10 @@ from examples import Block, chain, experiment, inline
 from hgorun.engine.memory import Start
 from hgorun.measurement.schedule import build_schedule, nearest_event
 from hgorun.observers.base import SampledObserver
-from hgorun.simulation.actions import RecordedInputs
 from hgorun.simulation.passes import as_given, integrate
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.structure import parameter_values, structure_of
 from hgorun.simulation.tables import build_plan
 from hgorun.simulation.truth import Recording, SimulatedPlant
