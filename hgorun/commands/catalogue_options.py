@@ -11,7 +11,7 @@ import typer
 
 from hgorun.commands import completion
 from hgorun.commands.numbers import whole
-from hgorun.commands.options import Printing
+from hgorun.commands.options import Printing, Seed
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -73,6 +73,7 @@ class Claims(Reproduction):
     publication leaves open what decides; undecidable where no finite run can tell.
     """
 
+    seed: Seed = None
     strict: Annotated[
         bool, typer.Option("--strict", help="Exit with code 3 if a verdict is not the one that its file expects.")
     ] = False

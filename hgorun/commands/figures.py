@@ -20,8 +20,8 @@ def figures(options: Figures) -> int:
     """Draw the chosen figures, all by default; with ``report`` measure the claims too and write the report."""
     refuse_other_kinds(options.output, ())
     folders = Folders.below(options.output)
-    page = {"width": options.width, "style": options.style}
-    works = choose(own_first(options.names, "figures"), folders, figures=True, claims=options.report, **page)
+    names, report = own_first(options.names, "figures"), options.report
+    works = choose(names, folders, figures=True, claims=report, width=options.width, style=options.style)
     reasons = [work.stale_figures for work in works]
     outcomes = pool.run_all(works, workers=options.jobs, show=options.text)
     rows = [row for made in zip(works, outcomes, reasons, strict=True) for row in _rows(*made)]

@@ -138,7 +138,9 @@ def _or_null(key: str, schema: dict[str, Any]) -> dict[str, Any]:
     inside = schema.get("additionalProperties")
     if isinstance(inside, dict):
         schema = {**schema, "additionalProperties": _or_null("", inside)}
-    described = {name: schema[name] for name in ("description", "default", "examples") if name in schema}
+    described: dict[str, Any] = {
+        name: schema[name] for name in ("description", "default", "examples") if name in schema
+    }
     rest = {name: value for name, value in schema.items() if name not in described}
     alternatives = rest["anyOf"] if list(rest) == ["anyOf"] else [rest]
     if {"type": "null"} in alternatives:

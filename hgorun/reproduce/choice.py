@@ -22,6 +22,7 @@ def choose(
     claims: bool,
     width: str | None = None,
     style: str | None = None,
+    seed: int | None = None,
 ) -> list[Work]:
     """The jobs that the names ask for.
 
@@ -36,6 +37,8 @@ def choose(
         What is wanted of them. A name of a figure asks for that figure and for the claims about it.
     width, style : str, optional
         Of the page that figures are drawn for; by default what their files say.
+    seed : int, optional
+        In the place of those in the files.
 
     Raises
     ------
@@ -50,7 +53,7 @@ def choose(
     known: set[str] = set()
     groups: dict[str, list[str]] = {}
     for path, file in ({} if own and not patterns else experiments()).items():
-        study, group = load_study(file), path.split("/")[0]
+        study, group = load_study(file, seed=seed), path.split("/")[0]
         known |= {path, study.name, group, *study.figures, *(f"{group}/{name}" for name in study.figures)}
         groups.setdefault(group, []).extend(study.figures)
         whole = {p for p in patterns if path == p or path.startswith(f"{p}/") or study.name == p}
@@ -58,19 +61,23 @@ def choose(
         used |= whole | named
         drawn = [f for f in study.figures if whole or not patterns or {f, f"{group}/{f}"} & named]
         told = [c.id for c in study.claims if whole or not patterns or (c.figure in drawn and named)]
-        _add(chosen, Job(file, path, tuple(drawn) * figures, tuple(told) * claims, folders, width, style), study)
+        _add(chosen, Job(file, path, tuple(drawn) * figures, tuple(told) * claims, folders, width, style, seed), study)
     for pattern in patterns:
         if pattern not in used:
             there = "; ".join(f"{group}: {', '.join(names)}" for group, names in groups.items())
             raise ConfigError(f"no figure or experiment is called {pattern!r}.{nearest(pattern, known)} Known: {there}")
     for file in own:
-        study = load_study(file)
+        study = load_study(file, seed=seed)
         if not (study.figures if figures else study.claims):
             key = "figures" if figures else "claims"
             raise ConfigError(f"the file has no {key}: block", file=str(file), key=key)
         check(study)
         ids = tuple(c.id for c in study.claims)
-        _add(chosen, Job(file, study.name, tuple(study.figures) * figures, ids * claims, folders, width, style), study)
+        _add(
+            chosen,
+            Job(file, study.name, tuple(study.figures) * figures, ids * claims, folders, width, style, seed),
+            study,
+        )
     return chosen
 
 

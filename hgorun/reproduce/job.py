@@ -62,6 +62,8 @@ class Job:
     folders : Folders
     width, style : str or None
         Of the page that figures are drawn for; None is what the file says.
+    seed : int or None
+        In the place of the file's.
     """
 
     path: Path
@@ -71,6 +73,7 @@ class Job:
     folders: Folders
     width: str | None = None
     style: str | None = None
+    seed: int | None = None
 
     @property
     def group(self) -> str:
@@ -117,7 +120,7 @@ class Work:
 
     def __init__(self, job: Job, study: Study | None = None) -> None:
         self.job = job
-        study = study or load_study(job.path)
+        study = study or load_study(job.path, seed=job.seed)
         changed = Page.changed(job.width, job.style)
         self.study = replace(study, figures={name: changed(block) for name, block in study.figures.items()})
         self.state = State(job.folders.runs / job.place)

@@ -104,3 +104,17 @@ def test_a_number_of_one_seed_is_called_so(
     assert lines[4].startswith("     2  refuted      0.")
     assert lines[4].endswith(" (> 10 is claimed)")
     assert lines[-1] == "2 claims: 1 confirmed, 1 refuted"
+
+
+def test_another_seed_is_other_noise(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The same number as of a file that has the seed itself."""
+    noisy = STUDY.replace("EXPECTED", "refuted").replace(", B: {type: shgo, theta: 2000}", "")
+    noisy += "measurement: {noise: [{type: gaussian, std: 0.1}], sampling: {period: 0.1}}\n"
+    values = []
+    for text, seed in ((noisy, None), (noisy, 7), (noisy + "seed: 7\n", None)):
+        study.write_text(text)
+        assert claims(Claims(names=[str(study)], json=True, seed=seed)) == 0
+        first, _ = json.loads(capsys.readouterr().out)
+        values.append((first["seed"], first["value"]))
+    assert [seed for seed, _ in values] == [0, 7, 7]
+    assert values[0][1] != values[1][1] == values[2][1]
