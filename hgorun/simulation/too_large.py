@@ -27,10 +27,9 @@ from hgorun.symbolic.evaluate import Floats, evaluate
 _POINTS = 3  # of the run
 _GROWS = 1 + 1e-6  # from sample to sample: less may be rounding of 1
 _RATIO, _PRECISION = 1.3, 3e-3  # of neighbouring values in a search, and of what it finds
-_TRIED = 80  # values in such a search
-_SMALLEST = 1e-2  # of the period or delay in use: the search begins there
-_FINE = 16  # samples a delay that stand for a continuous output
-_WAITING = 100  # samples on their way at most
+_SMALLEST = 1e-2  # of the times in use: the search begins there
+_SLOWEST = 1e-4  # theta times period and delay: what so slow an observer does from sample to sample may be rounding
+_FINE = 16  # samples a delay that stand for a continuous output, or for more of them
 
 
 @dataclass(frozen=True)
@@ -40,11 +39,14 @@ class _Timing:
     period: float | None
     delay: float
 
+    @property
+    def longest(self) -> float:
+        """How old a sample is at most before the next one has come."""
+        return (self.period or 0.0) + self.delay
+
     def scaled(self, part: float) -> _Timing:
-        """The same with a part of the period where there are no delays, and of the delay where there is no period."""
-        if self.period is None:
-            return _Timing(None, part * self.delay)
-        return _Timing(part * self.period, self.delay)
+        """The same with a part of all times, so that as many samples are on their way."""
+        return _Timing(None if self.period is None else part * self.period, part * self.delay)
 
 
 def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
@@ -63,8 +65,9 @@ def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
         error = _Error(run, block, raw.rows[:, run.structure.truths[j], 0])
         if not error.smallest_growth(timing) > _GROWS:
             return None
-        part = _largest_part(lambda part: error.growth(timing.scaled(part)))
-        theta = None if part is None else _largest_theta(error, observer, timing, part)
+        slowest = _SLOWEST / timing.longest
+        part = _largest_part(lambda part: error.growth(timing.scaled(part)), slowest / observer.theta)
+        theta = _largest_theta(error, observer, timing, part, slowest)
     except (HgorunError, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no such observer
         return None
     return _told(run, observer, timing, part, theta)
@@ -103,7 +106,7 @@ def _timing(run: PreparedRun) -> _Timing | None:
     timing = found.pop()
     if found or (timing.period is None and timing.delay == 0) or (timing.delay and run.treatments):
         return None
-    return None if timing.period and timing.delay > _WAITING * timing.period else timing
+    return timing
 
 
 class _Error:
@@ -155,8 +158,9 @@ class _Error:
     def _radii(self, timing: _Timing) -> Floats:
         G, H = self._systems
         period, delay = timing.period, timing.delay
-        if period is None:  # samples d/n apart that are d - d/(2 n) old on arrival are d old in the mean
-            period, delay = delay / _FINE, delay - delay / (2 * _FINE)
+        if period is None or delay > _FINE * period:
+            late = delay + (period or 0.0) / 2  # in the mean, as are samples late/n apart, late - late/(2 n) on arrival
+            period, delay = late / _FINE, late - late / (2 * _FINE)
         waiting, rest = on_their_way(period, delay)
         with np.errstate(over="ignore", invalid="ignore"):
             after = exponentials(G * rest) if rest > 0 else None
@@ -167,12 +171,12 @@ class _Error:
         return radii
 
 
-def _largest_part(growth: Callable[[float], float]) -> float | None:
-    """How large a part of what is in use may be, the first where errors grow; None where they always do."""
+def _largest_part(growth: Callable[[float], float], least: float) -> float | None:
+    """How large a part of the times in use may be, the first where errors grow; None if the least is too large."""
     low = _SMALLEST
     while growth(low) >= 1:
         low /= 10
-        if low < _SMALLEST**6:
+        if low < least:
             return None
     high = low * _RATIO
     while high < 1 and growth(high) < 1:
@@ -180,18 +184,22 @@ def _largest_part(growth: Callable[[float], float]) -> float | None:
     return _halved(growth, low, min(high, 1.0))
 
 
-def _largest_theta(error: _Error, observer: HighGain, timing: _Timing, part: float) -> float | None:
-    """The theta below the one in use with which errors no longer grow; about in inverse proportion to times."""
+def _largest_theta(
+    error: _Error, observer: HighGain, timing: _Timing, part: float | None, slowest: float
+) -> float | None:
+    """The theta below the one in use with which errors no longer grow; about in inverse proportion to times.
+
+    Where no part of these is short enough, the plant may be too fast for them alone, and a smaller theta may do.
+    """
 
     def growth(theta: float) -> float:
         return error.with_theta(theta).growth(timing)
 
-    high = min(2 * part * observer.theta, observer.theta)
-    low = high / _RATIO
-    for _ in range(_TRIED):
+    high = observer.theta * (1.0 if part is None else min(2 * part, 1.0))
+    while (low := high / _RATIO) > slowest:
         if growth(low) < 1:
             return _halved(growth, low, high)
-        low, high = low / _RATIO, low
+        high = low
     return None
 
 

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from examples import Block, chain, inline, simulated
 
+from hgorun.simulation import monodromy, too_large
+
 PERIOD, LATE = {"sampling": {"period": 0.1}}, {"delay": 0.1}
 DUFFING = inline({"p": "q", "q": "p - p**3 - 0.2*q"}, "p") | {"initial": {"p": 1, "q": 0.5}}
 
@@ -57,6 +59,40 @@ def test_what_is_advised_holds_for_a_plant_of_ones_own() -> None:
         result = simulated(DUFFING, {"S": shgo | {"theta": one}}, measurement=sampled, end=20, **grid)
         assert result.observers["S"].status == "ok"
         assert np.all(np.abs(result.observers["S"].xhat[-1] - result.x[-1]) < 0.01)
+
+
+@pytest.mark.parametrize(
+    ("period", "delay", "theta"),
+    [(0.1, 0.05, 80), (0.1, 0.3, 10), (0.01, 0.9, 60)],  # the delay alone is too much for theta, or nearly so
+)
+def test_with_a_delay_the_theta_that_is_advised_settles(
+    period: float, delay: float, theta: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And few samples on their way are ever looked at, so that advice comes at once."""
+    real, waiting = monodromy.on_their_way, list[int]()
+
+    def on_their_way(*times: float) -> tuple[int, float]:
+        found = real(*times)
+        waiting.append(found[0])
+        assert found[0] <= 16
+        return found
+
+    monkeypatch.setattr(too_large, "on_their_way", on_their_way)
+    swinging = inline({"p": "q", "q": "-p"}, "p") | {"initial": {"p": 1, "q": 0}}
+    late: Block = {"sampling": {"period": period}, "delay": delay}
+    grid: Block = {"step": 0.01, "output_step": 0.01, "end": 20}
+    shgo: Block = {"type": "shgo", "theta": theta, "initial": {"p": 0.5}}
+    advice = reason(swinging, shgo, late, **grid)
+    said = re.search(rf"the period {period} s with the delay {delay} s, since .*: give theta of at most (\S+)$", advice)
+    assert said is not None
+    assert 0 < len(waiting) < 100
+    advised = float(said[1])
+    assert 1.5 < advised * (period + delay) < 5  # not so small that anything would do
+    long: Block = {"end": 600, "output_step": 0.1}  # near the limit errors fade slowly
+    result = simulated(swinging, {"S": shgo | {"theta": advised}}, measurement=late, **(grid | long))
+    assert result.observers["S"].status == "ok"
+    error = np.abs(result.observers["S"].xhat - result.x)
+    assert np.max(error[-100:]) < 0.1 * np.max(error[:100])
 
 
 def test_nothing_is_said_where_it_is_not_theta() -> None:
