@@ -40,7 +40,7 @@ def _of_figure(name: str, path: str, said: Mapping[str, Any], *, several: bool) 
     found |= {
         "experiment": f"{path}: {said.get('title', '')}".rstrip(": "),
         "draw it": f"hgorun figures {called}",
-        "see its experiment": f"hgorun show {own}",
+        "see its experiment": f"hgorun show {path}",  # a plant may have the short name
         "copy its experiment": f"hgorun init {own}",
     }
     if about:
@@ -76,7 +76,7 @@ def _of_folder(name: str, inside: Mapping[str, Mapping[str, Any]]) -> Record:
         "figures": [str(figure) for said in inside.values() for figure in said.get("figures") or ()],
         "draw them": f"hgorun figures {name}",
         "measure its claims": f"hgorun claims {name}",
-        "see an experiment": f"hgorun show {Path(next(iter(inside))).name}",
+        "see an experiment": f"hgorun show {next(iter(inside))}",
     }
 
 

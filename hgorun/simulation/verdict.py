@@ -71,11 +71,14 @@ def may_have_left(x: Floats, xhat: Floats) -> NDArray[np.bool_]:
 def grow_alike(x: Floats, xhat: Floats, other: Floats) -> bool:
     """Whether two runs with different steps have the same error of an estimate, where it is a thousand times all else.
 
-    Steps that are too long for an observer amplify its errors as much as their length says, each in its own way.
+    Steps that are too long for an observer amplify its errors as much as their length says, each in its own way. What
+    counts is its last growth: a peak that it has come back from is not what it is lost with.
     """
     gap = np.max(_gap(x, xhat), axis=1)
     size = max(float(np.max(np.abs(x))), float(gap[0]))
-    grown = np.flatnonzero((gap > _GROWN * size) & np.isfinite(gap))
+    near = np.flatnonzero(gap <= _GROWN * size)
+    since = int(near[-1]) + 1 if near.size else 0
+    grown = since + np.flatnonzero(np.isfinite(gap[since:]))
     return bool(grown.size and np.max(_gap(xhat[grown[0]], other[grown[0]])) <= _ALIKE * gap[grown[0]])
 
 

@@ -121,6 +121,12 @@ def test_a_claim_is_shown_by_its_id(shell: Shell) -> None:
     assert shell("show", "katayama/23a")[0] == 2
 
 
+def test_the_experiment_is_shown_where_a_plant_is_called_alike(shell: Shell) -> None:
+    (record,) = json.loads(shell("show", "katayama/1", "--json")[1])
+    assert "observers:" in shell(*record["see its experiment"].split()[1:])[1]
+    assert "observers:" not in shell("show", "van_der_pol")[1]
+
+
 @pytest.mark.parametrize(
     ("name", "title"),
     [

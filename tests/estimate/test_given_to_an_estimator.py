@@ -140,7 +140,7 @@ def test_times_that_differ_by_less_than_the_clock_of_the_run_tells_are_one(treat
 def test_a_late_sample_that_is_refused_has_not_been() -> None:
     """Its observer starts with the derivative of the output, which depends on an input that was not known then."""
     plant = inline({"a": "b/f", "b": "-sin(a)"}, {"y": "a"}, inputs={"f": "1"})
-    block = {"type": "eso", "omega_o": 3}
+    block = {"type": "eso", "omega_o": 3, "late": "replay"}
     run = experiment(plant, {"o": block}, end=2, step=0.02, measurement={"sampling": {"period": 0.1}})
     estimator = Estimator(run, inputs=["f"])
     estimator.update(0.2, {}, u={"f": 1.0})

@@ -70,6 +70,38 @@ def test_growth_is_alike_where_it_is_a_thousandfold() -> None:
     assert not grow_alike(x, exact, np.where(t[:, None] < 7, exact, np.nan))  # the other one has ended
 
 
+def test_a_peak_that_steps_resolve_alike_is_not_the_growth_that_loses() -> None:
+    """The observer comes back from it, and what it is lost with later differs between the steps."""
+    t = np.arange(0.0, 24.0)
+    x, peak = np.zeros((t.size, 1)), np.exp(np.where(t < 9, t, 0.0))[:, None]
+    after = np.maximum(t - 12, 0.0)[:, None]
+    one, two, other = (peak + f**after for f in (np.e, 1.0005 * np.e, 2.25))
+    assert not grow_alike(x, one, other)
+    assert grow_alike(x, one, two)
+
+
+# With theta = 300 the estimate starts with a peak of theta^2 times the first error, which steps of 5e-4 resolve; from
+# t = 2 on the estimate of x3 decays with the rate 40001, for which they are seven times too long.
+PEAKED = """\
+time: {start: 0, end: 4, output_step: 0.005}
+plant:
+  states: [x1, x2, x3]
+  dynamics: {x1: x2, x2: x3, x3: "-(1 + 40000*where(t >= 2, 1, 0))*x3"}
+  output: x1
+  initial: {x1: 1, x2: 0, x3: 0}
+observers: {H: {type: shgo, theta: 300, initial: {x1: 0}}}
+solver: {method: rk4, step: 5.0e-4}
+"""
+
+
+@pytest.mark.parametrize("output_step", [0.005, 0.5])
+def test_an_observer_that_shorter_steps_follow_is_inaccurate_whatever_is_written(output_step: float) -> None:
+    """Whether the points of the output see its peak, or not."""
+    found = simulate(run(PEAKED.replace("output_step: 0.005", f"output_step: {output_step}"))).observers["H"]
+    assert found.status == "inaccurate"
+    assert "diverges with steps of 0.0005, but not with shorter ones" in str(found.verdict.reason)
+
+
 def test_what_a_lost_observer_passes_matters_up_to_its_loss_and_once(monkeypatch: pytest.MonkeyPatch) -> None:
     """What is asked of the steps between: of the first search up to the loss, of the next one nothing."""
     asked: list[dict[str, float]] = []
