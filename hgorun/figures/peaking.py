@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 _ROW = 1.8
 _BOUND, _NOMINAL = (0, (3, 2)), (0, (1, 2))
-_TITLE = "{}; thin dashed: bounds where the theorems hold; thin dotted: their decay where they do not"
+_TITLE = "{}; thin dashed: bounds where the theorems hold; thin dotted: the decay that they prove, where they do not"
 _DECADES = 12  # that an axis shows at most
 _MAX_POINTS = 2000  # points of a line: noise is a band of them
 
@@ -74,7 +74,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
                     curves.append((bound, _BOUND, f"{own.text}: bound", 0.6))
                 elif transient.nominal is not None:
                     nominal = Curve(transient.time, transient.nominal[:, i])
-                    curves.append((nominal, _NOMINAL, f"{own.text}: nominal", 0.6))
+                    curves.append((nominal, _NOMINAL, f"{own.text}: decay of the theorem", 0.6))
                 for (t, values), line, text, thickness in curves:
                     kept = np.isfinite(values) & (values > 0)
                     curve = moving_maximum(Curve(t[kept], values[kept]), points)  # bounds too: so they stay bounds

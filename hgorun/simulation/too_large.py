@@ -84,7 +84,8 @@ def _told(run: PreparedRun, observer: HighGain, timing: _Timing, part: float | N
         limits.append(f"a {name} of at most {_below(part * used)}{unit}")
     if not limits:
         return None
-    return f"theta = {observer.theta:.4g} is too large for {what}, since small errors grow: give {', or '.join(limits)}"
+    holds = f"they do not with {', or '.join(limits)}"
+    return f"theta = {observer.theta:.4g} is too large for {what}, since even small errors grow: {holds}"
 
 
 def _below(value: float) -> str:

@@ -206,7 +206,7 @@ def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
     figure = peaking(analysis.result, analysis.transients)
     assert [ax.get_yscale() for ax in figure.axes] == ["log", "log"]
     labels = [str(line.get_label()) for line in figure.axes[0].lines]
-    assert labels == ["SHGO", "SHGO: bound", "slow", "slow: nominal", "gain"]
+    assert labels == ["SHGO", "SHGO: bound", "slow", "slow: decay of the theorem", "gain"]
     error, bound = figure.axes[1].lines[:2]
     assert np.max(error.get_ydata()) < np.max(bound.get_ydata())
 

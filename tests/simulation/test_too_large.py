@@ -41,8 +41,8 @@ def test_the_limits_are_those_of_small_errors(what: str, measurement: Block, lim
         assert observer.status == "diverged"
         assert observer.reason is not None
         assert observer.reason.endswith(
-            f"theta = 50 is too large for the {what} 0.1 s, since small errors grow: "
-            f"give theta of at most {theta}, or a {what} of at most {other:g} s"
+            f"theta = 50 is too large for the {what} 0.1 s, since even small errors grow: "
+            f"they do not with theta of at most {theta}, or a {what} of at most {other:g} s"
         )
 
 
@@ -83,7 +83,8 @@ def test_with_a_delay_the_theta_that_is_advised_settles(
     grid: Block = {"step": 0.01, "output_step": 0.01, "end": 20}
     shgo: Block = {"type": "shgo", "theta": theta, "initial": {"p": 0.5}}
     advice = reason(swinging, shgo, late, **grid)
-    said = re.search(rf"the period {period} s with the delay {delay} s, since .*: give theta of at most (\S+)$", advice)
+    what = f"the period {period} s with the delay {delay} s"
+    said = re.search(rf"{what}, since .*: they do not with theta of at most (\S+)$", advice)
     assert said is not None
     assert 0 < len(waiting) < 100
     advised = float(said[1])
