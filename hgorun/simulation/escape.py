@@ -10,10 +10,9 @@ import numpy as np
 
 from hgorun.errors import NoStep, PlantDiverged, PlantEnded, SimulationError
 from hgorun.result.data import PLANT
-from hgorun.simulation.between_steps import jumps_of
+from hgorun.simulation.between_steps import SMOOTH, jumps_of
 from hgorun.simulation.plant_alone import PlantRun
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.stopped import SMOOTH
 from hgorun.symbolic.domains import first_undefined
 
 _SHORTLY = 2e-6, 1e-6  # of the time until then: from there the state goes on in a straight line
