@@ -16,6 +16,7 @@ MISSING = ("", "nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "nil", "none"
 FORMATS = ("iso", "unix", "excel", "excel1904")
 """How time stamps may be written, beside plain numbers and patterns."""
 
+_WEEKDAYS = ("%a", "%A", "%w", "%u")
 _TEXT_OR_BLOCK = "the name of a column, or a mapping with column and more"
 
 
@@ -114,6 +115,12 @@ def _column(value: Any) -> Any:
     return value
 
 
+def has_date(form: str) -> bool:
+    """Whether a format, or a pattern, says which day it is."""
+    of_weeks = any(sign in form for sign in ("%U", "%W", "%V")) and any(sign in form for sign in _WEEKDAYS)
+    return "%" not in form or of_weeks or any(sign in form for sign in ("%d", "%j", "%x", "%c"))
+
+
 class Clock(Block):
     """The column with the time stamps."""
 
@@ -131,6 +138,10 @@ class Clock(Block):
     def _known(self) -> Clock:
         if self.format is not None and "%" not in self.format and self.format not in FORMATS:
             raise ValueError(f"format is {', '.join(FORMATS)} or a pattern with %Y, found {describe(self.format)}")
+        form = self.format or ""
+        if not has_date(form) and any(sign in form for sign in _WEEKDAYS):
+            remedy = "write dates, or the time since the start, into the file"
+            raise ValueError(f"format {form} has days of the week but no date, so that days would be lost: {remedy}")
         if self.unit is not None and self.format is not None and self.format != "unix":
             raise ValueError(f"format {self.format} has no unit: leave out unit, dates are converted by themselves")
         return self

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hgorun.config.data import Clock
+from hgorun.config.data import Clock, has_date
 from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp, looks_like_iso
 from hgorun.data.dates import counted
 from hgorun.data.day_counts import DAY, WORKBOOKS, Span, odd_days, odd_seconds, out_of_range
@@ -101,6 +101,8 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
     elif form == "unix":
         unit = column.clock.unit
         told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, said=unit is not None)
+    elif form is not None and not has_date(form):
+        told = f"the pattern {form} has no date: all times are taken to be of one day"
     else:
         return None
     return told and f"column {column.cells.column!r}: {told}"

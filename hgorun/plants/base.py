@@ -144,6 +144,11 @@ class Plant(Plugin):
         """The period of every output that is known up to whole periods, such as an angle."""
         return {}
 
+    @property
+    def measured_states(self) -> Mapping[str, str]:
+        """The state that an output of another name is, by outputs."""
+        return {}
+
     def place_of(self, state: str) -> tuple[str, ...]:
         """Where in the block the right-hand side of a state stands; empty where it is the class's own."""
         return ()
@@ -184,9 +189,11 @@ class TriangularCoordinates(ABC):
 
 
 def units_of(plant: Plant | type[Plant]) -> dict[str, str]:
-    """Units of inputs, states and outputs, where the plant states them."""
+    """Units of inputs, states and outputs, where the plant states them; an output that is a state has its unit."""
     of_inputs = {name: one.unit for name, one in plant.known_inputs.items() if one.unit}
-    return of_inputs | dict(getattr(plant, "units", {}))
+    stated = of_inputs | dict(getattr(plant, "units", {}))
+    measured = plant.measured_states if isinstance(plant, Plant) else {}
+    return {output: stated[state] for output, state in measured.items() if state in stated} | stated
 
 
 def is_plant(thing: object) -> TypeGuard[type[Plant]]:

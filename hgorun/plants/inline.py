@@ -99,6 +99,10 @@ class InlinePlant(Plant):
     def periods(self) -> Mapping[str, float]:
         return {name: given.period for name, given in self.output.items() if isinstance(given, PeriodicOutput)}
 
+    @property
+    def measured_states(self) -> Mapping[str, str]:
+        return {name: text.strip() for name, text in self._values.items() if text.strip() in self.states}
+
     def _place(self, output: str) -> tuple[str, ...]:
         """Where an output's expression stands in the block."""
         return ("output", output) if isinstance(self.output[output], str) else ("output", output, "value")

@@ -8,7 +8,7 @@ import pytest
 from examples import CONTOIS, VAN_DER_POL, experiment
 
 from hgorun.errors import ConfigError
-from hgorun.plants.base import PLANTS, Parameter
+from hgorun.plants.base import PLANTS, Parameter, units_of
 from hgorun.plants.van_der_pol import VanDerPol
 from hgorun.simulation.simulate import prepare
 
@@ -76,6 +76,7 @@ def test_units_may_be_those_of_states_outputs_and_inputs() -> None:
         "units": {"x1": "g/L", "u": "V", "both": "kg"},
     }
     built = experiment(block, {}).plant
+    assert units_of(built.block)["level"] == "g/L"  # columns of a log are converted to it
     # an output that is a state is measured in the state's unit
     assert built.units == {"x1": "g/L", "u": "V", "both": "kg", "level": "g/L"}
     assert experiment(CONTOIS, {}).plant.units == {"D": "1/h", "x1": "g/L", "x2": "g/L"}
