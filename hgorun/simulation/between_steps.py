@@ -24,6 +24,7 @@ from hgorun.symbolic.features import Feature, features_of
 from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.passages import Passages, between
 
+SMOOTH = "a smooth law, such as tanh(s/eps) in place of sign(s)"  # what to write of equations that jump
 _CELLS = 1 << 14  # of a run with controlled steps, whose times are not known
 _NUMBERS = 6e6  # that are recorded of a run: with more steps than that a cell has several
 _ROWS = 8  # of the output grid are looked at together

@@ -22,7 +22,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import NoStep, Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.between_steps import Missed, jumping, jumps_of, missed
+from hgorun.simulation.between_steps import SMOOTH, Missed, jumping, jumps_of, missed
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.escape import escaped, explained
 from hgorun.simulation.ladder import first_stage
@@ -31,7 +31,7 @@ from hgorun.simulation.passes import Again, Pass, integrate
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.scheduling import with_events
 from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
-from hgorun.simulation.stopped import SMOOTH, crossed
+from hgorun.simulation.stopped import crossed
 from hgorun.simulation.why_diverged import no_step, with_reason
 
 _AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then

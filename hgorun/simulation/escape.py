@@ -9,6 +9,8 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import NoStep, PlantDiverged, PlantEnded, SimulationError
+from hgorun.result.data import PLANT
+from hgorun.simulation.between_steps import SMOOTH, jumps_of
 from hgorun.simulation.plant_alone import PlantRun
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.domains import first_undefined
@@ -66,9 +68,14 @@ def _end(run: PreparedRun) -> float | None:
 
 
 def explained(run: PreparedRun, error: PlantEnded) -> PlantEnded:
-    """The same, with what stops being defined in the plant's equations: the root of a level that falls below 0."""
+    """The same, with what stops being defined in the plant's equations, or jumps: the root of a level, friction."""
+    return _ceased(run, error) or _jumped(run, error) or error
+
+
+def _ceased(run: PreparedRun, error: PlantEnded) -> NoStep | None:
+    """That something stops being defined, as the root of a level that falls below 0."""
     if run.closed or run.plant.block.discretise:
-        return error
+        return None
     end = error.at if isinstance(error, NoStep) else _end(run)
     with suppress(SimulationError):
         what = None if end is None else _undefined(run, end)
@@ -78,7 +85,21 @@ def explained(run: PreparedRun, error: PlantEnded) -> PlantEnded:
                 "before, or limit the argument, as in sqrt(max(x, 0))",
                 at=end,
             )
-    return error
+    return None
+
+
+def _jumped(run: PreparedRun, error: PlantEnded) -> NoStep | None:
+    """That a state may stick where the equations jump, so that no step which errors control is small enough."""
+    what = jumps_of(run, PLANT) if isinstance(error, NoStep) else ""
+    if not what:
+        return None
+    step = min(run.step, run.longest_gap)
+    return NoStep(
+        f"no step is small enough for the plant at t = {run.origin + error.at:.6g}: its equations jump ({what}), and "
+        f"no tolerance is met where a state sticks there; write {SMOOTH}, or give a step, as in "
+        f"solver: {{method: rk4, step: {step:.2g}}}",
+        at=error.at,
+    )
 
 
 def _undefined(run: PreparedRun, end: float) -> str | None:

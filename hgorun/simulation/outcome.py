@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
 
 from hgorun.engine.memory import Raw
-from hgorun.errors import Problem
+from hgorun.errors import NoStep, Problem
 from hgorun.measurement.events import merge
 from hgorun.measurement.in_order import NoiseInOrder
 from hgorun.measurement.long import LongSchedule
@@ -211,8 +212,7 @@ def _measurements(
                 then = np.maximum(t - stretch.delay_at(t), run.time.start)
                 order = np.argsort(then, kind="stable")
                 late = np.empty_like(truth)
-                past = outputs_at(run, integration, then[order]) if run.closed else run.plant_alone.at(then[order])[0]
-                late[order] = past[:, i]
+                late[order] = _outputs(run, integration, then[order])[:, i]
                 truth = late
             times.append(t)
             taken.append(then)
@@ -227,6 +227,14 @@ def _measurements(
     for i, (part, where) in enumerate(zip(parts, places, strict=True)):
         taken_all[where, i], y_all[where, i] = part[1], part[2]
     return Measurements(time=run.origin + union, taken=run.origin + taken_all, y=y_all, every=every)
+
+
+def _outputs(run: PreparedRun, integration: Integration, times: np.ndarray) -> np.ndarray:
+    """At increasing times, shape (len(times), q)."""
+    if not run.closed:
+        with suppress(NoStep):  # controlled steps do not follow a state that sticks where the equations jump
+            return run.plant_alone.at(times)[0]
+    return outputs_at(run, integration, times)
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:

@@ -14,12 +14,11 @@ from hgorun.config.models import Method
 from hgorun.engine.memory import Raw
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.status import Verdict
-from hgorun.simulation.between_steps import jumping
+from hgorun.simulation.between_steps import SMOOTH, jumping
 from hgorun.simulation.confirmation import judged
 from hgorun.simulation.passes import Pass, integrate
 from hgorun.simulation.prepared import PreparedRun
 
-SMOOTH = "a smooth law, such as tanh(s/eps) in place of sign(s)"
 _SHORTER = (1, 4, 16)  # than the nominal step
 _METHOD: Method = "rk4"
 

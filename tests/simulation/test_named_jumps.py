@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import re
+
+import numpy as np
 import pytest
 from examples import Block, inline, simulated
 
+from hgorun.errors import SimulationError
 from hgorun.simulation import control
 
 SHGO: Block = {"S": {"type": "shgo", "theta": 4, "initial": {"x": 1}}}
@@ -38,3 +42,32 @@ def test_the_reason_of_inaccurate_numbers_names_what_jumps() -> None:
     assert result.status == "inaccurate"
     reasons = [result.verdict.reason, *(one.reason for one in result.observers.values())]
     assert any("the plant's equations jump (sign of v): write a smooth law" in reason for reason in reasons if reason)
+
+
+def test_a_plant_that_no_controlled_step_follows_names_what_jumps() -> None:
+    """And the step that is advised does follow it."""
+    sticking = with_friction("0.5*sign(v)", 0.5)
+    with pytest.raises(SimulationError, match=r"its equations jump \(sign of v\), and no tolerance") as caught:
+        simulated(sticking, SHGO, end=10, solver={"method": "dopri5", "rtol": 1e-6})
+    assert "singular" not in str(caught.value)
+    said = re.search(r"tanh\(s/eps\) in place of sign\(s\), or give a step, as in .*step: (\S+)}", str(caught.value))
+    assert said is not None
+    assert simulated(sticking, SHGO, end=10, solver={"method": "rk4", "step": float(said[1])}).status == "ok"
+
+
+def test_a_delay_does_not_end_what_fixed_steps_follow() -> None:
+    """What is measured late of a plant that sticks is its own past."""
+    result = simulated(
+        with_friction("0.5*sign(v)", 0.5),
+        SHGO,
+        measurement={"delay": 0.1},
+        end=6,
+        output_step=0.05,
+        solver={"method": "rk4", "max_evaluations": 3e5},
+    )
+    assert result.measurements is not None
+    late, x = result.measurements.y[:, 0], result.x[:, 0]
+    assert abs(x[-1] - x[-20]) < 1e-3  # it has come to rest
+    np.testing.assert_allclose(late[2:], x[:-2], atol=1e-3)
+    reasons = [result.verdict.reason, *(one.reason for one in result.observers.values())]
+    assert any("the plant's equations jump (sign of v)" in reason for reason in reasons if reason)
