@@ -41,6 +41,8 @@ def init(options: Init) -> int:
     if options.ask or options.plant is not None:
         if options.name is not None:
             raise ConfigError(f"{options.name} is copied as it is: leave it out, or leave --plant and --ask out")
+        if options.ask and options.plant is not None:
+            raise ConfigError(f"--ask asks for the plant, too: leave --plant {options.plant} out, or --ask")
         if options.ask and options.observers:
             raise ConfigError("--observer goes with --plant; --ask asks for observers")
         return _first(options)

@@ -262,6 +262,19 @@ def known_later(experiment: Experiment, recording: Recording) -> Iterator[str]:
             )
 
 
+def known_too_late(recording: Recording) -> Iterator[str]:
+    """Where most samples of an output become known after the log's last one is taken: that is hardly meant."""
+    end = max((float(one.taken.max()) for one in recording.outputs.values() if one.taken.size), default=0.0)
+    for name, signal in recording.outputs.items():
+        known = signal.available
+        late = int(np.count_nonzero(known > end))
+        if 2 * late > known.size:
+            yield (
+                f"{name}: {late} of {known.size} samples become known only after the last of the log is taken, at "
+                f"t = {end:g}, one at {float(known.max()):g}: is data.outputs.{name}.available right?"
+            )
+
+
 def _first_samples(experiment: Experiment, recording: Recording) -> dict[str, tuple[Signal, int]]:
     """By state the signal that measures it, and which of its samples is the first of the run."""
     found: dict[str, tuple[Signal, int]] = {}

@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.estimate.assessed import assess
-from hgorun.estimate.completed import completed, known_later
+from hgorun.estimate.completed import completed, known_later, known_too_late
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.why_left import why_left
@@ -144,6 +144,7 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
         *map(str, recording.notes),
         *unknown_units(prepared.experiment.source),
         *known_later(prepared.experiment, recording),
+        *known_too_late(recording),
     ]
     observers = prepared.run.observers
     innovating = [j for j, block in enumerate(observers) if treatment_of(block.observer) == "innovation"]

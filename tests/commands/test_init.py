@@ -252,6 +252,7 @@ def test_the_example_with_a_recording_comes_with_its_data(shell: Shell) -> None:
         (("--plant", "contois", "-o", "my.csv"), "ends in .yaml, such as my.yaml, found my.csv"),
         (("contois_te025", "--plant", "contois"), "copied as it is"),
         (("--ask", "--observer", "shgo"), "--observer goes with --plant"),
+        (("--ask", "--plant", "contois"), "--ask asks for the plant, too: leave --plant contois out"),
         (("contois_te025", "-o", "my.yaml"), "keeps its name and takes a folder: hgorun init contois_te025 FOLDER"),
     ],
 )

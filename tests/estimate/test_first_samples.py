@@ -14,7 +14,7 @@ from recordings import held_input, observers, recording, signal, source
 from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate import starting
-from hgorun.estimate.completed import completed, known_later
+from hgorun.estimate.completed import completed, known_later, known_too_late
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
 
@@ -183,6 +183,18 @@ def test_a_start_from_a_sample_that_is_known_later_is_told(
     config = source({"plant": OSCILLATOR, "observers": {"o": block}, "solver": {"step": 0.01}})
     found = list(known_later(completed(config, recorded, "start", ""), recorded))
     assert [words.partition(":")[0] + ":" + words.split(":")[1] for words in found] == told
+
+
+@pytest.mark.parametrize(
+    ("known", "told"),
+    [
+        ([0.0, 1.0, 9.0], []),
+        ([0.0, 8.0, 9.0], ["a: 2 of 3 samples become known only after the last of the log is taken"]),
+    ],
+)
+def test_samples_most_of_which_are_known_too_late_are_told(known: list[float], told: list[str]) -> None:
+    found = known_too_late(recording(signal("a", [0.0, 1.0, 2.0], [0.7, 0.6, 0.5], known)))
+    assert [words.partition(", at")[0] for words in found] == told
 
 
 def test_a_fit_is_made_again_only_where_what_it_depends_on_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
