@@ -62,10 +62,11 @@ def found(source: Path | BytesIO, path: Path, budget: int, work: Callable[[h5py.
     except MemoryError:
         raise ConfigError(f"reading it takes more than {budget / 2**30:.3g} GiB", file=str(path)) from None
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
-        if isinstance(source, Path) and os.path.getsize(source) == 0:
-            raise ConfigError("the file is empty", file=str(path)) from None
         if path.suffix.lower() in (".yaml", ".yml") and kind_of_file(path) is None:
-            raise ConfigError(_NOT_YET_RUN.format(path, path.stem), file=str(path)) from None
+            empty = isinstance(source, Path) and os.path.getsize(source) == 0
+            raise ConfigError(
+                "the file is empty" if empty else _NOT_YET_RUN.format(path, path.stem), file=str(path)
+            ) from None
         if isinstance(source, Path) and (what := _other_file(source)):
             raise ConfigError(f"not a file of hgorun: {what}", file=str(path)) from None
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__

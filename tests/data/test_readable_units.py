@@ -32,7 +32,7 @@ def read_again() -> Iterator[None]:
 
 
 def test_what_the_library_reads_may_be_read() -> None:
-    registry = units._registry()
+    registry = units._registry.__wrapped__()  # another one, to which no test has added prefixes
     names = sorted(registry._units)
     assert len(names) > 500
     assert [name for name in names if not may_be_read(name)] == []
