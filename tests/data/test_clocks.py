@@ -18,7 +18,7 @@ DATES = [START + timedelta(seconds=t) for t in TIMES.tolist()]
 
 
 def log(stamps: list[str]) -> str:
-    return "t;glucose\n" + "".join(f"{stamp};{v}\n" for stamp, v in zip(stamps, VALUES, strict=False))
+    return "t;glucose\n" + "".join(f"{stamp};{v}\n" for stamp, v in zip(stamps, VALUES, strict=True))
 
 
 FORMS: list[tuple[Any, list[str]]] = [
@@ -169,14 +169,16 @@ def test_a_repeated_date_is_shown_as_it_stands_in_the_file(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("form", "stamp", "told"),
     [
-        ("%H:%M:%S", "22:59:0{}", 1),
-        ("%m %H:%M:%S", "05 22:59:0{}", 1),
-        ("%a %W %Y %H:%M:%S", "Mon 22 2024 22:59:0{}", 0),
+        ("%H:%M:%S", "22:59:{}", 1),
+        ("%m %H:%M:%S", "05 22:59:{}", 1),
+        ("%a %W %Y %H:%M:%S", "Mon 22 2024 22:59:{}", 0),
     ],
 )
 def test_times_without_a_date_are_told(tmp_path: Path, form: str, stamp: str, told: int) -> None:
-    recording = recorded(tmp_path, log([stamp.format(k) for k in range(9)]), {"time": {"column": "t", "format": form}})
-    assert recording.outputs["S"].taken.tolist() == list(range(9))
+    recording = recorded(
+        tmp_path, log([stamp.format(f"{k:02d}") for k in range(30)]), {"time": {"column": "t", "format": form}}
+    )
+    assert recording.outputs["S"].taken.tolist() == list(range(30))
     remarks = [note.message for note in recording.notes if "has no date" in note.message]
     assert remarks == [f"column 't': the pattern {form} has no date: all times are taken to be of one day"] * told
 
@@ -185,4 +187,4 @@ def test_times_without_a_date_are_told(tmp_path: Path, form: str, stamp: str, to
 def test_days_of_the_week_without_a_date_are_refused(tmp_path: Path, form: str) -> None:
     """They would be read and forgotten: Tuesday's 1 o'clock as Monday's."""
     with pytest.raises(ValueError, match="has days of the week but no date, so that days would be lost"):
-        recorded(tmp_path, log(["Mon 22:59", "Tue 23:01"]), {"time": {"column": "t", "format": form}})
+        recorded(tmp_path, log(["Mon 22:59", "Tue 23:01"] * 15), {"time": {"column": "t", "format": form}})
