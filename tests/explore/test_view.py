@@ -104,6 +104,7 @@ def test_curves_are_those_of_a_simulation(drawn: Drawn) -> None:
 @pytest.mark.costly
 def test_only_what_has_changed_is_sent(drawn: Drawn) -> None:
     """A small change of one observer redraws that one, in one message; nothing, nothing."""
+    drawn.worker.finish()  # all code is compiled: otherwise a message would say so
     drawn.sent.clear()
     drawn.set("observers.F.theta", 2.001)
     (message,) = drawn.sent
