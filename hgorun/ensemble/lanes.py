@@ -73,8 +73,7 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
         Where it cannot be made with the memory that there is.
     """
     run, late = lot.run, _late_errors(lot.run)
-    metrics = metrics if late in metrics else [*metrics, late]
-    reduction = reduction_of(run, metrics) if run.observers else None
+    reduction = reduction_of(run, metrics if late in metrics else [*metrics, late]) if run.observers else None
     ensemble, control = run.structure.ensemble(how.method), control_of(how)
     if lot.own is None and lot.plans is None:
         plan, start = plan_of(run, how)
@@ -89,7 +88,7 @@ def carry_out(lot: Lot, how: Pass, metrics: Sequence[Metric], *, rows: bool = Fa
         steps = found.tries
     named = dict(reduction.named(found.reduced)) if reduction else {metric.name: nothing for metric in metrics}
     return Passed(
-        metrics=named,
+        metrics={metric.name: named[metric.name] for metric in metrics},
         sound=_sound(lot, found, named, late.name),
         steps=steps,
         unfinished=np.isneginf(found.plant_diverged),

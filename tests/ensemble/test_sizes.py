@@ -51,3 +51,12 @@ def test_every_number_of_members_from_1_to_40(what: str) -> None:
         assert [list(one.metrics["rmse"]) for one in alone.values()] == everyone[seed].tolist()
     for size in range(1, MOST):
         np.testing.assert_array_equal(rmse(size), everyone[:size], err_msg=f"{size} members")
+
+
+@pytest.mark.parametrize("window", [[0.1, 0.2], [0.1, 0.3]])
+def test_automatic_steps_where_metrics_end_before_the_run(window: list[float]) -> None:
+    """Then late errors are looked at beside the metrics, of which they are none."""
+    base = OF["automatic steps"].varied({"metrics.window": window})
+    found = compute(base, Members.of({"seed": np.arange(3)}), metrics=("rmse",)).metrics["rmse"]
+    alone = simulate(base.varied({"seed": 2})).observers["A"]
+    assert found[2].tolist() == [list(alone.metrics["rmse"])]
