@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -63,7 +64,7 @@ def test_growth_is_alike_where_it_is_a_thousandfold() -> None:
     """Of exp(t), followed with the factors per step of two steps of Euler's method, and nearly exactly."""
     t = np.arange(0.0, 12.0)
     x = np.zeros((t.size, 1))
-    exact, near, half, whole = (f ** t[:, None] for f in (np.e, 1.0005 * np.e, 2.25, 2.0))
+    exact, near, half, whole = (f ** t[:, None] for f in (math.e, 1.0005 * math.e, 2.25, 2.0))
     assert grow_alike(x, exact, near)  # 0.4 % apart where the error is beyond 1000: at t = 7
     assert not grow_alike(x, whole, half)
     assert not grow_alike(x[:6], exact[:6], near[:6])  # it has grown to 148
@@ -75,7 +76,7 @@ def test_a_peak_that_steps_resolve_alike_is_not_the_growth_that_loses() -> None:
     t = np.arange(0.0, 24.0)
     x, peak = np.zeros((t.size, 1)), np.exp(np.where(t < 9, t, 0.0))[:, None]
     after = np.maximum(t - 12, 0.0)[:, None]
-    one, two, other = (peak + f**after for f in (np.e, 1.0005 * np.e, 2.25))
+    one, two, other = (peak + f**after for f in (math.e, 1.0005 * math.e, 2.25))
     assert not grow_alike(x, one, other)
     assert grow_alike(x, one, two)
 
