@@ -43,7 +43,7 @@ class KeptLines:
     def _left_out(self, text: np.ndarray, starts: np.ndarray, dialect: Dialect) -> np.ndarray:
         """Which lines are comments or empty, by their first byte: others with spaces in front are left to others."""
         first = text[starts]
-        found = (first == ord("\n")) | (first == ord(dialect.comment))
+        found: np.ndarray = (first == ord("\n")) | (first == ord(dialect.comment))
         texts = (one for one in dialect.missing if len(one) > 1 and one[0] == dialect.comment)
         like = np.isin(text[starts[found] + (first[found] != ord("\n"))] | 32, [ord(one[1]) | 32 for one in texts])
         for line in np.flatnonzero(found)[like].tolist():  # which may begin with a text for a missing value, as #N/A

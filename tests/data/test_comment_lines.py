@@ -12,6 +12,7 @@ from hgorun.data import csv_table
 from hgorun.data.cells import Numbers
 from hgorun.data.csv_table import CsvFile
 from hgorun.data.table import Table
+from hgorun.errors import ConfigError
 
 WANTED = [Numbers("t"), Numbers("a")]
 ROWS = 3000
@@ -71,5 +72,5 @@ def test_a_line_inside_quotes_is_no_comment(tmp_path: Path) -> None:
 
 def test_a_row_that_is_not_plain_is_told_with_its_line(tmp_path: Path) -> None:
     text = "t,a\n" + "".join(f"# {k}\n{k},1\n" for k in range(20)) + "# x\n20,one\n"
-    with pytest.raises(csv_table.ConfigError, match=r":43: a: .*one"):
+    with pytest.raises(ConfigError, match=r":43: a: .*one"):
         read(tmp_path, text)
