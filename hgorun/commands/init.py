@@ -15,7 +15,7 @@ from hgorun.commands.questions import ask
 from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
 from hgorun.commands.trial import FOLLOWS, Found, followed
 from hgorun.config import yaml_source
-from hgorun.config.nearest import among, nearest
+from hgorun.config.nearest import nearest
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
 from hgorun.plants.base import PLANTS, Plant
@@ -71,7 +71,8 @@ def _first(options: Init) -> int:
         try:
             plant = PLANTS.find(options.plant)
         except KeyError:
-            hint = in_its_place(options.plant) or f" There are {among(options.plant, PLANTS.names())}"
+            known = PLANTS.names()
+            hint = in_its_place(options.plant) or f"{nearest(options.plant, known)} There are {', '.join(known)}"
             raise ConfigError(f"--plant: no plant is called {options.plant!r}.{hint}") from None
         found = Found(0, first_of(options.plant, plant))
         if options.observers:

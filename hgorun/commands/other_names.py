@@ -20,7 +20,7 @@ def in_its_place(name: str) -> str:
         return f" It is an experiment: hgorun init {name}"
     if drawing := drawing_figure(name):
         copied = "; ".join(f"hgorun init {Path(path).name} copies the experiment {path}" for path in drawing)
-        return f" It is a figure, which hgorun figures {name} draws and hgorun show {name} describes: {copied}"
+        return f" It is a figure, which hgorun figures {name} draws: {copied}; hgorun show {name} describes it"
     if claims := claims_called(name):
         measured = ", ".join(f"hgorun claims {path}" for path, *_ in claims)
         return f" It is a claim, which hgorun show {name} describes; {measured} measures it"
