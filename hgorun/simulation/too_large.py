@@ -20,7 +20,7 @@ from hgorun.simulation.design import Design
 from hgorun.simulation.monodromy import exponentials, monodromy, on_their_way
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.slopes import slopes
+from hgorun.simulation.slopes import at_truth, slopes
 from hgorun.simulation.structure import parameter_values
 from hgorun.symbolic.evaluate import Floats, evaluate
 
@@ -166,13 +166,8 @@ class _Error:
 
     def _at(self, p: Floats, block: ObserverBlock) -> tuple[Floats, Floats]:
         """(xi, e)' = G (xi, e) between samples, and H, at the points."""
-        run, own = self.run, slice(block.start, block.stop)
-        z = np.zeros((len(self._x), run.structure.system.states))
-        z[:, own] = run.numbers.z0[own]
-        xhat = block.states["xhat"]
-        for row, x in zip(z, self._x, strict=True):
-            estimate = np.asarray(block.form.start(x, run.plant.parameters, block.canonical))
-            row[xhat.start : xhat.start + xhat.size] = block.observer.start(estimate, block.design)
+        run = self.run
+        z = np.stack([at_truth(run, block, x) for x in self._x])
         e = np.zeros((len(z), len(run.plant.model.outputs)))
         times = run.grid[self._rows][:, None]
         found = evaluate(self._slopes, times, np.tile(p, (len(z), 1)), z, e)

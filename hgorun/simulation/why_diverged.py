@@ -16,6 +16,7 @@ from hgorun.simulation.far_start import far_start
 from hgorun.simulation.loss import Again, ceased, step_at
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.slopes import at_truth, slopes
 from hgorun.simulation.too_large import below, too_large
 from hgorun.symbolic.evaluate import Floats, at, evaluate
 from hgorun.symbolic.forms import ChosenChains
@@ -191,44 +192,25 @@ def _unstable_gain(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | No
         return None
     if "gain" in observer.roles(block.form).values():
         return None
-    count, matrix, rates = len(run.grid), _error_matrix(run, block), list[float]()
+    count, linear, rates = len(run.grid), slopes(run, block), list[float]()
     for row in (0, count // 2, count - 1):
-        rates.append(_rate(run, block, matrix, row, raw.rows[row, : run.plant.model.n, 0]))
+        rates.append(_rate(run, block, linear, row, raw.rows[row, : run.plant.model.n, 0]))
         if rates[-1] <= 0:
             return None
     return f"the gain is unstable on this plant: small errors grow like exp({min(rates):.3g} t)"
 
 
-def _rate(run: PreparedRun, block: ObserverBlock, error_matrix: ca.Function, row: int, x: Floats) -> float:
+def _rate(run: PreparedRun, block: ObserverBlock, linear: ca.Function, row: int, x: Floats) -> float:
     """The largest real part of the error dynamics' eigenvalues at a true state; 0 where it is small or not known."""
-    structure, model, t = run.structure, run.plant.model, run.grid[row]
-    own = slice(block.start, block.stop)
-    z = np.zeros(structure.system.states)
-    z[own] = run.numbers.z0[own]
-    xhat = block.states["xhat"]
     try:
-        estimate = np.asarray(block.form.start(x, run.plant.parameters, block.canonical))
-        z[xhat.start : xhat.start + xhat.size] = block.observer.start(estimate, block.design)
+        z = at_truth(run, block, x)
     except ValueError:  # the coordinates do not exist there
         return 0.0
-    u = structure.inputs.along(np.array([t]), run.numbers.p, np.zeros((1, structure.system.states)))[0]
-    matrix = at(error_matrix, t, u, z, np.zeros(len(model.outputs)), run.numbers.p)[0]
-    matrix = matrix.reshape(block.stop - block.start, -1)
+    found = at(linear, run.grid[row], run.numbers.p, z, np.zeros(len(run.plant.model.outputs)))
+    A0, E, H = (values.reshape(linear.size_out(i)) for i, values in enumerate(found[:3]))
+    matrix = A0 + E @ H  # of the observer's own states, its innovation being C xhat - y
     if not np.all(np.isfinite(matrix)):
         return 0.0
     eigenvalues = np.linalg.eigvals(matrix)
     largest = float(np.max(eigenvalues.real))
     return largest if largest > _GROWS * float(np.max(np.abs(eigenvalues))) else 0.0
-
-
-def _error_matrix(run: PreparedRun, block: ObserverBlock) -> ca.Function:
-    """The slopes of the observer's right-hand side in its own states, its innovation being C xhat - y."""
-    structure, model = run.structure, run.plant.model
-    t, z = ca.SX.sym("t"), ca.SX.sym("z", structure.system.states)
-    u, e = ca.SX.sym("u", len(model.inputs)), ca.SX.sym("e", len(model.outputs))
-    own = z[block.start : block.stop]
-    placed = structure.observers[run.observers.index(block)]
-    rate = placed.flow(t, u, structure.plant, z, e)[: block.stop - block.start]
-    guess = placed.guess(t, u, structure.plant, z)
-    slopes = ca.jacobian(rate, own) + ca.jacobian(rate, e) @ ca.jacobian(guess, own)
-    return ca.Function("slopes", [t, u, z, e, structure.p], [ca.densify(slopes)])
