@@ -98,7 +98,9 @@ def _ceased(run: PreparedRun, error: PlantEnded) -> NoStep | None:
 
 def _jumped(run: PreparedRun, error: PlantEnded) -> NoStep | None:
     """That a state may stick where the equations jump, so that no step which errors control is small enough."""
-    what = jumps_of(run, PLANT) if isinstance(error, NoStep) else ""
+    if not isinstance(error, NoStep):
+        return None
+    what = jumps_of(run, PLANT)
     if not what:
         return None
     step, when = min(run.step, run.longest_gap), f"t = {run.origin + error.at:.6g}"
