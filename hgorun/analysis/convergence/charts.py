@@ -6,7 +6,7 @@ In them f = F z + phi: what is not on the chains' links is phi.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -23,6 +23,8 @@ from hgorun.symbolic.points import around, instants
 _CURVED = 1e-8  # relative change of a slope that is rounding
 _DEEP = 100  # operations down to which expressions are compared
 _CHARTS: Memo[Outcome[Chart]] = Memo(64)  # by form and numbers: observers of one form share it, and so do their runs
+_OF_FORMS: Memo[Outcome[Chart]] = Memo(64)  # by form alone, with the numbers of the plant that came first
+_FUNCTIONS: Memo[ca.Function] = Memo(128)  # by their expressions, which charts of other numbers share
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -93,9 +95,9 @@ class Chart:
             return x
         return evaluate(self._image, x, self.plant.parameters)[0]
 
-    @cached_property
+    @property
     def _image(self) -> ca.Function:
-        return ca.Function("z", [self.x, self.p], [ca.densify(self.map)])
+        return _function(self.map, self.x, self.p)
 
     def slopes_at(self, time: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """d phi/dz at many points, shape (N, n, n), of times (N,), states (N, n) and inputs (N, m)."""
@@ -103,9 +105,9 @@ class Chart:
             -1, *self.slopes_in_x.shape
         )
 
-    @cached_property
+    @property
     def _slopes(self) -> ca.Function:
-        return ca.Function("M", [self.t, self.x, self.u, self.p], [ca.densify(self.slopes_in_x)])
+        return _function(self.slopes_in_x, self.t, self.x, self.u, self.p)
 
     @cached_property
     def entries(self) -> dict[tuple[int, int], Enclosure]:
@@ -139,6 +141,12 @@ class Chart:
         return ca.substitute(ca.densify(expression), self.p, ca.DM(self.plant.parameters))
 
 
+def _function(values: ca.SX, *arguments: ca.SX) -> ca.Function:
+    """Made once of the same expressions."""
+    key = tuple(map(same, (values, *arguments)))
+    return _FUNCTIONS.get(key, lambda: ca.Function("f", list(arguments), [ca.densify(values)]))
+
+
 def _enclosure(arguments: ca.SX, values: ca.SX) -> Enclosure:
     return Enclosure(ca.Function("m", [arguments], [ca.cse(ca.densify(values))]))
 
@@ -157,7 +165,8 @@ def chart_of(form: Form, plant: BuiltPlant) -> Chart:
 
 def _made(form: Form, plant: BuiltPlant) -> Chart:
     if isinstance(form, ChainForm):
-        return _of_chains(form, plant)
+        key = same(form), same(plant.symbolic)
+        return replace(_OF_FORMS.get(key, lambda: outcome(lambda: _of_chains(form, plant))).value, plant=plant)
     if isinstance(form, BlockForm):
         return _of_triangle(form, plant)
     raise NoValue("the theory of high-gain observers with a Lipschitz constant does not apply to this observer")
