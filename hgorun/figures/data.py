@@ -19,7 +19,7 @@ _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
 _BAND = 0.25  # of a panel: so much higher it is made for a band
 _ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error
 _WILD = 100.0  # in the same units: larger ones would hide the rest
-_ROUGHER = 2.0  # a line that goes up and down so many times more than another one would hide it
+_ROUGHER = 1.5  # a line that goes up and down so many times more than another one would hide it
 _STEADY = 0.01  # of the points of a line's second half: so many beyond a bound are no transient
 
 
