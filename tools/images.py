@@ -121,7 +121,7 @@ def _shrink(source: Path, target: Path) -> None:
         width = min(image.width, round(image.width * _WIDE / 2160)) if image.width > _WIDE else image.width
         size = (width, round(image.height * width / image.width))
         small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    small.quantize(_COLOURS, method=Image.Quantize.FASTOCTREE, dither=Image.Dither.NONE).save(target, optimize=True)
+    small.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
 def main(names: list[str]) -> None:
