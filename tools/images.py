@@ -9,6 +9,7 @@ from __future__ import annotations
 import csv
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -17,6 +18,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 from PIL import Image
 
 ROOT = Path(__file__).parents[1]
@@ -25,7 +27,7 @@ TARGET = ROOT / "docs" / "images"
 TUTORIALS = ROOT / "docs" / "tutorials"
 RECORD = ROOT / "experiments" / "benchmark" / "record" / "entries.csv"
 _SCENARIOS = ("low noise", "high noise", "sampled", "late", "outliers", "model error")
-_WIDE, _COLOURS = 1296, 128  # points across a figure of two columns, 7.2 inches: 180 for each
+_DPI, _COLOURS = 180, 128
 
 
 def _hgorun(folder: Path, *words: str | Path) -> None:
@@ -116,12 +118,20 @@ _PICTURES: Mapping[str, Callable[[Path], Path]] = {
 
 
 def _shrink(source: Path, target: Path) -> None:
-    """Fewer points and colours: pages load faster, and the repository stays small."""
+    """Fewer points and colours of a figure of 300 dpi: pages load faster, and the repository stays small."""
+    from matplotlib.colors import to_rgb
+
+    from hgorun.figures.files import reduced
+    from hgorun.figures.style import PALETTE
+
+    if source.name == "sampling.png":  # in other colours, and small as it is
+        shutil.copyfile(source, target)
+        return
     with Image.open(source) as image:
-        width = min(image.width, round(image.width * _WIDE / 2160)) if image.width > _WIDE else image.width
-        size = (width, round(image.height * width / image.width))
+        size = (round(image.width * _DPI / 300), round(image.height * _DPI / 300))
         small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    small.quantize(_COLOURS, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE).save(target, optimize=True)
+    own = [np.array(to_rgb(colour)) for colour in PALETTE]
+    reduced(small, own, _COLOURS).save(target, optimize=True)
 
 
 def main(names: list[str]) -> None:

@@ -19,7 +19,7 @@ from hgorun.explore.picture import styles_of
 from hgorun.figures.bode import bode_figure
 from hgorun.figures.data import Curve, behind
 from hgorun.figures.drawing import comparison
-from hgorun.figures.files import _colours, _reduced
+from hgorun.figures.files import _colours, reduced
 from hgorun.figures.peaking import peaking
 from hgorun.figures.style import styled
 from hgorun.figures.ticks import tick
@@ -147,7 +147,7 @@ def test_a_thin_line_keeps_its_colour_beside_wide_ones_in_a_small_picture() -> N
     points[0, :5] = thin
     points[1, :5] = 255
     image = Image.fromarray(points)
-    small = _reduced(image, [wide / 255, thin / 255], 16)
+    small = reduced(image, [wide / 255, thin / 255], 16)
     assert small.convert("RGB").getpixel((2, 0)) == tuple(thin)
     assert small.convert("RGB").getpixel((2, 1)) == (255, 255, 255)
     assert len(small.getcolors() or []) in range(2, 17)
