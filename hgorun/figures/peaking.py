@@ -55,7 +55,7 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
     names = list(dict.fromkeys(name for a in actors for name in transients[a.label].names))
     points = points_in_window(result)
     look = looks([actors], texts(actors, {}))
-    height = {order: 2 + i / len(actors) for i, order in enumerate(from_roughest(actors))}
+    height = {order: 2 + i / len(actors) for i, order in enumerate(from_roughest(actors, look))}
     with styled():
         figure, axes = grid(max(len(names), 1), 1, page.width, _ROW * max(len(names), 1) + TOP, share=True)
         for ax, name in zip(axes, names, strict=False):

@@ -60,6 +60,17 @@ def test_a_line_that_is_much_rougher_in_a_panel_is_behind_there(result: Result) 
     assert widths[0] == widths[1]
 
 
+def test_of_lines_about_as_rough_those_with_gaps_are_in_front(result: Result) -> None:
+    """A solid line in front would hide a dotted one that it coincides with; one much rougher is behind both."""
+    dotted = noisy(result, A=(0.1, 0.1), B=(0.14, 0.14), C=(1.0, 1.0))
+    kinds = {"A": "shgo", "B": "ekf", "C": "kalman_bucy"}  # solid, dotted, solid
+    observers = {label: replace(one, type=kinds[label]) for label, one in dotted.observers.items()}
+    ax = comparison(replace(dotted, observers=observers)).axes[0]
+    assert from_the_back(ax) == ["C", "A", "B"]
+    widths = {text: line.get_linewidth() for text, line in lines(ax).items() if text in kinds}
+    assert min(widths, key=lambda text: widths[text]) == "B"
+
+
 def test_lines_in_front() -> None:
     curves = [Curve(np.arange(3.0), np.array([0.0, size, 0.0])) for size in (1.0, 1.5, 8.0, 0.4)]
     assert behind(curves) == [2, 0, 1, 3]
