@@ -153,3 +153,15 @@ def test_what_coincides_with_the_line_in_front_is_seen_behind_it(result: Result)
             if line.get_label() in ("A", "B"):
                 alike = back if line.get_label() == back.get_label() else front
                 assert line.get_linewidth() == alike.get_linewidth()
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 100, 101, 6001])
+def test_limits_follow_from_quantiles(size: int) -> None:
+    """Those of numpy, to the last bit."""
+    v = np.random.default_rng(size).normal(0.0, 3.0, size)
+    spread, positive = data.Spread.of(v), data.Size.of(np.abs(v))
+    assert spread is not None
+    assert positive is not None
+    assert (spread.start, spread.low, spread.high) == (v[0], min(v), max(v))
+    assert spread.central == tuple(np.quantile(v, (0.01, 0.99)))
+    assert positive.usual == np.quantile(np.abs(v), 0.01)
