@@ -17,6 +17,7 @@ from matplotlib.ticker import (
 
 _SHORT = 30  # logarithmic axes that span less, or have one power of ten, are labelled between these
 _FEWEST = 3  # labels
+_LINEAR = 2.0  # an axis that spans less is labelled as a linear one
 
 
 class PlainFormatter(ScalarFormatter):
@@ -33,12 +34,19 @@ class PlainFormatter(ScalarFormatter):
 def _between(low: float, high: float, most: int) -> Locator:
     """Labels at 1, 2 and 5 times the powers of ten; where these are fewer than three, at more digits, or evenly.
 
-    At every digit last: where a power of ten is among them, those below it stand closer than those above it.
+    At every digit last: where a power of ten is among them, those below it stand closer than those above it. An axis
+    that spans little is nearly linear.
     """
+    if high < _LINEAR * low:
+        return _evenly(most)
     powers = range(floor(log10(low)), ceil(log10(high)) + 1)
     for digits in ((1, 2, 5), (1, 2, 3, 5, 7), tuple(range(1, 10))):
         if _FEWEST <= sum(low <= digit * 10.0**power <= high for digit in digits for power in powers) <= most:
             return LogLocator(subs=digits)
+    return _evenly(most)
+
+
+def _evenly(most: int) -> Locator:
     return MaxNLocator(nbins=min(most, 7), steps=[1, 2, 5, 10])
 
 

@@ -14,6 +14,7 @@ from hgorun.figures.actors import Actor, texts
 from hgorun.figures.ensemble import axis_label, drawable, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look, looks
+from hgorun.figures.page import TWO
 from hgorun.figures.style import styled
 from hgorun.tables.typeset import paragraph
 
@@ -107,7 +108,8 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
         panels = [(i, k) for i, one in enumerate(found) for k in range(len(one.paths))]
         columns = min(len(panels), 3)
         rows = -(-len(panels) // columns)
-        figure, axes = grid(len(panels), columns, max(_WIDTH, 2.6 * columns), _PANEL * rows + TOP, share=False)
+        width = _WIDTH if columns < 3 else TWO
+        figure, axes = grid(len(panels), columns, width, _PANEL * rows + TOP, share=False)
         for ax, (i, k) in zip(axes, panels, strict=True):
             _against(ax, found[i], k, look[i])
             ax.set_ylabel(paragraph(goals[0], _PANEL))

@@ -86,7 +86,7 @@ def test_errors_beside_bounds_and_on_a_live_page_are_drawn_from_the_roughest(res
     assert list(styles_of(rough)) == ["B", "A"]
 
 
-@pytest.mark.parametrize(("low", "high"), [(2e-4, 6.4e-3), (1.1, 99.0), (0.11, 0.9), (0.0505, 0.33)])
+@pytest.mark.parametrize(("low", "high"), [(2e-4, 6.4e-3), (1.1, 99.0), (0.11, 0.9), (0.0505, 0.33), (7.9, 12.4)])
 def test_a_logarithmic_axis_has_at_least_three_labels(low: float, high: float) -> None:
     with styled():
         figure = Figure()
@@ -97,6 +97,7 @@ def test_a_logarithmic_axis_has_at_least_three_labels(low: float, high: float) -
         shown = [y for label, y in ticks if low <= y <= high and label.get_text()]
     assert len(shown) >= 3
     assert np.diff(np.log(shown)).min() > 0.07 * np.log(high / low)  # 9 points of a panel of 1.8 inches
+    assert max(np.log(high / shown[-1]), np.log(shown[0] / low)) < 0.4 * np.log(high / low)  # nor only at one end
 
 
 def test_noise_has_a_symbol_that_no_state_has(result: Result) -> None:
