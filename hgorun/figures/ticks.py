@@ -40,7 +40,8 @@ def _between(low: float, high: float, most: int) -> Locator:
     if high < _LINEAR * low:
         return _evenly(most)
     powers = range(floor(log10(low)), ceil(log10(high)) + 1)
-    for digits in ((1, 2, 5), (1, 2, 3, 5, 7), tuple(range(1, 10))):
+    fewer = ((1, 2, 3, 5, 7),) if any(low < 10.0**power < high for power in powers) else ()
+    for digits in ((1, 2, 5), *fewer, tuple(range(1, 10))):
         if _FEWEST <= sum(low <= digit * 10.0**power <= high for digit in digits for power in powers) <= most:
             return LogLocator(subs=digits)
     return _evenly(most)
