@@ -24,6 +24,7 @@ from hgorun.process import unfinished
 _HOST = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
 _MACHINE = f"{crc32(_HOST.encode()):08x}"
 _LEFTOVER = re.compile(rf"\..*-{_MACHINE}-(\d+)-[^-]*\.part")
+_LONGEST_NAME = 255  # of the file systems in use
 
 
 def _mode() -> int:
@@ -55,11 +56,7 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
         if path.is_symlink():
             path = path.resolve()  # what it points to is replaced, not the link
         if path.exists():
-            mode = path.stat().st_mode
-            if not stat.S_ISREG(mode):
-                raise OSError(EINVAL, "it is no regular file")
-            if not mode & 0o222 or not os.access(path, os.W_OK):  # root may write what is read-only
-                raise PermissionError(EACCES, "it is read-only")
+            _check_file(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         prefix = f".{path.name[:60]}-{_MACHINE}-{os.getpid()}-"
         handle, name = tempfile.mkstemp(dir=path.parent, prefix=prefix, suffix=".part")
@@ -79,6 +76,40 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
             unfinished.discard(part)
     except OSError as error:
         raise HgorunError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _check_file(path: Path) -> None:
+    """Raise an OSError where something stands that is not to be replaced."""
+    mode = path.stat().st_mode
+    if not stat.S_ISREG(mode):
+        raise OSError(EINVAL, "it is no regular file")
+    if not mode & 0o222 or not os.access(path, os.W_OK):  # root may write what is read-only
+        raise PermissionError(EACCES, "it is read-only")
+
+
+def why_unwritable(path: Path) -> str:
+    """Why no file could be written at a path, or in it where it is a folder; "" if one could.
+
+    It is tried: rights alone do not say it of the folders of a system, such as /proc.
+    """
+    target = folder = Path(os.path.realpath(path))
+    try:
+        if not os.path.isdir(target):
+            if os.path.exists(target):
+                _check_file(target)
+            elif len(os.fsencode(target.name)) > _LONGEST_NAME:
+                return f"its name is longer than {_LONGEST_NAME} bytes"
+            folder = target.parent
+            while not os.path.exists(folder):
+                folder = folder.parent
+        if not folder.is_dir():
+            return f"{folder} is a file, not a folder"
+        with tempfile.TemporaryFile(dir=folder):
+            return ""
+    except OSError as error:
+        if os.path.exists(path) and not os.path.isdir(path):
+            return str(error.strerror)
+        return f"no file can be made in {folder} ({error.strerror})"
 
 
 def _keep(path: Path) -> None:

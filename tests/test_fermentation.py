@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 from shell import Shell
 
 from hgorun.result.reading import read
@@ -15,6 +16,9 @@ from hgorun.result.reading import read
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "demos" / "fermentation"
 PAGE = (ROOT / "docs" / "fermentation.md").read_text(encoding="utf-8")
+
+PLACES = np.arange(23)
+SETS = [PLACES[1::2], PLACES[::2], PLACES[::3], PLACES[1::3], PLACES[2::3], PLACES[:8], PLACES[8:16], PLACES[16:]]
 
 
 def test_ethanol_from_glucose(
@@ -69,10 +73,22 @@ def test_the_acetic_acid_says_which_samples_are_concentrated() -> None:
     """What an observer that knows the broth would be charged with, in every set of samples that the page holds out."""
     lab = np.genfromtxt(FOLDER / "laboratory.csv", delimiter=",", names=True)
     excess = lab["ethanol"] * (1 - lab["acetic_acid"][0] / lab["acetic_acid"])
-    places = np.arange(23)
-    sets = [places[1::2], places[::2], places[::3], places[1::3], places[2::3], places[:8], places[8:16], places[16:]]
     told = re.findall(r"^\| concentration alone.*\|$", PAGE, re.MULTILINE)[0].split("|")[2:-1]
-    assert [float(cell) for cell in told] == [round(float(np.sqrt(np.mean(excess[one] ** 2))), 2) for one in sets]
+    assert [float(cell) for cell in told] == [round(float(np.sqrt(np.mean(excess[one] ** 2))), 2) for one in SETS]
+
+
+def test_interpolation_afterwards() -> None:
+    """A monotone cubic through the samples given, constant outside of them; and the filter's row is that of above."""
+    lab = np.genfromtxt(FOLDER / "laboratory.csv", delimiter=",", names=True)
+    found = []
+    for held in SETS:
+        t, E = (np.delete(lab[name], held) for name in ("taken_h", "ethanol"))
+        between = PchipInterpolator(t, E)(np.clip(lab["taken_h"][held], t[0], t[-1]))
+        found.append(round(float(np.sqrt(np.mean((between - lab["ethanol"][held]) ** 2))), 2))
+    told = re.findall(r"^\| interpolated between.*\|$", PAGE, re.MULTILINE)[0].split("|")[2:-1]
+    assert [float(cell) for cell in told] == found
+    rows = [re.findall(rf"^\| {row} \|(.*)$", PAGE, re.MULTILINE)[0] for row in ("error, g/L", "`EKF` as it is")]
+    assert rows[0] == rows[1]
 
 
 @pytest.mark.parametrize(("column", "row"), [("ethanol", "error, g/L"), ("divided", "error without it")])

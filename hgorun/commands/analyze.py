@@ -10,7 +10,7 @@ from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Analyze
-from hgorun.commands.outputs import RESULTS, formats, refuse_other_kinds, there, written
+from hgorun.commands.outputs import RESULTS, formats, refuse_other_kinds, refuse_unwritable, there, written
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
 from hgorun.errors import ConfigError
@@ -30,6 +30,8 @@ def analyze(options: Analyze) -> int:
     options = replace(options, config=configuration(options.config, "analyze"))
     stem = options.config.stem
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
+    if options.plots:
+        refuse_unwritable(target.parent, kind="folder")
     run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))
     result = run_with_progress(run, show=options.text)
     warn(result)

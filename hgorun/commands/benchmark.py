@@ -13,7 +13,7 @@ from hgorun.benchmark.contenders import contenders
 from hgorun.benchmark.standing import Standing, standings
 from hgorun.commands.ensemble_options import Bench
 from hgorun.commands.inputs import configuration
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable
 from hgorun.files import json_value, write_text
 from hgorun.process import processors
 from hgorun.progress import shown
@@ -33,6 +33,7 @@ def benchmark(options: Bench) -> int:
     options = replace(options, file=configuration(options.file, "benchmark"))
     asked = load_benchmark(options.file)
     folder = (options.output or RESULTS) / asked.name
+    refuse_unwritable(folder, kind="folder")
     with shown(asked.size, asked.name, "entries", show=options.text) as progress:
         entries = asked.entries(folder / "entries", options.jobs or processors(), progress.update)
     found = standings(entries)

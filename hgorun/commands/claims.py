@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from hgorun.commands.catalogue_options import Claims
 from hgorun.commands.figures import warn
 from hgorun.commands.inputs import own_first
-from hgorun.commands.outputs import refuse_other_kinds
+from hgorun.commands.outputs import refuse_other_kinds, refuse_unwritable
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
 from hgorun.reproduce.job import Folders, Work
@@ -23,6 +23,7 @@ def claims(options: Claims) -> int:
     """Measure the chosen claims, all by default."""
     refuse_other_kinds(options.output, ())
     names, folders = own_first(options.names, "claims"), Folders.below(options.output)
+    refuse_unwritable(folders.runs, kind="folder")
     works = choose(names, folders, figures=False, claims=True, seed=options.seed)
     outcomes = pool.run_all(works, workers=options.jobs, show=options.text)
     found: list[tuple[Work, Verdict]] = []

@@ -16,6 +16,7 @@ from hgorun.commands.outputs import (
     RESULTS,
     formats,
     refuse_other_kinds,
+    refuse_unwritable,
     there,
 )
 from hgorun.commands.remarks import warn
@@ -52,6 +53,8 @@ def compare(options: Compare) -> int:
     from hgorun.result.reading import read  # not for simulate, which has to be quick
 
     style = _style(options)
+    if options.plots:
+        refuse_unwritable(_folder_of_plots(options), kind="folder")
     loaded: list[Result | PreparedRun] = []
     files: list[str] = []
     for path in options.sources:

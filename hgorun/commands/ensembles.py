@@ -11,8 +11,18 @@ from typing import Any
 
 from hgorun.commands.drawn import tell_drawn
 from hgorun.commands.ensemble_options import Compare, OfEnsembles, Report
+from hgorun.commands.inputs import refuse_name_of_another_thing
 from hgorun.commands.options import Simulate
-from hgorun.commands.outputs import DRAWING_SUFFIXES, NOT_OK, RESULTS, formats, refuse_other_kinds, there, written
+from hgorun.commands.outputs import (
+    DRAWING_SUFFIXES,
+    NOT_OK,
+    RESULTS,
+    formats,
+    refuse_other_kinds,
+    refuse_unwritable,
+    there,
+    written,
+)
 from hgorun.config.expressions import nearest
 from hgorun.config.nearest import meant
 from hgorun.ensemble.collected import Collected, levels
@@ -49,6 +59,8 @@ def compare_ensembles(options: Compare) -> int:
     """
     refuse_other_kinds(options.output, DRAWING_SUFFIXES)
     style = _style(options)
+    if options.plots and options.output is None:
+        refuse_unwritable(RESULTS, kind="folder")
     Page.named(options.width, options.style)  # refused before anything is computed
     found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
     if options.json:
@@ -111,6 +123,9 @@ def report(options: Report) -> int:
     from hgorun.explore.page import write_page
 
     refuse_other_kinds(options.output, _PAGES)
+    if options.output is None:
+        refuse_unwritable(RESULTS, kind="folder")
+    refuse_name_of_another_thing(options.source)
     found = _compared(read_sweep(options.source), options, str(options.source))
     if not found.members.observers:
         raise ConfigError("it has no observers, so there is nothing to report", file=str(options.source))

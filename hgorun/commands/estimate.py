@@ -7,12 +7,22 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hgorun.commands.exported_samples import export_samples
 from hgorun.commands.inputs import configuration
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.options import Estimate
-from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_no_csv, refuse_other_kinds, there, written
+from hgorun.commands.outputs import (
+    NOT_OK,
+    RESULT_SUFFIXES,
+    RESULTS,
+    refuse_no_csv,
+    refuse_other_kinds,
+    refuse_unwritable,
+    there,
+    written,
+)
 from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
@@ -23,15 +33,19 @@ from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
 from hgorun.process import keep_memory, take_short_turns
-from hgorun.result.result import Result
 from hgorun.study.split import split
+
+if TYPE_CHECKING:
+    from hgorun.result.result import Result  # what takes long to import is imported while files are read
 
 
 def estimate(options: Estimate) -> int:
     """Run the observers of a configuration on recorded data and write the result."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES, {".csv": "--export-csv FILE writes the estimates"})
     refuse_no_csv("--export-csv", options.export_csv)
-    refuse_no_csv("--export-samples", options.export_samples)
+    refuse_no_csv("--export-samples", options.export_samples, or_stdout=True)
+    if options.checkpoint is not None:
+        refuse_unwritable(options.checkpoint, "--checkpoint")
     _refuse_with_samples(options)
     page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config, "estimate"))
@@ -59,6 +73,7 @@ def estimate(options: Estimate) -> int:
     take_short_turns()
     target = _target(options, name)
     _refuse_to_overwrite(options, log, target)
+    refuse_unwritable(target, kind="file")
     with source.located(), ThreadPoolExecutor(1) as pool:
         files = pool.submit(log.open)
         # what takes longest to import, while machine code reads the files

@@ -10,7 +10,7 @@ from shlex import quote
 
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Export
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable
 from hgorun.config.nearest import meant
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError, SimulationError
@@ -39,6 +39,7 @@ def export(options: Export) -> int:
     if options.output is not None and options.output.is_file():
         raise ConfigError(f"--output: {options.output} is a file; name a folder")
     options = replace(options, config=configuration(options.config, "export"))
+    refuse_unwritable(options.output or RESULTS / options.config.stem, kind="folder")
     in_c = options.lang == "c"
     _version(options)
     if options.fmu and not in_c:

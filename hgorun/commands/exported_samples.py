@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
+from hgorun.commands.outputs import STDOUT
 from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.files import write_text
-
-_OUTPUT = Path("-")
 
 
 def export_samples(recording: Recording, read_from: Sequence[Path], target: Path, *, quiet: bool = False) -> int:
@@ -23,7 +22,7 @@ def export_samples(recording: Recording, read_from: Sequence[Path], target: Path
     ConfigError
         Where the file is one of those that are read.
     """
-    if target == _OUTPUT:
+    if target == STDOUT:
         for line in lines(recording):
             sys.stdout.write(line)
         return 0

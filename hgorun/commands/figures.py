@@ -9,7 +9,7 @@ from typing import TypedDict
 
 from hgorun.commands.catalogue_options import Figures
 from hgorun.commands.inputs import own_first
-from hgorun.commands.outputs import refuse_other_kinds
+from hgorun.commands.outputs import refuse_other_kinds, refuse_unwritable
 from hgorun.files import json_value
 from hgorun.reproduce import pool
 from hgorun.reproduce.choice import choose
@@ -20,6 +20,8 @@ def figures(options: Figures) -> int:
     """Draw the chosen figures, all by default; with ``report`` measure the claims too and write the report."""
     refuse_other_kinds(options.output, ())
     folders = Folders.below(options.output)
+    for folder in (folders.figures, folders.runs):
+        refuse_unwritable(folder, kind="folder")
     names, report = own_first(options.names, "figures"), options.report
     works = choose(names, folders, figures=True, claims=report, width=options.width, style=options.style)
     reasons = [work.stale_figures for work in works]

@@ -10,11 +10,12 @@ from pathlib import Path
 from hgorun.commands.catalogue_options import Init
 from hgorun.commands.first import first_of
 from hgorun.commands.other_names import in_its_place
+from hgorun.commands.outputs import refuse_unwritable
 from hgorun.commands.questions import ask
 from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
 from hgorun.commands.trial import FOLLOWS, Found, followed
 from hgorun.config import yaml_source
-from hgorun.config.expressions import nearest
+from hgorun.config.nearest import nearest
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
 from hgorun.plants.base import PLANTS, Plant
@@ -38,6 +39,9 @@ def init(options: Init) -> int:
     HgorunError
         Where the new configuration does not run.
     """
+    for place, option in ((options.output, "--output"), (options.folder, "FOLDER")):
+        if place is not None:
+            refuse_unwritable(place, option)
     if options.ask or options.plant is not None:
         if options.name is not None:
             raise ConfigError(f"{options.name} is copied as it is: leave it out, or leave --plant and --ask out")
@@ -67,7 +71,8 @@ def _first(options: Init) -> int:
         try:
             plant = PLANTS.find(options.plant)
         except KeyError:
-            hint = in_its_place(options.plant) or f"{nearest(options.plant, PLANTS.names())} See hgorun list plants"
+            known = PLANTS.names()
+            hint = in_its_place(options.plant) or f"{nearest(options.plant, known)} There are {', '.join(known)}"
             raise ConfigError(f"--plant: no plant is called {options.plant!r}.{hint}") from None
         found = Found(0, first_of(options.plant, plant))
         if options.observers:

@@ -54,15 +54,29 @@ def configuration(path: Path, command: str) -> Path:
 
 def _refuse_unknown_name(path: Path) -> None:
     """Where neither a file nor an experiment is called so, nor a file alike: what it is, or which name may be meant."""
+    refuse_name_of_another_thing(path)
     if path.suffix or near_file(path):
         return
-    from hgorun.commands.other_names import in_its_place
     from hgorun.reproduce.shipped import experiments
 
     shipped = experiments()
     near = nearest(str(path), [*shipped, *(Path(name).name for name in shipped)])
-    hint = in_its_place(str(path)) or f"{near} See hgorun list experiments"
-    raise ConfigError(f"there is no such file.{hint}", file=str(path))
+    raise ConfigError(f"there is no such file.{near} See hgorun list experiments", file=str(path))
+
+
+def refuse_name_of_another_thing(path: Path) -> None:
+    """Where a name that no file has is that of a figure, a claim or something else of ``hgorun list``, say so.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if os.path.exists(path):
+        return
+    from hgorun.commands.other_names import in_its_place
+
+    if known := in_its_place(str(path)):
+        raise ConfigError(f"there is no such file.{known}", file=str(path))
 
 
 def with_suffix(path: Path) -> Path | None:

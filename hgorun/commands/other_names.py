@@ -6,7 +6,7 @@ from pathlib import Path
 
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import PLANTS
-from hgorun.reproduce.shipped import drawing_figure, examples, experiments
+from hgorun.reproduce.shipped import claims_called, drawing_figure, examples, experiments
 
 
 def in_its_place(name: str) -> str:
@@ -20,6 +20,10 @@ def in_its_place(name: str) -> str:
         return f" It is an experiment: hgorun init {name}"
     if drawing := drawing_figure(name):
         copied = "; ".join(f"hgorun init {Path(path).name} copies the experiment {path}" for path in drawing)
-        return f" It is a figure, which hgorun figures {name} draws: {copied}"
-    below = [path for path in shipped if path.startswith(f"{name.rstrip('/')}/")]
+        return f" It is a figure, which hgorun figures {name} draws: {copied}; hgorun show {name} describes it"
+    if claims := claims_called(name):
+        measured = ", ".join(f"hgorun claims {path}" for path, *_ in claims)
+        return f" It is a claim, which hgorun show {name} describes; {measured} measures it"
+    folder = name.rstrip("/")
+    below = [path for path in shipped if path.startswith(f"{folder}/") or f"/{folder}/" in path]
     return f" It is a folder of experiments, of which init copies one: {', '.join(below)}" if below else ""

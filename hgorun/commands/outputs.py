@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
+from typing import Literal
 
 from hgorun.errors import ConfigError
+from hgorun.files import why_unwritable
 
 RESULTS = Path("results")
+STDOUT = Path("-")  # in the place of a file, where a command takes it
 NOT_OK = 3  # exit code of --strict
 RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 DRAWING_SUFFIXES = {".png", ".pdf"}
@@ -27,7 +31,7 @@ _ADVICE = {
 
 
 def refuse_other_kinds(output: Path | None, suffixes: Collection[str], advice: Mapping[str, str] | None = None) -> None:
-    """Refuse an ``--output`` that is called like a file of a kind that the command does not write.
+    """Refuse an ``--output`` that is called like a file of a kind that the command does not write, or is unwritable.
 
     A folder that exists may be called anything.
 
@@ -39,22 +43,65 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str], advice: M
     advice : mapping of str to str
         What the right way is for a suffix, where the command has one of its own.
     """
-    if output is None or output.is_dir():
+    if output is None:
+        return
+    _refuse_stdout("--output", output)
+    _refuse_other_kinds(output, suffixes, advice or {})
+    refuse_unwritable(output)
+
+
+def _refuse_stdout(option: str, path: Path) -> None:
+    if path == STDOUT:
+        raise ConfigError(f"{option}: - is the standard output, and what is written goes into files: name one")
+
+
+def refuse_unwritable(path: Path, option: str = "--output", kind: Literal["file", "folder", ""] = "") -> None:
+    """Refuse a file, or a folder, that cannot be written, before the work whose results would be lost.
+
+    Parameters
+    ----------
+    path : Path
+    option : str
+        By which somebody names it.
+    kind : {"file", "folder", ""}
+        Which of them it has to be; either, by default.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if kind == "file" and os.path.isdir(path):
+        why = "it is a folder"
+    elif kind == "folder" and os.path.isfile(path):
+        why = "it is a file, not a folder"
+    else:
+        why = why_unwritable(path)
+    if why:
+        raise ConfigError(f"{option}: {path} cannot be written: {why}; name another place with {option}")
+
+
+def _refuse_other_kinds(output: Path, suffixes: Collection[str], advice: Mapping[str, str]) -> None:
+    if os.path.isdir(output):  # of a name that is too long, too, there is none
         return
     suffix = output.suffix.lower()
-    if suffix in suffixes or not (_OF_A_FILE.fullmatch(suffix) or output.is_file()):
+    if suffix in suffixes or not (_OF_A_FILE.fullmatch(suffix) or os.path.isfile(output)):
         return
     kinds = f"a file {', '.join(sorted(suffixes))} or a folder" if suffixes else "a folder"
-    own = {} if advice is None else advice
-    advised = f"; {own[suffix]}" if suffix in own else _ADVICE.get(suffix, "")
-    instead = advised or ("" if output.is_file() else "; if it is a folder, make it first")
+    advised = f"; {advice[suffix]}" if suffix in advice else _ADVICE.get(suffix, "")
+    instead = advised or ("" if os.path.isfile(output) else "; if it is a folder, make it first")
     raise ConfigError(f"--output: expected {kinds}, found {output}{instead}")
 
 
-def refuse_no_csv(option: str, file: Path | None) -> None:
-    """Refuse a file that is called as if it were something else than CSV."""
-    if file is not None and file.suffix and file.suffix.lower() not in _CSV and not file.exists():
+def refuse_no_csv(option: str, file: Path | None, *, or_stdout: bool = False) -> None:
+    """Refuse a file that is called as if it were something else than CSV, or that cannot be written."""
+    if file is None or (or_stdout and file == STDOUT):
+        return
+    _refuse_stdout(option, file)
+    if file.suffix and file.suffix.lower() not in _CSV and not file.exists():
         raise ConfigError(f"{option}: expected a file {', '.join(_CSV)}, found {file}")
+    if file.is_dir():
+        raise ConfigError(f"{option}: expected a file {', '.join(_CSV)}, found the folder {file}")
+    refuse_unwritable(file, option)
 
 
 def formats(output: Path | None) -> tuple[str, ...]:

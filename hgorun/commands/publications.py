@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from hgorun.reproduce.shipped import below, drawing_figure
+from hgorun.reproduce.shipped import below, claims_called, drawing_figure
 
 Record: TypeAlias = dict[str, str | list[str]]
 
@@ -49,12 +49,8 @@ def _of_figure(name: str, path: str, said: Mapping[str, Any], *, several: bool) 
 
 
 def _claims(name: str) -> Iterator[Record]:
-    """Of each claim with this id, such as ``23a`` or ``lee2016/23a``."""
-    *group, own = name.split("/")
-    for path, said in below("").items():
-        for claim in said.get("claims") or ():
-            if str(claim["id"]) == own and (not group or group == [path.split("/")[0]]):
-                yield _of_claim(path, said, claim)
+    for path, said, claim in claims_called(name):
+        yield _of_claim(path, said, claim)
 
 
 def _of_claim(path: str, said: Mapping[str, Any], claim: Mapping[str, Any]) -> Record:

@@ -6,8 +6,9 @@ import json as json_text
 from dataclasses import replace
 from pathlib import Path
 
+from hgorun.commands.inputs import refuse_name_of_another_thing
 from hgorun.commands.options import Rerun
-from hgorun.commands.outputs import RESULT_SUFFIXES, refuse_other_kinds
+from hgorun.commands.outputs import RESULT_SUFFIXES, refuse_other_kinds, refuse_unwritable
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
 from hgorun.config.yaml_source import parse
@@ -26,6 +27,7 @@ DIFFERENT = 3
 def rerun(options: Rerun) -> int:
     """Make a result again, and say which of its data sets are the same."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
+    refuse_name_of_another_thing(options.file)
     before = read(options.file)
     if before.recorded is not None:
         raise ConfigError("an estimate of recorded data is made again by hgorun estimate", file=str(options.file))
@@ -35,6 +37,8 @@ def rerun(options: Rerun) -> int:
             "its data sets have no attribute sha256: it was made by an older version", file=str(options.file)
         )
     target = None if options.check else _target(options)
+    if target is not None:
+        refuse_unwritable(target, kind="file")
     result = _made_again(before, options)
     warn(result)
     found = digests_of(result)

@@ -14,6 +14,7 @@ from hgorun.commands.outputs import (
     RESULTS,
     refuse_no_csv,
     refuse_other_kinds,
+    refuse_unwritable,
     there,
     written,
 )
@@ -49,6 +50,8 @@ def simulate(options: Simulate) -> int:
     refuse_no_csv("--export-csv", options.export_csv)
     runs, targets, ensembles = _prepared(options)
     _check_export(options, runs, targets, ensembles)
+    for target in [*targets, *(file for _, file in ensembles)]:
+        refuse_unwritable(target, kind="file")
     before = there([*targets, *([] if options.export_csv is None else [options.export_csv])])
     for folder in {target.parent for target in targets}:
         remove_leftovers(folder)

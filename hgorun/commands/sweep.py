@@ -12,7 +12,7 @@ from pathlib import Path
 from hgorun.commands.ensemble_options import Merge, Sweep
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Printing
-from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds
+from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, refuse_unwritable
 from hgorun.config.nearest import meant
 from hgorun.ensemble.collecting import collect
 from hgorun.ensemble.ensemble import Ensemble
@@ -41,9 +41,10 @@ def sweep(options: Sweep) -> int:
     ensembles = load_sweeps(options.file, options.run)
     if len(ensembles) > 1 and options.output is not None and _is_file(options.output):
         raise ConfigError(f"--output: {options.output} is one file, but there are {len(ensembles)} ensembles")
-    told = [
-        _one(options, ensemble, _place(options, name), executor, jobs, part) for name, ensemble in ensembles.items()
-    ]
+    places = [_place(options, name) for name in ensembles]
+    for place in places:
+        refuse_unwritable(place.file, kind="file")
+    told = [_one(options, *one, executor, jobs, part) for one in zip(ensembles.values(), places, strict=True)]
     return _said(options, told)
 
 
@@ -78,6 +79,7 @@ def merge(options: Merge) -> int:
     stores = [Store.existing(folder) for folder in options.folders]
     ensemble = stores[0].ensemble
     place = _place(options, ensemble.name)
+    refuse_unwritable(place.file, kind="file")
     manifest = Manifest.of(ensemble)
     for one in stores:
         one.refuse_changes(manifest)

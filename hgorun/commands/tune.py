@@ -13,7 +13,7 @@ import numpy as np
 
 from hgorun.commands.ensemble_options import Tune
 from hgorun.commands.inputs import configuration
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds, there, written
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable, there, written
 from hgorun.config.reading import read_source
 from hgorun.config.written import rounded, with_values
 from hgorun.errors import ConfigError, HgorunError
@@ -47,6 +47,7 @@ def tune(options: Tune) -> int:
         When no gains that were tried keep their estimate and meet the limits, or a file cannot be written.
     """
     refuse_other_kinds(options.output, ())
+    refuse_unwritable(options.output or RESULTS, kind="folder")
     options = replace(options, config=configuration(options.config, "tune"))
     text, source = read_source(options.config, options.overrides)
     if isinstance(source.data, dict) and {"data", "tune"} <= source.data.keys():

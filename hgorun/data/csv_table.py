@@ -15,6 +15,7 @@ from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Numbers
 from hgorun.data.comments import is_comment
 from hgorun.data.dialect import Dialect, cells, dialect_of
+from hgorun.data.kept_lines import KeptLines
 from hgorun.data.missing import leave_out
 from hgorun.data.rows import Rows
 from hgorun.data.table import Columns, Table
@@ -94,7 +95,7 @@ class CsvFile:
         if block is None:
             raise ConfigError("no rows", file=str(self._path))
         columns = Columns(wanted, _expected_rows(block, size), budget, self._path)
-        reading = _Reading(Rows(self._path, dialect, wanted), Bulk(dialect, wanted), columns)
+        reading = _Reading(Rows(self._path, dialect, wanted), dialect, Bulk(dialect, wanted), columns)
         if size <= _SMALL:
             reading.read(chain([block], rest))
         else:
@@ -110,8 +111,8 @@ class CsvFile:
 class _Reading:
     """Takes plain rows in bulk, and the others one by one."""
 
-    def __init__(self, rows: Rows, bulk: Bulk, columns: Columns) -> None:
-        self._rows, self._bulk, self._columns = rows, bulk, columns
+    def __init__(self, rows: Rows, dialect: Dialect, bulk: Bulk, columns: Columns) -> None:
+        self._rows, self._dialect, self._bulk, self._columns = rows, dialect, bulk, columns
         self._lines = 1  # that are read one by one when a row is not plain: more and more, as long as none is
 
     def read(self, parts: Iterator[Block]) -> None:
@@ -145,20 +146,21 @@ class _Reading:
 
     def _quoted_from(self, block: Block) -> Block | None:
         """Take the rows of a block; the rest of it from a row on that is not plain and has a quote near."""
-        start, line = 0, block.line
-        while start < len(block.text):
-            room = self._columns.room(block.line + block.lines - line, line)
-            count, start = self._bulk.rows(block, start, room)
-            self._columns.fill(np.arange(line, line + count, dtype=np.int32))
-            line, self._lines = line + count, 1 if count > self._lines else min(4 * self._lines, _MANY)
-            if start == len(block.text):
+        lines = KeptLines(block, self._dialect)
+        row, count = 0, lines.numbers.size
+        while row < count:
+            room = self._columns.room(count - row, int(lines.numbers[row]))
+            taken, _ = self._bulk.rows(lines.block, lines.place(row), room)
+            self._columns.fill(lines.numbers[row : row + taken])
+            row, self._lines = row + taken, 1 if taken > self._lines else min(4 * self._lines, _MANY)
+            if row == count:
                 break
-            end = _behind(block.text, start, self._lines)
-            some = Block(block.text[start:end], line)
+            stop = min(row + self._lines, count)
+            some = lines.original(row, stop)
             if b'"' in some.text:
-                return Block(block.text[start:], line)
+                return lines.original(row, count)
             self._one_by_one(iter([some]))
-            start, line = end, line + some.lines
+            row = stop
         return None
 
     def _one_by_one(self, parts: Iterator[Block]) -> None:
@@ -183,16 +185,6 @@ def _beginning(parts: Iterator[Block], skip: int) -> Block:
         text.append(block.text)
         lines += block.lines
     return first if len(text) == 1 else Block(b"".join(text), first.line)
-
-
-def _behind(text: bytes, start: int, lines: int) -> int:
-    """The byte behind some lines, or the end."""
-    for _ in range(lines):
-        end = text.find(b"\n", start)
-        if end < 0:
-            return len(text)
-        start = end + 1
-    return start
 
 
 def _from_line(parts: Iterator[Block], first: int) -> Iterator[Block]:

@@ -216,15 +216,17 @@ def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
 def _recorded(prepared: PreparedEstimate, found: Evaluated) -> Recorded:
     origin = prepared.run.origin
     outputs = {}
+    place = {block.label: j for j, block in enumerate(prepared.run.observers)}  # those that replay come last in a run
+    own = [place[label] for label in prepared.experiment.observers]
     for i, (one, slots) in enumerate(zip(prepared.samples, prepared.slots, strict=True)):
         nothing = np.full(one.values.size, np.nan)
-        nis = [nothing if normal is None else normal.nis[i] for normal in found.normal]
+        nis = [nothing if (normal := found.normal[j]) is None else normal.nis[i] for j in own]
         outputs[one.output] = RecordedOutput(
             origin + one.taken,
             origin + one.available,
             one.values,
-            found.carried.used[slots],
-            np.ascontiguousarray(found.predicted[i].T),
+            found.carried.used[slots][:, own],
+            np.ascontiguousarray(found.predicted[i][own].T),
             np.column_stack(nis),
         )
     return Recorded(outputs, unseen(found.held_out, origin), unseen(found.reference, origin))

@@ -115,8 +115,9 @@ def recorded_inputs(
     signals = [recording.inputs[name] for name in inputs if name in recording.inputs]
     if not signals:
         return None
-    changes = distinct(np.concatenate([[start], *(signal.times - origin for signal in signals)]))
-    changes = changes[np.searchsorted(changes, start) : np.searchsorted(changes, end, "right" if last else "left")]
+    times = signals[0].times - origin if len(signals) == 1 else np.concatenate([one.times - origin for one in signals])
+    changes = distinct(np.append(start, times[times > start]))
+    changes = changes[: np.searchsorted(changes, end, "right" if last else "left")]
     lines = [_lines(signal, changes + origin) for signal in signals]
     # of a single one no copies are made
     levels, slopes = (

@@ -43,7 +43,7 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
         if value is not None:
             scores.setdefault(score, {})[of] = float(value)
 
-    noise = stated(prepared.experiment)
+    noise, room = stated(prepared.experiment), np.empty(0)
     lost = bool(np.isfinite(found.carried.raw.diverged[j, 0]))
     for name, one in found.held_out.items():
         residuals = _defined(one.residuals[j], lost=lost)
@@ -55,8 +55,10 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
         innovations = settled(found.predicted[i][j] if used.all() else found.predicted[i][j][used])
         name = sampled.output
         add("innovation_mean", name, float(np.mean(innovations)) if innovations.size else None)
-        add("innovation_rms", name, rms(innovations))
-        add("whiteness", name, ljung_box(innovations))
+        if room.size < innovations.size:
+            room = np.empty(innovations.size)
+        add("innovation_rms", name, rms(innovations, room))
+        add("whiteness", name, ljung_box(innovations, room=room))
         if name in noise and innovations.size > 1:
             add("size", name, float(np.std(innovations)) / noise[name])
         if sampled.gate is not None:
@@ -96,24 +98,31 @@ def _defined(residuals: Floats, *, lost: bool) -> Floats:
     return residuals if lost or 2 * np.count_nonzero(sound) < sound.size else np.asarray(residuals[sound])
 
 
-def rms(values: Floats) -> float | None:
-    """Root of the mean square; None of nothing, infinite where an estimate is lost."""
+def rms(values: Floats, room: Floats | None = None) -> float | None:
+    """Root of the mean square; None of nothing, infinite where an estimate is lost.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+    room : ndarray, shape (n or more,), optional
+        Written to: a system takes longer to give new memory for millions of numbers than they take.
+    """
     if not values.size:
         return None
-    size = float(np.sqrt(np.mean(values**2)))
+    size = float(np.sqrt(np.mean(np.square(values, out=None if room is None else room[: values.size]))))
     return size if np.isfinite(size) else float("inf")
 
 
-def ljung_box(values: Floats, lags: int = _LAGS) -> float | None:
+def ljung_box(values: Floats, lags: int = _LAGS, *, room: Floats | None = None) -> float | None:
     """The p-value of the test of Ljung and Box: no correlation of values up to so many places apart.
 
     Q = n (n + 2) sum_k r_k^2 / (n - k) is compared with chi^2 of as many degrees of freedom as there are lags. None
-    where values are few, constant or too large to be squared; ``lags`` is even.
+    where values are few, constant or too large to be squared; ``lags`` is even, and ``room`` as of :func:`rms`.
     """
     n = values.size
     if n < 3 * lags:
         return None
-    centred = values - np.mean(values)
+    centred = np.subtract(values, np.mean(values), out=None if room is None else room[:n])
     with np.errstate(over="ignore"):
         power = float(centred @ centred)
     if not 0 < power < np.inf:

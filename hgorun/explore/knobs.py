@@ -18,6 +18,7 @@ from hgorun.noise.expression import ExpressionNoise
 from hgorun.noise.sinusoids import Sinusoids
 from hgorun.noise.uniform import UniformNoise
 from hgorun.observers.base import AnyObserver
+from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.keys import Keys
 from hgorun.simulation.experiment import Experiment
 
@@ -119,7 +120,8 @@ def of_gains(
             continue
         path, value = f"observers.{label}.{name}", getattr(observer, name)
         if name == "poles" and value is not None:
-            yield from _poles(path, label, value)
+            if not isinstance(observer, PlacedGain) or observer.poles_given:
+                yield from _poles(path, label, value)
         elif isinstance(value, (int, float)) and not isinstance(value, bool):
             yield of_number(path, name, label, value, _limits(observer, name))
         elif isinstance(value, tuple) and isinstance(given.get(name), list):

@@ -4,6 +4,9 @@
 // right and slower.
 const painting = (() => {
   const here = { sync: false };  // the server knows it
+  const silently = { silent: true };  // without Bokeh's search for models among the points
+  const painted = new WeakMap(); // what was painted of a curve last: its points, their axes, its path
+  let quick = false;
   const known = new WeakSet();   // elements of figures that are watched
   const away = new Set();        // those that are out of sight
   const behind = new Set();      // views of figures that are, and show what was before
@@ -37,15 +40,23 @@ const painting = (() => {
       }
       return { width: found.width, height: found.height };
     };
+    const { TextAnnotationView } = part("models/annotations/text_annotation");
+    const measure = TextAnnotationView.prototype.compute_geometry;  // of titles, also where there is none
+    TextAnnotationView.prototype.compute_geometry = function () { if (this.displayed) measure.call(this); };
     GlyphRendererView.prototype.update_position = () => {};  // of a curve there is nothing in the document
     GlyphRendererView.prototype.update_data = async function () { this.request_paint(); };
     GlyphRendererView.prototype._paint = function (ctx) { paint(ctx, this); };
+    quick = true;
   }
 
-  function places(scale, values) {
-    const { start, end } = scale.source_range, first = scale.compute(start), found = new Float64Array(values.length);
+  function ends_of(scale) {
+    const { start, end } = scale.source_range;
+    return [start, end, scale.compute(start), scale.compute(end)];
+  }
+  function places(scale, [start, end, first, last], values) {
+    const found = new Float64Array(values.length);
     const logarithmic = scale.type === "LogScale", from = logarithmic ? Math.log(start) : start;
-    const unit = (scale.compute(end) - first) / ((logarithmic ? Math.log(end) : end) - from);
+    const unit = (last - first) / ((logarithmic ? Math.log(end) : end) - from);
     for (let i = 0; i < found.length; ++i)
       found[i] = first + unit * ((logarithmic ? Math.log(values[i]) : values[i]) - from);
     return found;
@@ -54,32 +65,50 @@ const painting = (() => {
   const own = (spec) => spec?.value ?? spec;  // of what a model has for all its points
 
   function paint(ctx, view) {
-    const { data_source, glyph } = view.model, { x_scale, y_scale } = view.coordinates;
-    const x = places(x_scale, data_source.get_array("t")), y = places(y_scale, data_source.get_array("v"));
-    ctx.beginPath();
+    const { glyph } = view.model, path = path_of(view);
     if (glyph.type === "Line") {
-      let joined = false;
-      for (let i = 0; i < x.length; ++i) {
-        if (!Number.isFinite(x[i] + y[i])) joined = false;
-        else if (joined) ctx.lineTo(x[i], y[i]);
-        else { ctx.moveTo(x[i], y[i]); joined = true; }
-      }
       ctx.strokeStyle = own(glyph.line_color);
       ctx.lineWidth = own(glyph.line_width);
       ctx.lineJoin = own(glyph.line_join);
       ctx.setLineDash(Array.isArray(own(glyph.line_dash)) ? own(glyph.line_dash) : []);
-      ctx.stroke();
-      return;
+      ctx.stroke(path);
+    } else {
+      ctx.fillStyle = own(glyph.fill_color);
+      ctx.fill(path);
     }
-    const r = own(glyph.size) / 2 + 0.5, square = own(glyph.marker) === "diamond";
+  }
+
+  // A figure is painted as a whole: most of its curves, and often its axes, are as they were.
+  function path_of(view) {
+    const { data_source: { data }, glyph } = view.model, { x_scale, y_scale } = view.coordinates;
+    const across = ends_of(x_scale), up = ends_of(y_scale), key = `${across} ${up}`;
+    const [t, v] = ["t", "v"].map((name) => data instanceof Map ? data.get(name) : data[name]);
+    const known = painted.get(view);
+    if (known?.t === t && known.v === v && known.key === key) return known.path;
+    const x = places(x_scale, across, t), y = places(y_scale, up, v);
+    const path = glyph.type === "Line" ? line(x, y) : dots(x, y, own(glyph.size) / 2 + 0.5, own(glyph.marker) === "diamond");
+    painted.set(view, { t, v, key, path });
+    return path;
+  }
+  function line(x, y) {
+    const path = new Path2D();
+    let joined = false;
+    for (let i = 0; i < x.length; ++i) {
+      if (!Number.isFinite(x[i] + y[i])) joined = false;
+      else if (joined) path.lineTo(x[i], y[i]);
+      else { path.moveTo(x[i], y[i]); joined = true; }
+    }
+    return path;
+  }
+  function dots(x, y, r, square) {
+    const path = new Path2D();
     for (let i = 0; i < x.length; ++i) {
       if (!Number.isFinite(x[i] + y[i])) continue;
-      ctx.moveTo(x[i] + r, y[i]);
-      if (!square) ctx.arc(x[i], y[i], r, 0, 2 * Math.PI);
-      else { ctx.lineTo(x[i], y[i] + r); ctx.lineTo(x[i] - r, y[i]); ctx.lineTo(x[i], y[i] - r); }
+      path.moveTo(x[i] + r, y[i]);
+      if (!square) path.arc(x[i], y[i], r, 0, 2 * Math.PI);
+      else { path.lineTo(x[i], y[i] + r); path.lineTo(x[i] - r, y[i]); path.lineTo(x[i], y[i] - r); }
     }
-    ctx.fillStyle = own(glyph.fill_color);
-    ctx.fill();
+    return path;
   }
 
   // Bokeh would draw each figure in the next frame; here all have been drawn when this returns, but for those out of sight.
@@ -88,7 +117,10 @@ const painting = (() => {
     let first = 0;
     const next = (count) => points.subarray(first, first += count);
     for (const view of views) view.pause();
-    for (const [id, count] of Object.entries(curves)) model(id).setv({ data: { t: next(count), v: next(count) } }, here);
+    for (const [id, count] of Object.entries(curves))
+      model(id).setv({ data: { t: next(count), v: next(count) } }, quick ? silently : here);
+    if (quick) for (const view of views) for (const [one, own_view] of view.renderer_views)
+      if (one.data_source?.id in curves) view.invalidate_painters(own_view);
     for (const [id, [start, end]] of Object.entries(limits))
       model(id).setv({ start, end, reset_start: start, reset_end: end }, here);
     for (const [id, line_dash] of Object.entries(dashes)) model(id).setv({ line_dash }, here);

@@ -87,7 +87,7 @@ def styles_of(result: Result) -> dict[str, Look]:
     """The look of every observer, the same as in figures of the file; the smoothest last, which others would hide."""
     actors = cast([result])
     found, labels = looks([actors], texts(actors, {})), {actor.order: actor.label for actor in actors}
-    return {labels[order]: found[order] for order in from_roughest(actors)}
+    return {labels[order]: found[order] for order in from_roughest(actors, found)}
 
 
 def picture_of(shown: Shown) -> Picture:

@@ -19,6 +19,8 @@ from hgorun.tables.typeset import symbol, unit, words
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_MANY = 500  # dots: more of them are smaller, so that other marks are seen among them
+
 
 def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> None:
     """A state, true and estimated."""
@@ -176,7 +178,8 @@ def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> li
             if piece.size and dense[piece[0]]:
                 _line(ax, Curve(curve.t[piece], curve.v[piece]), **{**TRACE, "color": light, **text})
         if not np.all(dense):
-            ax.plot(curve.t[~dense], curve.v[~dense], **{**DOTS, "color": dark, "marker": marker, **text})
+            size = {} if np.count_nonzero(~dense) <= _MANY else {"markersize": 1.5}
+            ax.plot(curve.t[~dense], curve.v[~dense], **{**DOTS, "color": dark, "marker": marker, **size, **text})
     return [curve.v for curve, _ in own.values()]
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -68,16 +68,16 @@ def _marks(result: ResultData, state: str, looks: Mapping[str, Look]) -> list[tu
     for name in names:
         held_out = recorded.held_out.get(name)
         if name in recorded.reference:
-            found.append(("reference", _without(recorded.reference[name], held_out), REFERENCE))
+            taken = [Unseen(one.taken, one.y) for one in map(recorded.outputs.get, result.outputs_of(state)) if one]
+            known = [*taken, *([held_out] if held_out is not None else [])]
+            found.append(("reference", _without(recorded.reference[name], known), REFERENCE))
         if held_out is not None:
             found.append(("held out", held_out, HELD_OUT))
     return found
 
 
-def _without(points: Unseen, others: Unseen | None) -> Unseen:
-    """Those that are not among others: a column may be the reference of an output, too, whose samples are held out."""
-    if others is None:
-        return points
-    known = set(zip(others.taken.tolist(), others.y.tolist(), strict=True))
+def _without(points: Unseen, others: Sequence[Unseen]) -> Unseen:
+    """Those that are not among others: the reference of an output may be its samples themselves, taken or held out."""
+    known = {pair for one in others for pair in zip(one.taken.tolist(), one.y.tolist(), strict=True)}
     own = [pair not in known for pair in zip(points.taken.tolist(), points.y.tolist(), strict=True)]
     return Unseen(points.taken[own], points.y[own])

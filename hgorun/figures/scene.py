@@ -11,10 +11,11 @@ import numpy as np
 
 from hgorun.figures.actors import Simulated
 from hgorun.figures.looks import Look
-from hgorun.figures.style import LARGEST_NUMBER
+from hgorun.figures.style import LARGEST_NUMBER, inked
 from hgorun.result.data import ResultData
 
 Window = tuple[float, float] | None
+_ROUGHER = 1.5  # lines that differ by less go up and down about alike
 
 
 @dataclass(frozen=True)
@@ -43,13 +44,22 @@ class Scene:
     @cached_property
     def ranks(self) -> dict[int, int]:
         """The observers by their place, from the roughest: the same in every panel of a figure."""
-        return {order: rank for rank, order in enumerate(from_roughest(self.actors))}
+        return {order: rank for rank, order in enumerate(from_roughest(self.actors, self.looks))}
 
 
-def from_roughest(actors: Iterable[Simulated]) -> list[int]:
-    """The places of observers, the smoothest last."""
+def from_roughest(actors: Iterable[Simulated], looks: Mapping[int, Look]) -> list[int]:
+    """The places of observers, the smoothest last; of those about as rough, lines with wider gaps last.
+
+    Where two of them coincide, the one behind is seen in the gaps of the other.
+    """
     rough = {actor.order: _roughness(actor) for actor in actors}
-    return sorted(rough, key=lambda order: -rough[order])
+    left = sorted(rough, key=lambda order: -rough[order])
+    found: list[int] = []
+    while left:
+        alike = [order for order in left if rough[order] * _ROUGHER >= rough[left[0]]]
+        found += sorted(alike, key=lambda order: -inked(looks[order].dashes))
+        left = left[len(alike) :]
+    return found
 
 
 def _roughness(actor: Simulated) -> float:

@@ -36,8 +36,13 @@ class PlacedGain(GivenGain):
 
     @model_serializer(mode="wrap")
     def _one_of_them(self, values: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Without poles where gains are given, so that what is written can be read."""
-        return {key: value for key, value in values(self).items() if key != "poles" or self.gains is None}
+        """Without poles where another key decides, so that what is written can be read."""
+        return {key: value for key, value in values(self).items() if key != "poles" or self.poles_given}
+
+    @property
+    def poles_given(self) -> bool:
+        """Whether the key ``poles`` decides, and no other one."""
+        return self.gains is None
 
     @property
     def given_gain(self) -> str | None:

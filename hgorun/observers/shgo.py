@@ -7,15 +7,15 @@ import numpy as np
 
 from hgorun.observers.base import Flow, observer
 from hgorun.observers.chain_speed import ChainSpeed
-from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.extension import Extendable
 from hgorun.observers.nested import NESTED_FROM, NestedSaturation, nested
+from hgorun.observers.sampled_poles import SampledPoles
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 
 @observer("shgo")
-class StandardObserver(NestedSaturation, ChainSpeed, Extendable, ConstantGain):
+class StandardObserver(NestedSaturation, ChainSpeed, Extendable, SampledPoles):
     """Standard high-gain observer (SHGO) for uniformly observable plants.
 
     In the coordinates of the chain, with e the innovation,

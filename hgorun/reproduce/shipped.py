@@ -42,6 +42,18 @@ def drawing_figure(name: str) -> dict[str, Mapping[str, Any]]:
     }
 
 
+def claims_called(name: str) -> list[tuple[str, Mapping[str, Any], Mapping[str, Any]]]:
+    """The claims with this id, such as ``23a`` or ``lee2016/23a``: their experiments, what these say, and the claim."""
+    *group, own = name.split("/")
+    return [
+        (path, said, claim)
+        for path, said in _said().items()
+        if not group or group == [path.split("/")[0]]
+        for claim in said.get("claims") or ()
+        if str(claim["id"]) == own
+    ]
+
+
 def below(name: str) -> dict[str, Mapping[str, Any]]:
     """The experiments in a folder, such as ``robles2023``, or in all without a name, with what they say."""
     folder_of = f"{name.rstrip('/')}/" if name else ""

@@ -9,7 +9,7 @@ from __future__ import annotations
 import threading
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from functools import cache, partial
+from functools import cache, lru_cache, partial
 from hashlib import sha256
 from queue import Queue
 from types import TracebackType
@@ -56,7 +56,8 @@ class Growing:
         if self._data is None and not self._goes_on(rows):
             self._take_room()
         if rows.size:
-            self._background.put(partial(self._take, rows, written=self._data is not None), self._lane)
+            same = self._data is None
+            self._background.put(partial(self._take_same, rows.size) if same else partial(self._take, rows), self._lane)
         self._given += len(rows)
 
     def _goes_on(self, rows: np.ndarray) -> bool:
@@ -81,12 +82,16 @@ class Growing:
             some = (min(_PIECE, self._given - first), *shape[1:])
             self._background.put(partial(self.write, np.broadcast_to(np.asarray(self._value), some)), self._lane)
 
-    def _take(self, rows: np.ndarray, *, written: bool) -> None:
+    def _take_same(self, count: int) -> None:
+        """Digest the one number so many times, in the thread that does so."""
+        assert self._value is not None
+        self._digest.update(_repeated(digests.little(np.asarray(self._value)).tobytes(), count))
+
+    def _take(self, rows: np.ndarray) -> None:
         """Digest and write the next rows, in the thread that does so."""
         rows = digests.little(rows)
         self._digest.update(rows.data)
-        if written:
-            self.write(rows)
+        self.write(rows)
 
     def write(self, rows: np.ndarray) -> None:
         """Write the next rows, in the thread that does so."""
@@ -157,6 +162,12 @@ def _digest_of(count: int, value: bytes) -> str:
         found.update(piece)
     found.update(value * (count % _PIECE))
     return found.hexdigest()
+
+
+@lru_cache(4)
+def _repeated(value: bytes, count: int) -> bytes:
+    """A number so many times: the rows that come are mostly as many as before."""
+    return value * count
 
 
 class Background(AbstractContextManager["Background"]):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from errno import EDQUOT, EFBIG, ENOSPC
@@ -25,6 +26,7 @@ class Sink(io.FileIO):
         super().__init__(path, "w+")
         self.failed: OSError | None = None
         self._reserved = False
+        self._turn = threading.Lock()
 
     def write(self, data: ReadableBuffer) -> int:
         left = memoryview(data).cast("B")
@@ -37,15 +39,20 @@ class Sink(io.FileIO):
         return size
 
     def write_at(self, place: int, data: memoryview) -> None:
-        """Write bytes at a place, beside what HDF5 writes at others."""
+        """Write bytes at a place, beside what HDF5 writes at others.
+
+        One thread at a time: a file system lets others wait, and that is done by trying again and again, where the
+        processor has other work.
+        """
         left = data.cast("B")
-        while left and self.failed is None:
-            try:
-                done = os.pwrite(self.fileno(), left, place)
-            except OSError as error:
-                self.failed = error
-                return
-            left, place = left[done:], place + done
+        with self._turn:
+            while left and self.failed is None:
+                try:
+                    done = os.pwrite(self.fileno(), left, place)
+                except OSError as error:
+                    self.failed = error
+                    return
+                left, place = left[done:], place + done
 
     def read_at(self, place: int, room: memoryview) -> None:
         """Read what was written at a place."""

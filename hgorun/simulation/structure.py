@@ -138,7 +138,7 @@ class Structure:
         return self._ensembles[key]
 
 
-_STRUCTURES: Memo[list[Structure]] = Memo(32)
+_STRUCTURES: Memo[list[Structure]] = Memo(128)  # a live page looks ahead to twenty orders of some observers
 _BUCKET = 16  # structures of one key, which differ in keys that the observers' equations read; the last used ones
 
 

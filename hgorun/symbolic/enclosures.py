@@ -9,13 +9,16 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hgorun.memo import Memo
 from hgorun.native.boxes import LEAST
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.instructions import Instruction, read
 from hgorun.symbolic.intervals import Bounds, enclose
-from hgorun.symbolic.segment_means import SegmentMeans, can_be_compiled
+from hgorun.symbolic.segment_means import Form, SegmentMeans, can_be_compiled
 
 _SLICES, _NARROWINGS = 256, 9  # to the last bit of 64
+_NEAR = 0.01  # of a box: how far a point without a bound may be from that of other constants
+_POLES: Memo[np.ndarray | None] = Memo(128)  # the last one found, by form
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -29,11 +32,20 @@ class Enclosure:
     """
 
     function: ca.Function
-    _compiled: list[SegmentMeans] = field(default_factory=list)  # one, or none
+    _forms: dict[tuple[int, int], Form] = field(default_factory=dict)  # by ends and parts
+    _compiled: dict[tuple[int, int], SegmentMeans] = field(default_factory=dict)
     _poles: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)  # corners of boxes that hold one each
 
     def has_pole(self, low: np.ndarray, high: np.ndarray) -> bool:
-        """Whether a box, corners (d,), is known to hold a point without a bound: then no cutting of it leads to one."""
+        """Whether a box, corners (d,), is known to hold a point without a bound: then no cutting of it leads to one.
+
+        Where nothing is known yet, what is near the pole of a function that differs in its constants only is tried.
+        """
+        if not self._poles and (beside := _POLES.get(self._form(0, 1).digest, lambda: None)) is not None:
+            reach = _NEAR * (high - low)
+            below, above = np.maximum(beside - reach, low), np.minimum(beside + reach, high)
+            if np.all(below <= above) and not np.isfinite(self(below[None], above[None])).all():
+                self.find_pole(below, above)
         return any(np.all(low <= below) and np.all(above <= high) for below, above in self._poles)
 
     def find_pole(self, low: np.ndarray, high: np.ndarray) -> None:
@@ -53,6 +65,7 @@ class Enclosure:
             k = given[given.size // 2] if given.size else unbounded[unbounded.size // 2]
             low, high = lows[k], highs[k]
         self._poles.append((low, high))
+        _POLES.put(self._form(0, 1).digest, 0.5 * (low + high))
 
     @cached_property
     def instructions(self) -> list[Instruction]:
@@ -66,15 +79,39 @@ class Enclosure:
         found[list(self.function.jac_sparsity(0, 0).get_col())] = True
         return found
 
-    def compile(self) -> None:
-        """Have :meth:`each` take a compiled loop, where the function's operations are known to it: the same bits."""
-        if not self._compiled and can_be_compiled(self.instructions):
-            function = self.function
-            self._compiled.append(SegmentMeans(self.instructions, 0, function.numel_in(0), function.numel_out(0), 1))
+    def compile(self, ends: int = 0, parts: int = 1) -> bool:
+        """Have :meth:`each` take a compiled loop, which gives the same bits; whether there was something to compile.
+
+        Parameters
+        ----------
+        ends, parts : int
+            What :meth:`compiled` is asked for later.
+        """
+        if (ends, parts) in self._compiled or not can_be_compiled(self.instructions):
+            return False
+        self._compiled[ends, parts] = SegmentMeans(self._form(ends, parts))
+        return True
+
+    def compiled(self, ends: int = 0, parts: int = 1) -> SegmentMeans | None:
+        """The compiled loop over so many parts of segments along which the first entries change, of those of a box.
+
+        There is one where it has been compiled, also for a function that differs from this one in its constants only.
+        """
+        if (ends, parts) not in self._compiled and self._form(ends, parts).compiled:
+            self.compile(ends, parts)
+        return self._compiled.get((ends, parts))
+
+    def _form(self, ends: int, parts: int) -> Form:
+        found = self._forms.get((ends, parts))
+        if found is None:
+            count, values = self.function.numel_in(0), self.function.numel_out(0)
+            found = self._forms[ends, parts] = Form(self.instructions, ends, count - ends, values, parts)
+        return found
 
     def each(self, low: np.ndarray, high: np.ndarray) -> Bounds:
         """Bounds (M, m) of the m values on M boxes with corners low and high, shapes (M, d)."""
-        for compiled in self._compiled:
+        compiled = self.compiled()
+        if compiled is not None:
             count = len(low)
             rows = np.hstack([low, high])[np.minimum(np.arange(max(count, LEAST)), count - 1)]
             below, above = compiled(rows.T)

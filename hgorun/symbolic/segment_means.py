@@ -1,17 +1,22 @@
 """Means of a function along segments between boxes, enclosed: compiled, with the bits that intervals.py gives.
 
 Operation by operation NumPy and small compiled loops take each array of bounds from memory and back: sixteen parts of
-every segment. Here what is known of a segment stays in registers. Compiling takes a tenth of a second, once.
+every segment. Here what is known of a segment stays in registers. Compiling takes a tenth of a second, once for all
+functions that differ in their constants only, as those of a plant do whose parameters change.
 """
 
 from __future__ import annotations
 
 import ctypes
+import hashlib
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
+from hgorun.memo import Memo
 from hgorun.native import functions
 from hgorun.native.boxes import LEAST, OPERATIONS
 from hgorun.native.compiler import NativeModule, address_of
@@ -21,10 +26,12 @@ from hgorun.symbolic.intervals import INCREASING, whole_exponent
 
 Pair = tuple[str, str]
 Floats = np.ndarray
+_CODE: Memo[Callable[..., None]] = Memo(128)  # by form
 
 
-class SegmentMeans:
-    """Bounds of the means of a function's values over segments that lead from one box to another.
+@dataclass(frozen=True, eq=False, repr=False)
+class Form:
+    """What code is made of: all of a function but the values of its constants.
 
     Parameters
     ----------
@@ -36,10 +43,40 @@ class SegmentMeans:
         A segment is cut into so many, each in a box: its mean is that of what is known of them.
     """
 
-    def __init__(self, instructions: Sequence[Instruction], ends: int, common: int, values: int, parts: int) -> None:
-        self._values = values
-        module = NativeModule(_module(instructions, ends, common, values, parts), ("means",))
-        self._means = module.function("means", None, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int64)
+    instructions: Sequence[Instruction]
+    ends: int
+    common: int
+    values: int
+    parts: int
+
+    @cached_property
+    def digest(self) -> bytes:
+        """Equal where the code is."""
+        exponents = {i.arguments[1] for i in self.instructions if i.op in _POWERS}
+        steps = [(i.value, i.op, i.arguments, i.place, i.number * (i.value in exponents)) for i in self.instructions]
+        text = repr((steps, self.ends, self.common, self.values, self.parts))
+        return hashlib.sha256(text.encode()).digest()
+
+    @property
+    def compiled(self) -> bool:
+        """Whether there is code of it."""
+        return self.digest in _CODE
+
+    def code(self) -> Callable[..., None]:
+        """Of addresses of rows, of what is found and of constants, and of the number of boxes; compiled once."""
+        return _CODE.get(self.digest, self._made)
+
+    def _made(self) -> Callable[..., None]:
+        module = NativeModule(_module(self), ("means",))
+        return module.function("means", None, *[ctypes.c_void_p] * 3, ctypes.c_int64)
+
+
+class SegmentMeans:
+    """Bounds of the means of a function's values over segments that lead from one box to another."""
+
+    def __init__(self, form: Form) -> None:
+        self._values, self._means = form.values, form.code()
+        self._constants = np.array([i.number for i in form.instructions if i.op == ca.OP_CONST])
 
     def __call__(self, rows: Floats) -> tuple[Floats, Floats]:
         """Lower and upper bounds, shapes (N, values).
@@ -51,7 +88,7 @@ class SegmentMeans:
             least as many columns as there are boxes in a group.
         """
         rows, found = np.ascontiguousarray(rows), np.empty((2 * self._values, rows.shape[1]))
-        self._means(address_of(rows), address_of(found), rows.shape[1])
+        self._means(address_of(rows), address_of(found), address_of(self._constants), rows.shape[1])
         low, high = (np.ascontiguousarray(half.T) for half in (found[: self._values], found[self._values :]))
         return low, high
 
@@ -74,13 +111,15 @@ def _numbers(instructions: Sequence[Instruction]) -> Mapping[int, float]:
     return {i.value: i.number for i in instructions if i.op == ca.OP_CONST}
 
 
-def _module(instructions: Sequence[Instruction], ends: int, common: int, values: int, parts: int) -> str:
+def _module(form: Form) -> str:
+    instructions, ends, common, values, parts = form.instructions, form.ends, form.common, form.values, form.parts
     declarations = {"declare i64 @llvm.smin.i64(i64, i64)"}
-    f = Function("means", "ptr %rows, ptr %found, i64 %n", LEAST, declarations)
+    f = Function("means", "ptr %rows, ptr %found, ptr %constants, i64 %n", LEAST, declarations)
     last = f.scalar("sub", "%n", str(LEAST))
     groups = f.scalar("sdiv", f.scalar("add", "%n", str(LEAST - 1)), str(LEAST))
     sums = [f.slot(f.real) for _ in range(2 * values)]
     numbers, moving = _numbers(instructions), _moving(instructions, ends)
+    known = {value: _constant(f, k) for k, value in enumerate(numbers)}
     with f.count(0, groups) as group:  # the last one may begin in the one before
         place = f.let(f"call i64 @llvm.smin.i64(i64 {f.scalar('mul', group, str(LEAST))}, i64 {last})")
 
@@ -90,9 +129,8 @@ def _module(instructions: Sequence[Instruction], ends: int, common: int, values:
         loaded = [f.load(address("%rows", row), f.real) for row in range(4 * ends + 2 * common)]
         first, second = (_pairs(loaded[k * 2 * ends : (k + 1) * 2 * ends]) for k in (0, 1))
         inputs = dict(enumerate(_pairs(loaded[4 * ends :]), ends))
-        known: dict[int, Pair] = {}
         for i in instructions:
-            if i.value not in moving and i.op != ca.OP_OUTPUT:
+            if i.value not in moving and i.op not in (ca.OP_OUTPUT, ca.OP_CONST):
                 known[i.value] = _value(f, i, inputs, known, numbers)
         for one in sums:
             f.store(f.constant(0.0), one, f.real)
@@ -132,6 +170,11 @@ def _pairs(rows: Sequence[str]) -> list[Pair]:
     return list(zip(rows[: len(rows) // 2], rows[len(rows) // 2 :], strict=True))
 
 
+def _constant(f: Function, place: int) -> Pair:
+    """One of the function's, in all lanes."""
+    return (f.splat(f.load(f.at("%constants", str(place)), "double")),) * 2
+
+
 def _real(f: Function, whole: str) -> str:
     return f.let(f"sitofp i64 {whole} to double")
 
@@ -149,8 +192,6 @@ def _value(
 ) -> Pair:
     if i.op == ca.OP_INPUT:
         return inputs[i.place[1]]
-    if i.op == ca.OP_CONST:
-        return (f.constant(i.number),) * 2
     if i.op in _POWERS:
         return _power(f, known[i.arguments[0]], int(numbers[i.arguments[1]]))
     arguments = [bound for value in i.arguments for bound in known[value]]

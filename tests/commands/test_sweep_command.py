@@ -275,7 +275,7 @@ def test_ensembles_of_a_study_are_sweeps(shell: Shell) -> None:
 def test_beginning_anew_names_a_folder_that_is_in_the_way(shell: Shell) -> None:
     (shell.folder / "out" / "s.sweep.h5").mkdir(parents=True)
     code, _, err = shell("sweep", "s.yaml", "-o", "out", "--fresh")
-    assert (code, "s.sweep.h5: cannot be removed: " in err) == (2, True)
+    assert (code, "s.sweep.h5 cannot be written: it is a folder" in err) == (2, True)
 
 
 @pytest.mark.slow

@@ -246,6 +246,17 @@ def test_points_that_are_held_out_and_the_reference_are_drawn_once(
     assert {name: drawn[name].get_xdata().size for name in ("held out", "reference") if name in drawn} == expected
 
 
+def test_samples_that_are_the_reference_too_are_drawn_once(result: Result) -> None:
+    """They would lie on the crosses of those that an observer has not taken."""
+    one = recorded(result, np.ones((result.time[::5].size, 2), dtype=bool))
+    assert one.recorded is not None
+    taken = one.recorded.outputs["x1"]
+    points = Unseen(np.append(taken.taken, 0.77), np.append(taken.y, 0.5))
+    drawn = lines(comparison(replace(one, recorded=replace(one.recorded, reference={"x1": points}))).axes[0])
+    assert drawn["reference"].get_xdata().tolist() == [0.77]
+    assert drawn["measured"].get_xdata().size == taken.taken.size
+
+
 def test_two_estimates_compared_name_their_samples_once(result: Result) -> None:
     used = np.ones((result.time[::5].size, 2), dtype=bool)
     used[3, :] = used[4, 0] = False

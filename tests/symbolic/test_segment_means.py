@@ -9,8 +9,10 @@ import numpy as np
 import pytest
 
 from hgorun.analysis.convergence.segments import _PARTS, _means, _parts
+from hgorun.memo import Memo
+from hgorun.symbolic import segment_means
 from hgorun.symbolic.enclosures import Enclosure
-from hgorun.symbolic.segment_means import SegmentMeans, can_be_compiled
+from hgorun.symbolic.segment_means import Form, SegmentMeans, can_be_compiled
 
 A, B, C = (ca.SX.sym(name) for name in "abc")
 COUNT = 13  # boxes: no multiple of those in a group
@@ -26,7 +28,12 @@ def enclosure(*values: ca.SX) -> Enclosure:
 
 
 def compiled(of: Enclosure) -> SegmentMeans:
-    return SegmentMeans(of.instructions, 2, 1, of.function.numel_out(0), _PARTS)
+    return SegmentMeans(Form(of.instructions, 2, 1, of.function.numel_out(0), _PARTS))
+
+
+@pytest.fixture
+def nothing_compiled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(segment_means, "_CODE", Memo[object](4))
 
 
 def boxes(seed: int, width: float) -> list[tuple[np.ndarray, np.ndarray]]:
@@ -75,10 +82,28 @@ def test_what_is_not_compiled_is_told(value: ca.SX) -> None:
 
 
 @pytest.mark.parametrize("count", [1, COUNT])
-def test_boxes_alone_have_the_same_bits(count: int) -> None:
+def test_boxes_alone_have_the_same_bits(count: int, nothing_compiled: None) -> None:
     of = enclosure(*COMPILED)
     low = np.random.default_rng(3).normal(0.0, 2.0, (count, 3))
     expected = of.each(low, low + 0.3)
-    of.compile()
+    assert of.compile()
+    assert not of.compile()
     for one, other in zip(of.each(low, low + 0.3), expected, strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_code_is_shared_by_functions_that_differ_in_constants_only(nothing_compiled: None) -> None:
+    def of(k: float, exponent: int = 3) -> Enclosure:
+        return enclosure(k * A**exponent + B / (k + 2.5), ca.SX(k))
+
+    first, other = of(1.5), of(0.1)
+    low = np.random.default_rng(4).normal(0.0, 2.0, (COUNT, 3))
+    expected = other.each(low, low + 0.3)
+    first.compile()
+    assert other.compiled() is not None
+    for one, exact in zip(other.each(low, low + 0.3), expected, strict=True):
+        np.testing.assert_array_equal(one, exact)
+    np.testing.assert_array_equal(first.each(low, low)[0][:, 1], 1.5)
+    np.testing.assert_array_equal(other.each(low, low)[0][:, 1], 0.1)
+    assert of(0.1, 5).compiled() is None  # how often it is multiplied is part of the code
+    assert of(0.0).compiled() is None  # so is what CasADi leaves out

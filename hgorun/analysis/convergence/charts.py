@@ -6,7 +6,7 @@ In them f = F z + phi: what is not on the chains' links is phi.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -23,6 +23,9 @@ from hgorun.symbolic.points import around, instants
 _CURVED = 1e-8  # relative change of a slope that is rounding
 _DEEP = 100  # operations down to which expressions are compared
 _CHARTS: Memo[Outcome[Chart]] = Memo(64)  # by form and numbers: observers of one form share it, and so do their runs
+_OF_FORMS: Memo[Outcome[Chart]] = Memo(64)  # by form alone, with the numbers of the plant that came first
+_INPUTS: Memo[Enclosure] = Memo(64)  # by the numbers that they follow from
+_FUNCTIONS: Memo[ca.Function] = Memo(128)  # by their expressions, which charts of other numbers share
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -93,9 +96,9 @@ class Chart:
             return x
         return evaluate(self._image, x, self.plant.parameters)[0]
 
-    @cached_property
+    @property
     def _image(self) -> ca.Function:
-        return ca.Function("z", [self.x, self.p], [ca.densify(self.map)])
+        return _function(self.map, self.x, self.p)
 
     def slopes_at(self, time: np.ndarray, x: np.ndarray, u: np.ndarray) -> np.ndarray:
         """d phi/dz at many points, shape (N, n, n), of times (N,), states (N, n) and inputs (N, m)."""
@@ -103,9 +106,9 @@ class Chart:
             -1, *self.slopes_in_x.shape
         )
 
-    @cached_property
+    @property
     def _slopes(self) -> ca.Function:
-        return ca.Function("M", [self.t, self.x, self.u, self.p], [ca.densify(self.slopes_in_x)])
+        return _function(self.slopes_in_x, self.t, self.x, self.u, self.p)
 
     @cached_property
     def entries(self) -> dict[tuple[int, int], Enclosure]:
@@ -131,12 +134,22 @@ class Chart:
 
     @cached_property
     def inputs(self) -> Enclosure:
-        """The plant's inputs, of time."""
-        return _enclosure(self.t, self._with_numbers(self.plant.inputs))
+        """The plant's inputs, of time: one for all charts of the same inputs, whatever else the plant's numbers are."""
+        symbolic, numbers = self.plant.symbolic, [self.plant.numbers.tobytes()]
+        if ca.depends_on(symbolic.inputs, self.p):
+            numbers.append(self.plant.parameters.tobytes())
+        key = same(symbolic), *numbers
+        return _INPUTS.get(key, lambda: _enclosure(self.t, self._with_numbers(self.plant.inputs)))
 
     def _with_numbers(self, expression: ca.SX) -> ca.SX:
         """An expression with the numbers of the plant's parameters."""
         return ca.substitute(ca.densify(expression), self.p, ca.DM(self.plant.parameters))
+
+
+def _function(values: ca.SX, *arguments: ca.SX) -> ca.Function:
+    """Made once of the same expressions."""
+    key = tuple(map(same, (values, *arguments)))
+    return _FUNCTIONS.get(key, lambda: ca.Function("f", list(arguments), [ca.densify(values)]))
 
 
 def _enclosure(arguments: ca.SX, values: ca.SX) -> Enclosure:
@@ -157,7 +170,8 @@ def chart_of(form: Form, plant: BuiltPlant) -> Chart:
 
 def _made(form: Form, plant: BuiltPlant) -> Chart:
     if isinstance(form, ChainForm):
-        return _of_chains(form, plant)
+        key = same(form), same(plant.symbolic)
+        return replace(_OF_FORMS.get(key, lambda: outcome(lambda: _of_chains(form, plant))).value, plant=plant)
     if isinstance(form, BlockForm):
         return _of_triangle(form, plant)
     raise NoValue("the theory of high-gain observers with a Lipschitz constant does not apply to this observer")

@@ -14,7 +14,6 @@ from hgorun.memo import Memo, same
 from hgorun.native.boxes import LEAST
 from hgorun.result.result import Result
 from hgorun.symbolic.enclosures import Enclosure
-from hgorun.symbolic.segment_means import SegmentMeans, can_be_compiled
 
 _PIECES = 600  # of a run, at most
 _PARTS = 16  # of a segment
@@ -24,7 +23,6 @@ _ROUNDING = 1e-9  # of the linear algebra, relatively
 
 Box = tuple[np.ndarray, np.ndarray]
 _TRUTHS: Memo[Box] = Memo(4)  # all observers of a run have the same truth
-_COMPILED: Memo[SegmentMeans | None] = Memo(64)  # by chart; None where it has operations that are not compiled
 _INPUTS: Memo[Box] = Memo(16)  # functions of time alone: those of other runs of a plant, too
 
 
@@ -46,9 +44,9 @@ def along(chart: Chart, result: Result, label: str, truth: np.ndarray, estimate:
     truth_of = (same(result.x), same(chart), count)
     ends = _TRUTHS.get(truth_of, lambda: _pieces(x[:count], starts)), _pieces(xhat[:count], starts)
     edges = np.append(result.time[starts], result.time[count - 1])[:, None]
-    inputs = _INPUTS.get((same(chart), edges.tobytes()), lambda: chart.inputs.each(edges[:-1], edges[1:]))
+    inputs = _INPUTS.get((same(chart.inputs), edges.tobytes()), lambda: chart.inputs.each(edges[:-1], edges[1:]))
     common = np.hstack([inputs[0], edges[:-1]]).T, np.hstack([inputs[1], edges[1:]]).T
-    compiled = _COMPILED.get(same(chart), lambda: None) if same(chart) in _COMPILED and starts.size >= LEAST else None
+    compiled = chart.along_segments.compiled(len(chart.names), _PARTS) if starts.size >= LEAST else None
     if compiled is None:
         total = _means(chart.along_segments, _parts(*ends), list(zip(*common, strict=True)))
     else:
@@ -66,17 +64,11 @@ def along(chart: Chart, result: Result, label: str, truth: np.ndarray, estimate:
 def compile_slopes(chart: Chart) -> bool:
     """Compile what slopes take most of their time for, which gives the same bits; False: it is compiled already.
 
-    It pays where a chart is used for many runs.
+    It pays where a chart is used for many runs, or others that differ from it in numbers.
     """
-    if same(chart) in _COMPILED:
-        return False
-    enclosure, n = chart.along_segments, len(chart.names)
-    steps, count = enclosure.instructions, enclosure.function.numel_in(0)
-    made = SegmentMeans(steps, n, count - n, 2 * n * n, _PARTS) if can_be_compiled(steps) else None
-    _COMPILED.put(same(chart), made)
-    for entry in dict.fromkeys(chart.entries.values()) if chart.invertible else ():
-        entry.compile()
-    return True
+    entries = dict.fromkeys(chart.entries.values()) if chart.invertible else ()
+    new = [chart.along_segments.compile(len(chart.names), _PARTS), *(entry.compile() for entry in entries)]
+    return any(new)
 
 
 def _divided(A: Box, B: Box) -> np.ndarray:
