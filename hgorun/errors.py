@@ -116,6 +116,10 @@ class NoStep(PlantEnded):
     """No step is small enough for the plant."""
 
 
+class ShortHistory(NoStep):
+    """Steps have become so short that a delay reaches further back than those that are kept."""
+
+
 class PluginError(HgorunError):
     """A class or function that was found by its name raised what it should not have, or returned something wrong.
 

@@ -31,7 +31,7 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.rows import add_rows
 from hgorun.engine.stepper import Stepper
 from hgorun.engine.window import Take, Window
-from hgorun.errors import NoStep, PlantDiverged, SimulationError
+from hgorun.errors import NoStep, PlantDiverged, ShortHistory, SimulationError
 from hgorun.native.compiler import NativeModule
 
 _SLICE = 0.05  # seconds of native code between two checks for Ctrl-C
@@ -285,6 +285,8 @@ class Program:
                         raise PlantDiverged(message, memory.real("now"))
                     if verdict == STEP_TOO_SMALL:
                         raise NoStep(message, memory.real("now"))
+                    if verdict == HISTORY_TOO_SHORT and tolerance:
+                        raise ShortHistory(message, memory.real("now"))
                     raise SimulationError(message)
                 spent = max(time.perf_counter() - before, 1e-6)
                 chunk = min(max(1, int(chunk * min(_SLICE / spent, 8.0))), _LARGEST)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +10,8 @@ import numpy as np
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.measurement.late import HeardOtherwise, Order
 from hgorun.measurement.schedule import nearest_event
+from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.plant import PlantModel
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
@@ -35,6 +37,24 @@ class Entering:
     slot: int
     used: int
     members: tuple[int, ...]
+
+
+def innovations_of(entering: Sequence[Entering], model: PlantModel, innovations: Floats) -> dict[int, list[float]]:
+    """The innovations of some samples by their slots, of each observer.
+
+    Parameters
+    ----------
+    model : PlantModel
+        Whose outputs may be angles.
+    innovations : ndarray, shape (slots, m)
+    """
+    of_outputs: dict[int, list[int]] = {}
+    for one in entering:
+        of_outputs.setdefault(one.output, []).append(one.slot)
+    found: dict[int, list[float]] = {}
+    for output, slots in of_outputs.items():
+        found |= zip(slots, model.wrapped(output, innovations[slots]).tolist(), strict=True)
+    return found
 
 
 def where_entering(prepared: PreparedEstimate) -> Iterator[tuple[int, Entering]]:

@@ -8,23 +8,21 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, SET, SHOW, TAKE
 from hgorun.engine.live import LiveState
 from hgorun.engine.plan import Floats, Integers
 from hgorun.engine.session import without
+from hgorun.estimate import notes
+from hgorun.estimate.action_rows import ActionRows
 from hgorun.estimate.event import Event
-from hgorun.estimate.gate import Gate, kept_of
+from hgorun.estimate.gate import Gate
 from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
-from hgorun.estimate.own_steps import LastTaken, OwnSteps, stepping
+from hgorun.estimate.notes import Notes
+from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.stepping import keep_inputs, require_whole
 
-Notes: TypeAlias = tuple[Any, ...]  # what is known beside the numbers of a run; nothing in it changes any more
 State: TypeAlias = tuple[LiveState, Notes]
-
-_ROWS = 1000  # of action tables that are kept
-_ZERO, _ONE = 0, 1  # the numbers that are set, as a live run has them
 
 
 class Following:
@@ -67,7 +65,7 @@ class Following:
         self._pending = [0] * len(limits)
         self._last_sample = math.nan
         self._told: dict[int, float] = {}
-        self._rows: dict[object, Integers] = {}
+        self._rows = ActionRows(system)
         self._held = system.structure.system.held
         self._regime = system.regimes[self.heard]
         self._decides = self.gate is not None or bool(system.steps or system.driven)  # what a sample does to whom
@@ -105,7 +103,7 @@ class Following:
         live = self.live
         for _, slot, value in samples:
             live.sample_words[slot] = value
-        live.happen_at(t, self._actions_on_time(event), self._regime)
+        live.happen_at(t, self._rows.on_time(event), self._regime)
         for i, _, _ in samples:
             self.newest[i] = (t,) * self._count
             if not self.heard[i]:
@@ -135,7 +133,7 @@ class Following:
         jumps = self._jumps(event) if True in used else ()
         gated = self.gate is not None and any([self.limited[i] and taking[i] for i in taking])
         w = live.w.copy() if gated else live.w
-        actions = self._actions(event, used, jumps, gated=gated)
+        actions = self._rows.of(event, used, jumps, gated=gated)
         live.happen_at(event.t, actions, self._regime)
         z = live.before if gated else live.z
         out: dict[int, list[tuple[int, int]]] = {}
@@ -202,13 +200,7 @@ class Following:
             )
 
     def _jump_without(
-        self,
-        event: Event,
-        j: int,
-        samples: list[tuple[int, int]],
-        actions: Integers,
-        z: Floats,
-        w: Floats,
+        self, event: Event, j: int, samples: list[tuple[int, int]], actions: Integers, z: Floats, w: Floats
     ) -> None:
         """Let an observer jump by those of the samples of an event alone that are no outliers to it."""
         system = self.system.structure.system
@@ -269,33 +261,6 @@ class Following:
             self._last_sample = event.t
         return found
 
-    def _actions_on_time(self, event: Event) -> Integers:
-        """As :meth:`_actions`, of samples that all observers take as they come."""
-        actions = self._rows.get(event.take)
-        if actions is None:
-            actions = self._actions(event, (True,) * len(event.samples), self.system.corrections, gated=False)
-            self._rows[event.take] = actions
-        return actions
-
-    def _actions(self, event: Event, used: tuple[bool, ...], jumps: tuple[int, ...], *, gated: bool) -> Integers:
-        """Rows of the engine's action table, in their order; kept, since few of them differ."""
-        key = (event.take, tuple([(i, slot) for i, slot, _ in event.samples]), used, jumps, gated)
-        if key not in self._rows:
-            system, arriving = self.system.structure.system, list(zip(event.samples, used, strict=True))
-            fresh = [self._held.fresh(i) for (i, _, _), heard in arriving if heard and self._held.flags]
-            rows = [(SHOW, 0, 0, 0, 0)] if gated else []
-            rows += [(SET, place, _ONE, 0, 0) for place in fresh]
-            rows += [(TAKE, i, slot, 0, 0) for i, slot in event.take]
-            rows += [(ARRIVE if heard else RECORD, i, slot, 0, 0) for (i, slot, _), heard in arriving]
-            if system.has_alpha:
-                rows += [(REBASE, i, slot, slot_of(i), slot_of(i + 1)) for (i, slot, _), heard in arriving if heard]
-            rows += [(JUMP, number, 0, 0, 0) for number in jumps]
-            rows += [(SET, place, _ZERO, 0, 0) for place in fresh]
-            if len(self._rows) > _ROWS:
-                self._rows.clear()
-            self._rows[key] = np.array(rows, dtype=np.int64)
-        return self._rows[key]
-
     def state(self) -> State:
         """All that the run goes on from: what is kept does not change, so that next to nothing is copied."""
         gate = None if self.gate is None else self.gate.state()
@@ -315,38 +280,12 @@ class Following:
 
     def told(self, states: Sequence[State]) -> tuple[dict[str, Floats], list[list[Any]]]:
         """Some states for a checkpoint: numbers by name, those of each state in a row, and notes as JSON has them."""
-        notes = []
-        for _, (*known, gate, offered, outliers, inputs, own) in states:
-            kept = None if gate is None else [[kept_of(one) for one in row] for row in gate]
-            left = [(j, last.told()) for j, last in own]
-            notes.append([*known, kept, offered, outliers, list(inputs.items()), left])
-        return self.live.told([numbers for numbers, _ in states]), notes
+        return self.live.told([numbers for numbers, _ in states]), [notes.told(known) for _, known in states]
 
-    def states(self, numbers: Mapping[str, Floats], notes: Sequence[Sequence[Any]]) -> list[State]:
+    def states(self, numbers: Mapping[str, Floats], said: Sequence[Sequence[Any]]) -> list[State]:
         """Those of :meth:`told` again, also from older checkpoints."""
-        return list(zip(self.live.states(numbers), map(self._notes, notes), strict=True))
-
-    def _notes(self, told: Sequence[Any]) -> Notes:
-        heard, newest, pending, last_sample, gate, *more = told
-        counts, inputs = more[:2] or (self.offered, self.outliers), more[2:3]  # older ones have none
-        offered, outliers = (tuple(map(self._of_each, rows)) for rows in counts)
-        known = None if gate is None else [[(one, len(one)) for one in row] for row in gate]
-        given = {number: value for pairs in inputs for number, value in pairs}
-        return (
-            tuple(heard),
-            tuple(map(self._of_each, newest)),
-            tuple(pending),
-            last_sample,
-            known,
-            offered,
-            outliers,
-            given,
-            tuple((j, LastTaken.of(last)) for left in more[3:] for j, last in left),
-        )
-
-    def _of_each(self, numbers: Any) -> tuple[Any, ...]:
-        """Those of each observer; older checkpoints have one for all of them."""
-        return (numbers,) * self._count if isinstance(numbers, int | float) else tuple(numbers)
+        known = [notes.read(one, self._count, self.offered, self.outliers) for one in said]
+        return list(zip(self.live.states(numbers), known, strict=True))
 
     def go_back(self, state: State) -> None:
         """As :meth:`restore`, but no slot of a sample that is on its way is given to another."""

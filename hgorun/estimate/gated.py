@@ -17,12 +17,13 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Integers, Plan
 from hgorun.engine.session import Session, in_turns, with_stops, without
-from hgorun.estimate.entering import Entering, needed_until, where_entering
+from hgorun.estimate.entering import Entering, innovations_of, needed_until, where_entering
 from hgorun.estimate.gate import Gate, Known, Variances
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
+from hgorun.estimate.turns import Turns
 from hgorun.symbolic.evaluate import Floats
 
 _AHEAD, _MOST = 4, 512  # places with samples that are passed at once, as long as none is an outlier
@@ -53,6 +54,7 @@ class _GatedRun:
         self._prepared, self._used, self._offered = prepared, used, offered
         self._newest = [[-np.inf] * used.shape[1] for _ in prepared.samples]  # that each observer has used
         self._taken = np.concatenate([one.taken for one in prepared.samples]).tolist()
+        self._turns = Turns(prepared.run.structure.system, self._taken)
         self._equal = same_time(prepared.run.origin, prepared.run.time.end)
         self._covariances = prepared.covariances()
         labels = [block.label for block in prepared.run.observers]
@@ -90,7 +92,7 @@ class _GatedRun:
         """
         entering = self._entering.get(place, [])
         older = any(not self._in_order[one.used] and not self._goes_back(one) for one in entering)
-        again = len(entering) > 1 and any(self._again(entering))
+        again = len(entering) > 1 and any(self._turns.again(entering))
         return not entering or older or again or place in self._begins or place in self._saving
 
     def carried_out(self) -> Raw:
@@ -136,7 +138,8 @@ class _GatedRun:
         session.innovations[slots] = np.nan
         variances = self._variances(places, stops)
         session.advance(stops[-1] + 1)
-        innovations = self._wrapped([one for several in entering for one in several])
+        model, every = self._prepared.run.plant.model, [one for several in entering for one in several]
+        innovations = innovations_of(every, model, session.innovations)
         together = zip(entering, variances, strict=True)
         count = next(
             (k for k, (some, own) in enumerate(together) if not gate.passed(some, innovations, own)), len(places)
@@ -168,23 +171,12 @@ class _GatedRun:
         found = [None if one is None else one.variance(times, z, w).tolist() for one in self._covariances]
         return [[None if of is None else of[k] for of in found] for k in range(len(places))]
 
-    def _wrapped(self, entering: Sequence[Entering]) -> dict[int, list[float]]:
-        """The innovations of some samples by their slots, of each observer."""
-        of_outputs: dict[int, list[int]] = {}
-        for one in entering:
-            of_outputs.setdefault(one.output, []).append(one.slot)
-        model, innovations = self._prepared.run.plant.model, self._session.innovations
-        found: dict[int, list[float]] = {}
-        for output, slots in of_outputs.items():
-            found |= zip(slots, model.wrapped(output, innovations[slots]).tolist(), strict=True)
-        return found
-
     def _enter(self, place: int, stop: int, t: float, z: Floats, w: Floats) -> None:
         """Let samples enter, those of one channel one after the other where they enter its innovation."""
         session = self._session
         session.advance(stop)
         entering = self._entering.get(place, [])
-        turns = self._turns(entering)
+        turns = self._turns.of(entering)
         named = [[(one.channel, one.slot) for one in some] for some in turns]
         held = self._prepared.run.structure.system.held
         flags = range(held.fresh(0), held.fresh(held.outputs)) if held.flags else range(0)
@@ -193,28 +185,6 @@ class _GatedRun:
             self._enter_together(some, actions, number < len(turns), t, z, w)
             if number < len(turns):
                 z, w = session.z.copy(), session.w.copy()
-
-    def _turns(self, entering: Sequence[Entering]) -> list[list[Entering]]:
-        """Which samples enter together: those of one channel one after the other."""
-        turns: list[list[Entering]] = [[]]
-        count: dict[object, int] = {}
-        for one, again in zip(entering, self._again(entering), strict=True):
-            turn = count[one.channel] = count.get(one.channel, 0) + again
-            turns += [[] for _ in range(turn + 1 - len(turns))]
-            turns[turn].append(one)
-        return turns
-
-    def _again(self, entering: Sequence[Entering]) -> Iterator[bool]:
-        """Whether each sample enters after another one of its channel that does so at the same place.
-
-        Of samples that correct observers, and were taken at different times, only the newest one does.
-        """
-        corrections, before = self._prepared.run.structure.system.corrections, set[object]()
-        for one in entering:
-            corrects = any(first <= one.channel < last for _, first, last in corrections)
-            key = one.channel, self._taken[one.used] if corrects else None
-            yield key in before
-            before.add(key)
 
     def _goes_back(self, one: Entering) -> bool:
         """Whether the observers of a channel go back to where each sample is the newest."""

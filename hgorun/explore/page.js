@@ -94,8 +94,8 @@
   function heard({ data }) {
     const length = new Uint32Array(data, 0, 1)[0];
     const told = JSON.parse(new TextDecoder().decode(new Uint8Array(data, 8, length)));
-    painting.draw(Bokeh.documents[0], told.drawn, new Float64Array(data, 8 + length));
-    take(told);
+    try { painting.draw(Bokeh.documents[0], told.drawn, new Float64Array(data, 8 + length)); }
+    finally { take(told); }  // what cannot be drawn leaves no question without its answer
   }
   function take(told) {
     const further = told.further || (told.theories && !told.picture);

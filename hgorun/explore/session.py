@@ -20,6 +20,7 @@ from hgorun.explore.state import History, State
 from hgorun.explore.worker import AT_ONCE, LATER, SOON, Job, Worker
 
 Told = dict[str, Any]  # what goes to the page, as JSON
+_OUR_FAULT = "this could not be computed, by a fault of hgorun that the terminal shows: the values before are shown"
 
 
 class Superseded(Exception):
@@ -166,6 +167,9 @@ class Session:
                 words = f"{problem}" + ("" if self._shown is None else ": the values before are shown")
                 self.post(lambda: self._failed(number, words))
                 return
+            except Exception:  # the page would wait for an answer that does not come
+                self.post(lambda: self._failed(number, _OUR_FAULT))
+                raise
             self.post(lambda: self._arrived(history, number, shown, picture, theories, error))
 
         self.worker.submit(job, AT_ONCE)

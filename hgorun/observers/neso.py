@@ -12,7 +12,7 @@ from pydantic import Field, model_validator
 from hgorun.config.types import Name, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow, observer
-from hgorun.observers.capabilities import LocallyLinear
+from hgorun.observers.capabilities import LocallyLinear, Speed
 from hgorun.observers.extended_state import ExtendedState
 from hgorun.observers.threshold import NoiseThreshold
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm
@@ -20,7 +20,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("neso")
-class NonlinearExtendedStateObserver(NoiseThreshold, LocallyLinear, ExtendedState):
+class NonlinearExtendedStateObserver(Speed, NoiseThreshold, LocallyLinear, ExtendedState):
     """Han's nonlinear extended-state observer, for lower triangular plants with one output.
 
     The linear one, ``eso``, with powers of the innovation e = z_1 - y below 1 in its corrections, so that small errors
@@ -67,6 +67,10 @@ class NonlinearExtendedStateObserver(NoiseThreshold, LocallyLinear, ExtendedStat
         if self.alpha is not None and max(self.alpha, default=0.0) > 1:
             raise Problem(("alpha",), f"expected powers in (0, 1], found {max(self.alpha):g}")
         return self
+
+    @property
+    def speed_key(self) -> str | None:
+        return None if self.omega_o is None else "omega_o"
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

@@ -11,7 +11,7 @@ from pydantic import Field
 from hgorun.config.types import Name, NonNegative, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow, observer
-from hgorun.observers.capabilities import LocallyLinear
+from hgorun.observers.capabilities import LocallyLinear, Speed
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.extension import Extendable
 from hgorun.observers.nested import clipped
@@ -23,7 +23,7 @@ _BETWEEN = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 200)])  # gains of the
 
 
 @observer("piecewise")
-class PiecewiseObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable):
+class PiecewiseObserver(Speed, NoiseThreshold, LocallyLinear, PlacedGain, Extendable):
     """High-gain observer with one gain for small innovations and another for large ones.
 
     For uniformly observable plants. With e the innovation, sat_d(e) e cut off at +-d and dz_d(e) = e - sat_d(e) what
@@ -49,6 +49,10 @@ class PiecewiseObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable):
         description="where the innovation is large, in the units of the output: d >= 0, or {output: d}; by default 1.5 "
         "times the amplitude of the noise",
     )
+
+    @property
+    def speed_key(self) -> str | None:
+        return "theta_2"
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

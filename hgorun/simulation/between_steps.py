@@ -20,8 +20,9 @@ from hgorun.simulation.structure import Structure
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.curves import Curve
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.features import Feature, features_of
+from hgorun.symbolic.features import Feature
 from hgorun.symbolic.levels import distinct
+from hgorun.symbolic.narrow import features_of
 from hgorun.symbolic.passages import Passages, between
 
 SMOOTH = "a smooth law, such as tanh(s/eps) in place of sign(s)"  # what to write of equations that jump

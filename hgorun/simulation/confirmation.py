@@ -66,7 +66,7 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
             verdict = replace(verdict, at=at)  # there its numbers end
         if verdict.status == "diverged" and j not in enough:
             verdict = with_reason(run, free, j, verdict, again, controlled=run.adaptive)
-            verdict = given_up(run, free, j, verdict) if run.adaptive else verdict
+            verdict = given_up(run, free, j, verdict, again) if run.adaptive else verdict
         said[j] = _inaccurate(run, free, j, verdict, enough[j], again) if j in enough else verdict
     raw = _with_blocks(run, raw, free, back)
     raw = _ended(run, raw, {j: verdict for j, verdict in said.items() if verdict.lost or j in enough})
@@ -131,7 +131,7 @@ def plant_lost(run: PreparedRun, error: PlantDiverged, again: Again) -> Simulati
 
     escape = escaped(run)
     if escape is not None or run.adaptive or run.plant.block.discretise:
-        return escape or error
+        return escape or explained(run, error)
     for shorter in _attempts(run, np.inf):
         try:
             again.integrate(again.plan(shorter))

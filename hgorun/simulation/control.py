@@ -19,7 +19,7 @@ import numpy as np
 from hgorun.config.models import Method
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
-from hgorun.errors import NoStep, Problem
+from hgorun.errors import PlantEnded, Problem
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.between_steps import SMOOTH, Missed, jumping, jumps_of, missed
@@ -97,7 +97,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
             raise escape
     if found is None:
         failure = search.failure or search.lost or _not_enough(run)
-        raise explained(run, failure) if isinstance(failure, NoStep) else failure
+        raise explained(run, failure) if isinstance(failure, PlantEnded) else failure
     how, known, tolerance = found.finished.how, found.finished.measured, found.finished.how.tolerance
     integration = Integration(
         method=how.method,
@@ -229,7 +229,7 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
         if verdict is not None and verdict.status == "diverged":
             controlled_steps = found.how.tolerance is not None
             verdicts[block.label] = with_reason(run, raw, j, verdict, again, controlled=controlled_steps)
-    return no_step(run, raw, crossed(run, raw, verdicts)) if found.how.tolerance else verdicts
+    return no_step(run, raw, crossed(run, raw, verdicts), again) if found.how.tolerance else verdicts
 
 
 def _doubt(error: float, run: PreparedRun, spent: int) -> Verdict:

@@ -3,7 +3,8 @@
 The measure is that of ``solver.accuracy``: the difference of a metric m counts relative to max(|m|, 1e-6 max |x_i|),
 a settling time is right within a step of its grid, and the truth of state i counts relative to max |x_i|. What says
 nothing but rounding is left out: a settling time below a bound that is smaller than the errors allowed, the variation
-of an estimate over that of a state that rests.
+of an estimate over that of a state that rests. Of a state that rests at zero, metrics count relative to no less than
+1e-9 of the largest estimate: gains amplify the rounding of the outputs, the more steps there are the more.
 
 A settling time jumps where the error of an estimate crosses its bound. Two passes whose errors differ by more than that
 bound say nothing of when, so that not the jump counts but how far the errors are apart, relative to their peak.
@@ -23,6 +24,8 @@ from hgorun.simulation.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 
 _FLOOR = 1e-6  # of the largest value of a state: what is smaller counts as that
+_RESTS = 1e-9  # of the largest state: one that is smaller all along rests at zero
+_AMPLIFIED = 1e-3  # of the largest estimate of such a state: its metrics count relative to 1e-6 of that
 _PIECE = 1 << 14  # points at a time
 _SAME_TIME = 0.01  # of the time since the start: two passes that lose an observer so close agree
 
@@ -93,9 +96,12 @@ def difference(run: PreparedRun, fine: Estimate, coarse: Estimate, size: np.ndar
     size, moved : ndarray, shape (n, ...)
         max |x_i|, and the variation of x_i in the steady window.
     """
-    own = np.maximum(size, _FLOOR * _reach(fine.xhat))
-    apart = _largest(_gap(fine.xhat, coarse.xhat), np.maximum(own, _reach(fine.xhat)))
-    return np.asarray(np.maximum(apart, _metrics(run, fine, coarse, own, moved)))
+    reach = _reach(fine.xhat)
+    own = np.maximum(size, _FLOOR * reach)
+    apart = _largest(_gap(fine.xhat, coarse.xhat), np.maximum(own, reach))
+    rests = size <= _RESTS * np.max(size, axis=0)
+    least = np.where(rests, np.maximum(own, _AMPLIFIED * reach), own)
+    return np.asarray(np.maximum(apart, _metrics(run, fine, coarse, least, moved)))
 
 
 def _reach(values: np.ndarray) -> np.ndarray:

@@ -8,15 +8,15 @@ from dataclasses import replace
 import casadi as ca
 import numpy as np
 
-from hgorun.errors import NoStep, PlantDiverged, PlantEnded, SimulationError
+from hgorun.errors import NoStep, PlantDiverged, PlantEnded, ShortHistory, SimulationError
 from hgorun.result.data import PLANT
 from hgorun.simulation.between_steps import SMOOTH, jumps_of
+from hgorun.simulation.far_start import far_plant
+from hgorun.simulation.loss import onwards, shortly_before
 from hgorun.simulation.plant_alone import PlantRun
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.domains import first_undefined
 
-_SHORTLY = 2e-6, 1e-6  # of the time until then: from there the state goes on in a straight line
-_ONWARDS = 1, 2, 4, 8  # times the way between these
 _BEFORE = 1e-3, 1e-6  # of the time until then
 _GROWS = 0.2  # between these, of what it was before: (t* - t)^-p does for p > 0.03, and so does log(t* - t)
 
@@ -68,8 +68,16 @@ def _end(run: PreparedRun) -> float | None:
 
 
 def explained(run: PreparedRun, error: PlantEnded) -> PlantEnded:
-    """The same, with what stops being defined in the plant's equations, or jumps: the root of a level, friction."""
-    return _ceased(run, error) or _jumped(run, error) or error
+    """The same, with what is to blame: what stops being defined, as the root of a level, a huge start, or friction."""
+    return _ceased(run, error) or _from_far(run, error) or _jumped(run, error) or error
+
+
+def _from_far(run: PreparedRun, error: PlantEnded) -> PlantEnded | None:
+    """That the plant starts so far out that numbers have no digits left for what happens."""
+    why = far_plant(run)
+    return (
+        None if why is None else type(error)(f"the plant is lost at t = {run.origin + error.at:.6g}: {why}", error.at)
+    )
 
 
 def _ceased(run: PreparedRun, error: PlantEnded) -> NoStep | None:
@@ -90,22 +98,27 @@ def _ceased(run: PreparedRun, error: PlantEnded) -> NoStep | None:
 
 def _jumped(run: PreparedRun, error: PlantEnded) -> NoStep | None:
     """That a state may stick where the equations jump, so that no step which errors control is small enough."""
-    what = jumps_of(run, PLANT) if isinstance(error, NoStep) else ""
+    if not isinstance(error, NoStep):
+        return None
+    what = jumps_of(run, PLANT)
     if not what:
         return None
-    step = min(run.step, run.longest_gap)
-    return NoStep(
-        f"no step is small enough for the plant at t = {run.origin + error.at:.6g}: its equations jump ({what}), and "
-        f"no tolerance is met where a state sticks there; write {SMOOTH}, or give a step, as in "
-        f"solver: {{method: rk4, step: {step:.2g}}}",
-        at=error.at,
+    step, when = min(run.step, run.longest_gap), f"t = {run.origin + error.at:.6g}"
+    if isinstance(error, ShortHistory):
+        where = f"at {when} steps become so short that too many would have to be kept for the delay: the plant's"
+    else:
+        where = f"no step is small enough for the plant at {when}: its"
+    return type(error)(
+        f"{where} equations jump ({what}), and no tolerance is met where a state sticks there; write {SMOOTH}, or give "
+        f"a step, as in solver: {{method: rk4, step: {step:.2g}}}",
+        error.at,
     )
 
 
 def _undefined(run: PreparedRun, end: float) -> str | None:
     """What is not defined in the plant's equations where its state goes on as before a time."""
-    times = np.array([end - part * (end - run.time.start) for part in _SHORTLY])
-    if not times[0] < times[1] < end:  # nearly at the start
+    times = shortly_before(run.time.start, end)
+    if times is None:
         return None
     near = replace(_alone(run), time=run.time.model_copy(update={"end": times[1]}))
     before, last = near.states(times)
@@ -113,6 +126,8 @@ def _undefined(run: PreparedRun, end: float) -> str | None:
     rates = ca.SX(model.f(model.t, model.x, plant.inputs, model.p))
     symbols = [model.t, model.x, plant.everything]
     names = [(model.x[i], name) for i, name in enumerate(model.states)]
-    onwards = (last + far * (last - before) for far in _ONWARDS)
-    found = (first_undefined(rates, symbols, [np.array([end]), x, run.plant.everything], names) for x in onwards)
-    return next(filter(None, found), None)
+    for x in onwards(before, last):
+        what = first_undefined(rates, symbols, [np.array([end]), x, run.plant.everything], names)
+        if what is not None:
+            return what
+    return None

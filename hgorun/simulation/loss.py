@@ -19,6 +19,8 @@ from hgorun.symbolic.evaluate import Floats, at
 UNBOUNDED = (1e300, 0.0)  # an observer is followed until its numbers overflow
 _BEFORE = 1e-3  # of a step: so long before an event its jump has not happened yet
 _EXPLODED = 1e9  # times the size of a state
+_SHORTLY = 2e-6, 1e-6  # of the time until then: from there states go on in a straight line
+_ONWARDS = 1, 2, 4, 8  # times the way between these
 _STAGES = (0.0, 0.5, 0.5, 1.0)  # of a step, each from the slope of the one before
 
 
@@ -96,6 +98,39 @@ def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
         if what is not None:
             return _said(what, run.origin + t)
     return None
+
+
+def ceased(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
+    """What stops being defined in the equations of an observer at the time at which controlled steps give it up.
+
+    No step leads to where that is: its states go on as they did shortly before.
+    """
+    plan, last = again.plan().up_to(lost)
+    times = shortly_before(float(plan.spans[0, 0]), lost)
+    if times is None:
+        return None
+    raw = again.integrate(plan.with_grid(times))
+    flow = run.structure.system.regimes[int(last.counts[0, 3])].flow
+    block, own = run.observers[j], slice(run.structure.system.blocks[j][0], run.observers[j].end)
+    for z in onwards(raw.rows[0, :, 0], raw.rows[-1, :, 0]):
+        if not np.all(np.isfinite(z[own])) or _exploded(run, j, z):
+            return None
+        what = _where(run, block, flow, (lost, run.numbers.p, z, raw.held[:, 0]), own)
+        if what is not None:
+            return _said(what, run.origin + lost)
+    return None
+
+
+def shortly_before(start: float, end: float) -> Floats | None:
+    """Two times from which states go on in a straight line to the end; None where there is no room for them."""
+    times = np.array([end - part * (end - start) for part in _SHORTLY])
+    return times if start < times[0] < times[1] < end else None
+
+
+def onwards(before: Floats, last: Floats) -> Iterator[Floats]:
+    """Where states come to in a straight line, from what they are at those two times."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        yield from (last + far * (last - before) for far in _ONWARDS)
 
 
 def _exploded(run: PreparedRun, j: int, z: Floats) -> bool:

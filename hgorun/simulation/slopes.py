@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import casadi as ca
+import numpy as np
 
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.symbolic.evaluate import Floats
 
 
 def slopes(run: PreparedRun, block: ObserverBlock) -> ca.Function:
@@ -34,3 +36,23 @@ def slopes(run: PreparedRun, block: ObserverBlock) -> ca.Function:
         ca.jacobian(correction, e),
     ]
     return ca.Function("linear", [t, run.structure.p, z, e], [ca.densify(part) for part in parts])
+
+
+def at_truth(run: PreparedRun, block: ObserverBlock, x: Floats) -> Floats:
+    """All states where an observer estimates a true state, and is as at the start else; zero of others.
+
+    Parameters
+    ----------
+    x : ndarray, shape (n,)
+
+    Raises
+    ------
+    ValueError
+        Where the observer's coordinates do not exist.
+    """
+    own, xhat = slice(block.start, block.stop), block.states["xhat"]
+    z = np.zeros(run.structure.system.states)
+    z[own] = run.numbers.z0[own]
+    estimate = np.asarray(block.form.start(x, run.plant.parameters, block.canonical))
+    z[xhat.start : xhat.start + xhat.size] = block.observer.start(estimate, block.design)
+    return z

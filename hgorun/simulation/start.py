@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import Problem
+from hgorun.simulation.far_start import huge_start
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.overflow import moderate, overflow
 from hgorun.simulation.plant_alone import divided_by_zero
@@ -42,7 +43,11 @@ def check_start(run: PreparedRun) -> None:
         if (why := divided_by_zero(run.plant, path)) is not None:
             raise Problem(path, why)
         what = f"the right-hand side of {name} is not a finite number at the start of the run"
-        raise Problem(path, what + _why(run, bad[:1])[0])
+        why, large = _why(run, bad[:1])
+        far = huge_start(run) if large else None
+        if far is not None:
+            raise Problem(("plant", "initial", far[0]), f"{far[1]:.6g} is too large: {what}{why}")
+        raise Problem(path, what + why)
     check_outputs(run)
     for b, (first, *_) in zip(numbers.observers, system.blocks, strict=True):
         if not sound[first : b.start].all():

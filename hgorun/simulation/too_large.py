@@ -1,4 +1,4 @@
-"""Whether theta is too large for how rarely, or how late, outputs are measured; and what would not be.
+"""Whether a gain is too large for how rarely, or how late, outputs are measured; and what would not be.
 
 Near the truth the error of a high-gain observer with sampled or late outputs is a linear hybrid system, whose monodromy
 matrix tells by how much it grows from sample to sample. Where it grows at all of some points along the plant's way, no
@@ -14,13 +14,13 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.errors import HgorunError, printable
-from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import HighGain, NotLinear, SlidingMode
+from hgorun.observers.base import AnyObserver, ContinuousObserver, DecidedObserver
+from hgorun.observers.capabilities import NotLinear, SlidingMode, Speed
 from hgorun.simulation.design import Design
 from hgorun.simulation.monodromy import exponentials, monodromy, on_their_way
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.slopes import slopes
+from hgorun.simulation.slopes import at_truth, slopes
 from hgorun.simulation.structure import parameter_values
 from hgorun.symbolic.evaluate import Floats, evaluate
 
@@ -28,7 +28,7 @@ _POINTS = 3  # of the run
 _GROWS = 1 + 1e-6  # from sample to sample: less may be rounding of 1
 _RATIO, _PRECISION = 1.3, 3e-3  # of neighbouring values in a search, and of what it finds
 _SMALLEST = 1e-2  # of the times in use: the search begins there
-_SLOWEST = 1e-4  # theta times period and delay: what so slow an observer does from sample to sample may be rounding
+_SLOWEST = 1e-4  # a rate times period and delay: what so slow an observer does from sample to sample may be rounding
 _FINE = 16  # samples a delay that stand for a continuous output, or for more of them
 
 
@@ -49,49 +49,73 @@ class _Timing:
         return _Timing(None if self.period is None else part * self.period, part * self.delay)
 
 
-def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
-    """That theta is, and limits of the linearised error; None where that is not so, or not known.
+@dataclass(frozen=True)
+class _Gain:
+    """What sets the speed of small errors: a key of the block with its value, or the rate that follows from others."""
 
-    Not said of gains that are states, and of what jumps, looks back or has no linearisation.
+    key: str | None
+    value: float
+
+    @classmethod
+    def of(cls, observer: AnyObserver, block: ObserverBlock) -> _Gain | None:
+        """None where nothing is known of it."""
+        key = observer.speed_key if isinstance(observer, Speed) else None
+        value = float(getattr(observer, key) if key else observer.error_rate(block.form) or 0.0)
+        return cls(key, value) if value > 0 else None
+
+    def told(self, unit: str) -> str:
+        """The subject of a sentence."""
+        if self.key is not None:
+            return f"{self.key} = {self.value:.4g} is"
+        return f"the gains, which make it as fast as {self.value:.3g} per {unit or 'time unit'}, are"
+
+
+def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
+    """That its gain is, and limits of the linearised error; None where that is not so, or not known.
+
+    Not said of gains that are states, and of what decides, jumps, looks back or has no linearisation.
     """
     block, timing = run.observers[j], _timing(run)
     observer = block.observer
-    if timing is None or not isinstance(observer, ContinuousObserver) or not isinstance(observer, HighGain):
+    if timing is None or not isinstance(observer, ContinuousObserver) or isinstance(observer, DecidedObserver):
         return None
     unknown = isinstance(observer, NotLinear | SlidingMode) or "gain" in observer.roles(block.form).values()
     if unknown or block.recalled or run.closed:
+        return None
+    gain = _Gain.of(observer, block)
+    if gain is None:
         return None
     try:
         error = _Error(run, block, raw.rows[:, run.structure.truths[j], 0])
         if not error.smallest_growth(timing) > _GROWS:
             return None
         slowest = _SLOWEST / timing.longest
-        part = _largest_part(lambda part: error.growth(timing.scaled(part)), slowest / observer.theta)
-        theta = _largest_theta(error, observer, timing, part, slowest)
+        part = _largest_part(lambda part: error.growth(timing.scaled(part)), slowest / gain.value)
+        value = _largest_value(error, gain, timing, part, slowest)
     except (HgorunError, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no such observer
         return None
-    return _told(run, observer, timing, part, theta)
+    return _told(run, gain, timing, part, value)
 
 
-def _told(run: PreparedRun, observer: HighGain, timing: _Timing, part: float | None, theta: float | None) -> str | None:
-    unit = printable(run.time.unit)
-    unit = f" {unit}" if unit else ""
+def _told(run: PreparedRun, gain: _Gain, timing: _Timing, part: float | None, value: float | None) -> str | None:
+    name = printable(run.time.unit)
+    unit = f" {name}" if name else ""
     period, late = timing.period, f"the delay {timing.delay:.4g}{unit}"
     what = late if period is None else f"the period {period:.4g}{unit}" + (f" with {late}" if timing.delay else "")
-    limits = [] if theta is None else [f"theta of at most {_below(theta)}"]
+    limits = [] if value is None else [f"{gain.key} of at most {below(value)}"]
     if part is not None and (period is None or not timing.delay):
-        name, used = ("delay", timing.delay) if period is None else ("period", period)
-        limits.append(f"a {name} of at most {_below(part * used)}{unit}")
+        one, used = ("delay", timing.delay) if period is None else ("period", period)
+        limits.append(f"a {one} of at most {below(part * used)}{unit}")
     if not limits:
         return None
     holds = f"they do not with {', or '.join(limits)}"
-    return f"theta = {observer.theta:.4g} is too large for {what}, since even small errors grow: {holds}"
+    return f"{gain.told(name)} too large for {what}, since even small errors grow: {holds}"
 
 
-def _below(value: float) -> str:
+def below(value: float) -> str:
     """A limit in two digits that keeps it."""
     size = 10.0 ** (np.floor(np.log10(value)) - 1)
-    return f"{np.floor(value / size * (1 + 1e-9)) * size:.2g}"
+    return f"{np.floor(value / size * (1 + 1e-9)) * size:.6g}"
 
 
 def _timing(run: PreparedRun) -> _Timing | None:
@@ -111,7 +135,7 @@ def _timing(run: PreparedRun) -> _Timing | None:
 
 
 class _Error:
-    """The linearised error at points of the plant's way, with any theta."""
+    """The linearised error at points of the plant's way, with any gain."""
 
     def __init__(self, run: PreparedRun, block: ObserverBlock, x: Floats) -> None:
         self.run, self.block = run, block
@@ -120,10 +144,10 @@ class _Error:
         self._x = x[self._rows]
         self._systems = self._at(run.numbers.p, block)
 
-    def with_theta(self, theta: float) -> _Error:
-        """The same error with another theta."""
+    def with_value(self, key: str, value: float) -> _Error:
+        """The same error with another value of a key."""
         run, label = self.run, self.block.label
-        other = self.block.observer.model_copy(update={"theta": theta})
+        other = self.block.observer.model_copy(update={key: value})
         design = Design.of(label, other, self.block.form)
         designs = [design if b.label == label else run.experiment.designs[b.label] for b in run.observers]
         found = object.__new__(_Error)
@@ -142,13 +166,8 @@ class _Error:
 
     def _at(self, p: Floats, block: ObserverBlock) -> tuple[Floats, Floats]:
         """(xi, e)' = G (xi, e) between samples, and H, at the points."""
-        run, own = self.run, slice(block.start, block.stop)
-        z = np.zeros((len(self._x), run.structure.system.states))
-        z[:, own] = run.numbers.z0[own]
-        xhat = block.states["xhat"]
-        for row, x in zip(z, self._x, strict=True):
-            estimate = np.asarray(block.form.start(x, run.plant.parameters, block.canonical))
-            row[xhat.start : xhat.start + xhat.size] = block.observer.start(estimate, block.design)
+        run = self.run
+        z = np.stack([at_truth(run, block, x) for x in self._x])
         e = np.zeros((len(z), len(run.plant.model.outputs)))
         times = run.grid[self._rows][:, None]
         found = evaluate(self._slopes, times, np.tile(p, (len(z), 1)), z, e)
@@ -185,18 +204,19 @@ def _largest_part(growth: Callable[[float], float], least: float) -> float | Non
     return _halved(growth, low, min(high, 1.0))
 
 
-def _largest_theta(
-    error: _Error, observer: HighGain, timing: _Timing, part: float | None, slowest: float
-) -> float | None:
-    """The theta below the one in use with which errors no longer grow; about in inverse proportion to times.
+def _largest_value(error: _Error, gain: _Gain, timing: _Timing, part: float | None, slowest: float) -> float | None:
+    """The value below the one in use with which errors no longer grow; about in inverse proportion to times.
 
-    Where no part of these is short enough, the plant may be too fast for them alone, and a smaller theta may do.
+    Where no part of these is short enough, the plant may be too fast for them alone, and a smaller value may do.
     """
+    key = gain.key
+    if key is None:
+        return None
 
-    def growth(theta: float) -> float:
-        return error.with_theta(theta).growth(timing)
+    def growth(value: float) -> float:
+        return error.with_value(key, value).growth(timing)
 
-    high = observer.theta * (1.0 if part is None else min(2 * part, 1.0))
+    high = gain.value * (1.0 if part is None else min(2 * part, 1.0))
     while (low := high / _RATIO) > slowest:
         if growth(low) < 1:
             return _halved(growth, low, high)

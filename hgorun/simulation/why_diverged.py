@@ -10,19 +10,21 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import NotLinear, SlidingMode
+from hgorun.observers.capabilities import NotLinear, SlidingMode, Speed
 from hgorun.result.status import Verdict
 from hgorun.simulation.far_start import far_start
-from hgorun.simulation.loss import Again, step_at
+from hgorun.simulation.loss import Again, ceased, step_at
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.too_large import too_large
+from hgorun.simulation.slopes import at_truth, slopes
+from hgorun.simulation.too_large import below, too_large
 from hgorun.symbolic.evaluate import Floats, at, evaluate
 from hgorun.symbolic.forms import ChosenChains
 
 _GROWS = 1e-6  # of the fastest rate: a smaller one may be rounding of zero
 _HALVINGS = 40  # of the time between the last point of the grid and a loss
 _STABLE = 4.0  # the largest step of explicit methods, times the fastest rate, and somewhat more
+_SAFE = 2.5  # such a step with which they are stable, whatever the phase of the eigenvalues of usual gains
 _NEARLY, _EXPLODED = 1e-3, 1e3  # of the determinant at the start; times the size of the states
 
 
@@ -53,17 +55,23 @@ def with_reason(
     return replace(verdict, reason="; ".join(known) or None)
 
 
-def no_step(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict]) -> dict[str, Verdict]:
+def no_step(run: PreparedRun, raw: Raw, verdicts: Mapping[str, Verdict], again: Again) -> dict[str, Verdict]:
     """The verdicts, where controlled steps have given observers up and nothing else is known of them."""
     places = {block.label: j for j, block in enumerate(run.observers)}
-    return {label: given_up(run, raw, places[label], verdict) for label, verdict in verdicts.items()}
+    return {label: given_up(run, raw, places[label], verdict, again) for label, verdict in verdicts.items()}
 
 
-def given_up(run: PreparedRun, raw: Raw, j: int, verdict: Verdict) -> Verdict:
-    """What is said of an observer that controlled steps have given up, where nothing else is known of it."""
+def given_up(run: PreparedRun, raw: Raw, j: int, verdict: Verdict, again: Again) -> Verdict:
+    """What is said of an observer that controlled steps have given up, where nothing else is known of it.
+
+    Where an operation is undefined there that is the reason, and the estimate has not diverged before.
+    """
     lost = float(raw.diverged[j, 0])
     if verdict.status != "diverged" or verdict.reason is not None or not np.isfinite(lost):
         return verdict
+    what = ceased(run, again, j, lost)
+    if what is not None:
+        return Verdict("undefined", verdict.at, what)
     when = f"{run.origin + lost:.6g}"
     since = when if verdict.at is None else f"{run.origin + verdict.at:.6g}"
     why = "its equations are singular there, its gains too large, or the tolerance is out of reach"
@@ -127,8 +135,20 @@ def _too_fast(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
         return None
     return (
         f"steps of {step:.3g} are too long for its gains, which make it as fast as {rate:.3g} per time unit, and many "
-        "more would be needed than can be made: give smaller gains"
+        f"more would be needed than can be made: give {_slower(block, _SAFE / step)}"
     )
+
+
+def _slower(block: ObserverBlock, rate: float) -> str:
+    """What to give so that an observer is no faster than a rate: a value of the key that sets its speed."""
+    observer = block.observer
+    key = observer.speed_key if isinstance(observer, Speed) else None
+    if key is not None:
+        value = float(getattr(observer, key) * rate / observer.fastest_rate(block.form))
+        slower = observer.model_copy(update={key: value})
+        if value > 0 and slower.fastest_rate(block.form) <= rate * (1 + 1e-9):
+            return f"{key} of at most {below(value)}"
+    return "smaller gains"
 
 
 def _estimate(block: ObserverBlock, raw: Raw) -> Floats:
@@ -172,44 +192,25 @@ def _unstable_gain(run: PreparedRun, raw: Raw, block: ObserverBlock) -> str | No
         return None
     if "gain" in observer.roles(block.form).values():
         return None
-    count, matrix, rates = len(run.grid), _error_matrix(run, block), list[float]()
+    count, linear, rates = len(run.grid), slopes(run, block), list[float]()
     for row in (0, count // 2, count - 1):
-        rates.append(_rate(run, block, matrix, row, raw.rows[row, : run.plant.model.n, 0]))
+        rates.append(_rate(run, block, linear, row, raw.rows[row, : run.plant.model.n, 0]))
         if rates[-1] <= 0:
             return None
     return f"the gain is unstable on this plant: small errors grow like exp({min(rates):.3g} t)"
 
 
-def _rate(run: PreparedRun, block: ObserverBlock, error_matrix: ca.Function, row: int, x: Floats) -> float:
+def _rate(run: PreparedRun, block: ObserverBlock, linear: ca.Function, row: int, x: Floats) -> float:
     """The largest real part of the error dynamics' eigenvalues at a true state; 0 where it is small or not known."""
-    structure, model, t = run.structure, run.plant.model, run.grid[row]
-    own = slice(block.start, block.stop)
-    z = np.zeros(structure.system.states)
-    z[own] = run.numbers.z0[own]
-    xhat = block.states["xhat"]
     try:
-        estimate = np.asarray(block.form.start(x, run.plant.parameters, block.canonical))
-        z[xhat.start : xhat.start + xhat.size] = block.observer.start(estimate, block.design)
+        z = at_truth(run, block, x)
     except ValueError:  # the coordinates do not exist there
         return 0.0
-    u = structure.inputs.along(np.array([t]), run.numbers.p, np.zeros((1, structure.system.states)))[0]
-    matrix = at(error_matrix, t, u, z, np.zeros(len(model.outputs)), run.numbers.p)[0]
-    matrix = matrix.reshape(block.stop - block.start, -1)
+    found = at(linear, run.grid[row], run.numbers.p, z, np.zeros(len(run.plant.model.outputs)))
+    A0, E, H = (values.reshape(linear.size_out(i)) for i, values in enumerate(found[:3]))
+    matrix = A0 + E @ H  # of the observer's own states, its innovation being C xhat - y
     if not np.all(np.isfinite(matrix)):
         return 0.0
     eigenvalues = np.linalg.eigvals(matrix)
     largest = float(np.max(eigenvalues.real))
     return largest if largest > _GROWS * float(np.max(np.abs(eigenvalues))) else 0.0
-
-
-def _error_matrix(run: PreparedRun, block: ObserverBlock) -> ca.Function:
-    """The slopes of the observer's right-hand side in its own states, its innovation being C xhat - y."""
-    structure, model = run.structure, run.plant.model
-    t, z = ca.SX.sym("t"), ca.SX.sym("z", structure.system.states)
-    u, e = ca.SX.sym("u", len(model.inputs)), ca.SX.sym("e", len(model.outputs))
-    own = z[block.start : block.stop]
-    placed = structure.observers[run.observers.index(block)]
-    rate = placed.flow(t, u, structure.plant, z, e)[: block.stop - block.start]
-    guess = placed.guess(t, u, structure.plant, z)
-    slopes = ca.jacobian(rate, own) + ca.jacobian(rate, e) @ ca.jacobian(guess, own)
-    return ca.Function("slopes", [t, u, z, e, structure.p], [ca.densify(slopes)])

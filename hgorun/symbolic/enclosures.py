@@ -9,6 +9,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hgorun.memo import Memo
 from hgorun.native.boxes import LEAST
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.instructions import Instruction, read
@@ -16,6 +17,8 @@ from hgorun.symbolic.intervals import Bounds, enclose
 from hgorun.symbolic.segment_means import Form, SegmentMeans, can_be_compiled
 
 _SLICES, _NARROWINGS = 256, 9  # to the last bit of 64
+_NEAR = 0.01  # of a box: how far a point without a bound may be from that of other constants
+_POLES: Memo[np.ndarray | None] = Memo(128)  # the last one found, by form
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -34,7 +37,15 @@ class Enclosure:
     _poles: list[tuple[np.ndarray, np.ndarray]] = field(default_factory=list)  # corners of boxes that hold one each
 
     def has_pole(self, low: np.ndarray, high: np.ndarray) -> bool:
-        """Whether a box, corners (d,), is known to hold a point without a bound: then no cutting of it leads to one."""
+        """Whether a box, corners (d,), is known to hold a point without a bound: then no cutting of it leads to one.
+
+        Where nothing is known yet, what is near the pole of a function that differs in its constants only is tried.
+        """
+        if not self._poles and (beside := _POLES.get(self._form(0, 1).digest, lambda: None)) is not None:
+            reach = _NEAR * (high - low)
+            below, above = np.maximum(beside - reach, low), np.minimum(beside + reach, high)
+            if np.all(below <= above) and not np.isfinite(self(below[None], above[None])).all():
+                self.find_pole(below, above)
         return any(np.all(low <= below) and np.all(above <= high) for below, above in self._poles)
 
     def find_pole(self, low: np.ndarray, high: np.ndarray) -> None:
@@ -54,6 +65,7 @@ class Enclosure:
             k = given[given.size // 2] if given.size else unbounded[unbounded.size // 2]
             low, high = lows[k], highs[k]
         self._poles.append((low, high))
+        _POLES.put(self._form(0, 1).digest, 0.5 * (low + high))
 
     @cached_property
     def instructions(self) -> list[Instruction]:

@@ -381,6 +381,23 @@ def test_a_run_that_cannot_be_made_is_told(file: Path) -> None:
         live.bench.shown(live.bench.state_of("observers.F.theta=-1"))
 
 
+def test_a_fault_inside_leaves_no_question_without_its_answer(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Else a page would say "computing" for ever."""
+    live = Live(file)
+
+    def broken(*_: object, **__: object) -> None:
+        raise ZeroDivisionError
+
+    monkeypatch.setattr("hgorun.explore.simulated.simulate_prepared", broken)
+    with pytest.raises(ZeroDivisionError):  # it is for the terminal
+        live.set("observers.S.theta", 4)
+    told = live.paper.told[-1]
+    assert "by a fault of hgorun" in told["error"]
+    assert (told["number"], told["values"]["observers.S.theta"]) == (live.number, 3)
+    monkeypatch.undo()
+    assert live.set("observers.S.theta", 4)["values"]["observers.S.theta"] == 4
+
+
 def test_what_no_slider_changes_is_made_once(file: Path) -> None:
     """The coordinates of a theory and their functions stay while values change."""
     live = Live(file)

@@ -88,7 +88,9 @@ def test_peaking_of_observers_in_different_coordinates(result: Result) -> None:
     transients = {"A": bounded(("x1", "x2"), result.time), "B": bounded(("z1",), result.time)}
     figure = peaking(result, transients)
     drawn = [[line.get_label() for line in ax.lines] for ax in figure.axes]
-    assert drawn == [["A", "A: bound"], ["A", "A: bound"], ["B", "B: bound"]]
+    assert drawn == [["A", "_A: bound"], ["A", "_A: bound"], ["B", "_B: bound", "bound of the theorem"]]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["A", "B", "bound of the theorem"]
 
 
 def words_of(figure: Figure) -> str:
@@ -153,3 +155,15 @@ def test_what_coincides_with_the_line_in_front_is_seen_behind_it(result: Result)
             if line.get_label() in ("A", "B"):
                 alike = back if line.get_label() == back.get_label() else front
                 assert line.get_linewidth() == alike.get_linewidth()
+
+
+@pytest.mark.parametrize("size", [1, 2, 3, 100, 101, 6001])
+def test_limits_follow_from_quantiles(size: int) -> None:
+    """Those of numpy, to the last bit."""
+    v = np.random.default_rng(size).normal(0.0, 3.0, size)
+    spread, positive = data.Spread.of(v), data.Size.of(np.abs(v))
+    assert spread is not None
+    assert positive is not None
+    assert (spread.start, spread.low, spread.high) == (v[0], min(v), max(v))
+    assert spread.central == tuple(np.quantile(v, (0.01, 0.99)))
+    assert positive.usual == np.quantile(np.abs(v), 0.01)

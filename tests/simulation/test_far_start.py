@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from examples import Block, inline, simulated
 
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, SimulationError
 
 OSCILLATOR = inline({"x1": "x2", "x2": "-x1 + (1 - x1**2)*x2"}, "x1", initial={"x1": 1, "x2": 0})
 SHGO: Block = {"type": "shgo", "theta": 4}
@@ -51,3 +51,21 @@ def test_a_gain_that_overflows_is_named_beside_such_a_start() -> None:
     with pytest.raises(ConfigError, match="gains that follow from it overflow") as caught:
         reason(OSCILLATOR, {"type": "eso", "omega_o": 1e200, "initial": {"x1": 1e250}})
     assert caught.value.key == "observers.S.omega_o"
+
+
+@pytest.mark.parametrize(
+    "solver", [{"step": "auto"}, {"step": 0.01}, {"method": "rodas5p"}], ids=["auto", "rk4", "stiff"]
+)
+def test_a_plant_that_is_lost_from_a_huge_start_names_it(solver: Block) -> None:
+    """Nothing is stiff: x2 overflows within two steps."""
+    plant = inline({"x1": "x2", "x2": "-1e7*x1"}, "x1", initial={"x1": 1.5e300, "x2": 0})
+    with pytest.raises(SimulationError, match=r"plant.initial.x1 is 1.5e\+300, beside which numbers lose") as caught:
+        simulated(plant, {"S": SHGO}, end=1, solver=solver)
+    assert "stiff" not in str(caught.value)
+
+
+def test_one_that_overflows_at_once_is_at_its_key() -> None:
+    with pytest.raises(ConfigError) as caught:
+        simulated(OSCILLATOR | {"initial": {"x1": 1.5e300, "x2": 1}}, {"S": SHGO}, end=1)
+    assert caught.value.key == "plant.initial.x1"
+    assert caught.value.message.startswith("1.5e+300 is too large: the right-hand side of x2 is not a finite number")

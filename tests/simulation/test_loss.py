@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
-from examples import VAN_DER_POL, Block, experiment, inline
+from examples import VAN_DER_POL, Block, experiment, inline, simulated
 
 from hgorun import simulate
 from hgorun.result.status import OK
@@ -33,6 +35,19 @@ def test_a_root_in_a_step() -> None:
     assert found.status == "undefined"
     assert found.reason is not None
     assert found.reason.startswith("sqrt of a negative number (h1 = -")
+
+
+@pytest.mark.parametrize("solver", [{"step": "auto"}, {"method": "rodas5p"}], ids=["auto", "rodas5p"])
+def test_a_logarithm_before_which_controlled_steps_end(solver: Block) -> None:
+    """The gain takes the estimate of x2 from 0 to -2, where no step is small enough any more."""
+    plant = inline({"x1": "x2", "x2": "log(x2 + 2) - x1"}, "x1", initial={"x1": 1, "x2": 0})
+    observer: Block = {"type": "shgo", "theta": 20, "initial": {"x1": 3}}
+    found = simulated(plant, {"S": observer}, end=1, output_step=0.01, solver=solver).observers["S"]
+    assert found.status == "undefined"
+    said = re.fullmatch(r"log of a number that is not positive \(x2 = -2\) at t = (\S+)", found.reason or "")
+    assert said is not None
+    # x2' = -400 (e1 = 2) at first, and e1' = x2 - 40 e1: about -800 t
+    assert float(said[1]) == pytest.approx(2 / 800, rel=0.1)
 
 
 @pytest.mark.parametrize("missing", [None, 7])

@@ -71,3 +71,13 @@ def test_a_delay_does_not_end_what_fixed_steps_follow() -> None:
     np.testing.assert_allclose(late[2:], x[:-2], atol=1e-3)
     reasons = [result.verdict.reason, *(one.reason for one in result.observers.values())]
     assert any("the plant's equations jump (sign of v)" in reason for reason in reasons if reason)
+
+
+def test_a_plant_that_sticks_with_a_delay_is_told_of_by_its_jump() -> None:
+    """x = (1 + cos(t))/2 until t = pi, where friction holds it at 0."""
+    with pytest.raises(SimulationError) as caught:
+        simulated(with_friction("0.5*sign(v)"), SHGO, measurement={"delay": 0.1}, end=10, solver={"method": "rodas5p"})
+    said = str(caught.value)
+    assert "at t = 3.14159 steps become so short that too many would have to be kept for the delay" in said
+    assert "the plant's equations jump (sign of v)" in said
+    assert "history" not in said

@@ -103,3 +103,18 @@ def test_what_moves_truth_and_estimate_alike_is_no_difference_of_errors() -> Non
     a = Estimate(x=x, xhat=xhat, metrics={"peak": np.ones(2), "settling": np.array([3.0, 3.0])})
     b = Estimate(x=x + 0.2, xhat=xhat + 0.2, metrics={"peak": np.ones(2), "settling": np.array([3.0, 9.0])})
     assert float(difference(run, a, b, np.ones(2), np.ones(2))) == pytest.approx(5.9 / 3)
+
+
+def test_what_gains_make_of_rounding_is_no_error_of_a_state_that_rests() -> None:
+    """Of a state at 0 whose estimate has peaked at 1000, an error of 1e-8 or twice that is 1e-11 of it."""
+    run = prepare(experiment(VAN_DER_POL, {"S": {"type": "shgo", "theta": 1}}, end=10.0))
+    peak = 1000 * np.exp(-np.linspace(0, 100, 101))[:, None] * np.array([0, 1])
+
+    def two(rest: float) -> float:
+        x = np.tile([1.0, rest], (101, 1))
+        a, b = ({"peak": np.array([1e-3, 1000]), "sup": np.array([0, sup])} for sup in (1e-8, 2e-8))
+        one, other = (Estimate(x=x, xhat=x + peak, metrics=metrics) for metrics in (a, b))
+        return float(difference(run, one, other, np.max(np.abs(x), axis=0), np.ones(2)))
+
+    assert two(0.0) == pytest.approx(0.01)
+    assert two(0.001) == pytest.approx(1.0, rel=0.01)

@@ -46,6 +46,21 @@ def test_the_limits_are_those_of_small_errors(what: str, measurement: Block, lim
         )
 
 
+@pytest.mark.parametrize(
+    ("observer", "said"),
+    [  # on two integrators each is the SHGO of three with theta = 50, see above
+        ({"type": "eso", "omega_o": 50}, "omega_o = 50 is too large for the period 0.1 s, .*: they do not with omega_o "
+         "of at most 28, or a period of at most 0.057 s"),
+        ({"type": "neso", "beta": [150, 7500, 125000], "alpha": [1, 1, 1], "delta": 1}, "the gains, which make it as "
+         "fast as 50 per s, are too large for the period 0.1 s, .*: they do not with a period of at most 0.057 s"),
+    ],
+    ids=["one key", "none"],
+)  # fmt: skip
+def test_a_gain_of_another_name_is_told_of(observer: Block, said: str) -> None:
+    start: Block = {"initial": {"x1": 1}}
+    assert re.search(said + "$", reason(chain(2), observer | start, PERIOD, end=4, step=0.005))
+
+
 def test_what_is_advised_holds_for_a_plant_of_ones_own() -> None:
     """Where the estimate stays bounded, too."""
     shgo: Block = {"type": "shgo", "theta": 80, "initial": {"p": 1, "q": 0.4}}

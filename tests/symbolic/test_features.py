@@ -11,7 +11,8 @@ import pytest
 from hgorun.symbolic import features
 from hgorun.symbolic.crossings import Search, TooMany
 from hgorun.symbolic.curves import Curve
-from hgorun.symbolic.features import Feature, features_of
+from hgorun.symbolic.features import Feature
+from hgorun.symbolic.narrow import features_of
 
 CELLS, NONE = 200, np.zeros(0)
 

@@ -100,6 +100,22 @@ def test_a_pole_is_found_once_and_for_all() -> None:
     assert inside.reached <= 1.5 * 2.5 / 0.25 <= inside.bound
 
 
+def test_a_pole_is_looked_for_where_that_of_other_constants_is() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+
+    def of(k: float) -> Enclosure:
+        return Enclosure(ca.Function("f", [ca.vertcat(x, y)], [y / (x - k)]))
+
+    low, high = np.array([0.0, 1.0]), np.array([2.0, 3.0])
+    assert not of(1.2).has_pole(low, high)
+    assert largest(of(1.2), low, high).bound == np.inf
+    assert of(1.201).has_pole(low, high)
+    assert not of(1.3).has_pole(low, high)  # it is somewhere else
+    assert not of(2.001).has_pole(low, high)  # outside, if near the edge
+    assert largest(of(2.5), low, high).bound == pytest.approx(3 / 0.5, rel=0.02)
+    assert largest(of(1.3), low, high).bound == np.inf
+
+
 @pytest.mark.parametrize("text", ["x*y", "x - y", "1/(x + 4)", "x**3 + y", "sin(x) + cos(y)"])
 def test_many_boxes_are_rounded_like_one(text: str) -> None:
     """Numbers that are counted through by their bits end where nextafter takes them: zero and infinity are not."""

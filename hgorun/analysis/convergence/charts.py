@@ -24,6 +24,7 @@ _CURVED = 1e-8  # relative change of a slope that is rounding
 _DEEP = 100  # operations down to which expressions are compared
 _CHARTS: Memo[Outcome[Chart]] = Memo(64)  # by form and numbers: observers of one form share it, and so do their runs
 _OF_FORMS: Memo[Outcome[Chart]] = Memo(64)  # by form alone, with the numbers of the plant that came first
+_INPUTS: Memo[Enclosure] = Memo(64)  # by the numbers that they follow from
 _FUNCTIONS: Memo[ca.Function] = Memo(128)  # by their expressions, which charts of other numbers share
 
 
@@ -133,8 +134,12 @@ class Chart:
 
     @cached_property
     def inputs(self) -> Enclosure:
-        """The plant's inputs, of time."""
-        return _enclosure(self.t, self._with_numbers(self.plant.inputs))
+        """The plant's inputs, of time: one for all charts of the same inputs, whatever else the plant's numbers are."""
+        symbolic, numbers = self.plant.symbolic, [self.plant.numbers.tobytes()]
+        if ca.depends_on(symbolic.inputs, self.p):
+            numbers.append(self.plant.parameters.tobytes())
+        key = same(symbolic), *numbers
+        return _INPUTS.get(key, lambda: _enclosure(self.t, self._with_numbers(self.plant.inputs)))
 
     def _with_numbers(self, expression: ca.SX) -> ca.SX:
         """An expression with the numbers of the plant's parameters."""

@@ -24,7 +24,7 @@ from hgorun.symbolic.graph import operations
 _MARGIN = 0.05  # of the width of a box around trajectories, on either side: they are known on a grid
 _PIECES = 1024  # of the time in which an input is enclosed
 _POINTS = 2000  # of a trajectory that slopes are evaluated at
-_INPUTS: Memo[tuple[np.ndarray, np.ndarray]] = Memo(16)  # between what those of a chart stay during a run
+_INPUTS: Memo[tuple[np.ndarray, np.ndarray]] = Memo(16)  # between what they stay during a run
 _JUMPING: Memo[bool] = Memo(64)  # charts
 _JUMPS = {ca.OP_SIGN, ca.OP_FLOOR, ca.OP_CEIL, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE}
 
@@ -167,7 +167,7 @@ def _over_box(run: PreparedRun, chart: Chart, low: np.ndarray, high: np.ndarray)
     The first slope without a bound ends it: the box is of no use then.
     """
     start, end = run.time.start, run.time.end
-    below, above = _INPUTS.get((same(chart), start, end), lambda: _between(chart.inputs, start, end))
+    below, above = _INPUTS.get((same(chart.inputs), start, end), lambda: _between(chart.inputs, start, end))
     low, high = np.concatenate([low, below, [start]]), np.concatenate([high, above, [end]])
     n = len(chart.names)
     bounds, met = np.zeros((n, n)), np.zeros((n, n))

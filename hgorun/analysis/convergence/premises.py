@@ -89,7 +89,7 @@ def premises_of(subject: Subject) -> Premises:
     limited = isinstance(subject.form, BlockForm) or chart.identity
     saturation = {name: (low, high) for name, (low, high) in subject.observer.saturation.items()} if limited else {}
     truth = truth_of(subject, chart)
-    a = amplitudes(subject.run, chart, subject.result, truth)
+    a = _amplitudes_of(subject, chart, truth)
     start = _start(subject, chart)
     dynamics = outcome(lambda: dynamics_of(subject)).found
     constant = isinstance(subject.form, ChainForm) and not isinstance(subject.observer, SettlingGain)
@@ -124,6 +124,16 @@ def _met_by_truth(subject: Subject, chart: Chart) -> np.ndarray:
     if key not in known:
         known[key] = Outcome(slopes_met(chart, subject.result, subject.result.x))
     return np.asarray(known[key].value)
+
+
+def _amplitudes_of(subject: Subject, chart: Chart, truth: np.ndarray) -> Amplitudes:
+    """Of noise and disturbance: found once for all observers of a chart."""
+    known, key = subject.context.known, (_amplitudes_of, chart)
+    if key not in known:
+        known[key] = Outcome(amplitudes(subject.run, chart, subject.result, truth))
+    found = known[key].value
+    assert isinstance(found, Amplitudes)
+    return found
 
 
 def require_linear(subject: Subject) -> None:

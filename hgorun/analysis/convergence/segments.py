@@ -44,7 +44,7 @@ def along(chart: Chart, result: Result, label: str, truth: np.ndarray, estimate:
     truth_of = (same(result.x), same(chart), count)
     ends = _TRUTHS.get(truth_of, lambda: _pieces(x[:count], starts)), _pieces(xhat[:count], starts)
     edges = np.append(result.time[starts], result.time[count - 1])[:, None]
-    inputs = _INPUTS.get((same(chart), edges.tobytes()), lambda: chart.inputs.each(edges[:-1], edges[1:]))
+    inputs = _INPUTS.get((same(chart.inputs), edges.tobytes()), lambda: chart.inputs.each(edges[:-1], edges[1:]))
     common = np.hstack([inputs[0], edges[:-1]]).T, np.hstack([inputs[1], edges[1:]]).T
     compiled = chart.along_segments.compiled(len(chart.names), _PARTS) if starts.size >= LEAST else None
     if compiled is None:

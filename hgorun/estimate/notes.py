@@ -1,0 +1,53 @@
+"""What a run that follows events knows beside its numbers, and how a checkpoint has it: as JSON, also of older ones."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, TypeAlias
+
+from hgorun.estimate.gate import kept_of
+from hgorun.estimate.own_steps import LastTaken
+
+Notes: TypeAlias = tuple[Any, ...]  # nothing in it changes any more
+Counts: TypeAlias = Sequence[tuple[int, ...]]
+
+
+def told(notes: Notes) -> list[Any]:
+    """For a checkpoint."""
+    *known, gate, offered, outliers, inputs, own = notes
+    kept = None if gate is None else [[kept_of(one) for one in row] for row in gate]
+    left = [(j, last.told()) for j, last in own]
+    return [*known, kept, offered, outliers, list(inputs.items()), left]
+
+
+def read(said: Sequence[Any], observers: int, offered: Counts, outliers: Counts) -> Notes:
+    """What :func:`told` gave, read back from JSON.
+
+    Parameters
+    ----------
+    observers : int
+        How many there are.
+    offered, outliers : sequence of tuple of int
+        The counts of the run that goes on: those of older checkpoints, which have none.
+    """
+    heard, newest, pending, last_sample, gate, *more = said
+    counts, inputs = more[:2] or (offered, outliers), more[2:3]
+    judged, left_out = (tuple(_of_each(row, observers) for row in rows) for rows in counts)
+    known = None if gate is None else [[(one, len(one)) for one in row] for row in gate]
+    given = {number: value for pairs in inputs for number, value in pairs}
+    return (
+        tuple(heard),
+        tuple(_of_each(row, observers) for row in newest),
+        tuple(pending),
+        last_sample,
+        known,
+        judged,
+        left_out,
+        given,
+        tuple((j, LastTaken.of(last)) for left in more[3:] for j, last in left),
+    )
+
+
+def _of_each(numbers: Any, observers: int) -> tuple[Any, ...]:
+    """Those of each observer; older checkpoints have one for all of them."""
+    return (numbers,) * observers if isinstance(numbers, int | float) else tuple(numbers)
