@@ -126,12 +126,20 @@ class Clock(Block):
 
     column: str = Field(description="its name in the file")
     unit: str | None = Field(
-        default=None, description="of numbers: ns, us, ms, s, min, h, d (default: the unit of time.unit; unix: s)"
+        default=None,
+        description="of numbers: ns, us, ms, s, min, h, d (default: the unit of time.unit; unix: s; available: that of "
+        "the time beside it)",
     )
     format: str | None = Field(
         default=None,
         description="iso, unix, excel, excel1904, or a pattern such as %d.%m.%Y %H:%M:%S (default: numbers, or iso "
-        "where the column holds such text)",
+        "where the column holds such text; available: that of the time beside it)",
+    )
+
+    next_day: Annotated[bool, Field(strict=True)] = Field(
+        default=False,
+        description="with a pattern that has no date: a time that lies more than 12 h before the one above is of the "
+        "next day (default: all times are of one day)",
     )
 
     @model_validator(mode="after")
@@ -142,6 +150,8 @@ class Clock(Block):
         if not has_date(form) and any(sign in form for sign in _WEEKDAYS):
             remedy = "write dates, or the time since the start, into the file"
             raise ValueError(f"format {form} has days of the week but no date, so that days would be lost: {remedy}")
+        if self.next_day and has_date(form or "iso"):
+            raise ValueError("next_day is for patterns that have no date, such as %H:%M:%S: leave it out")
         if self.unit is not None and self.format is not None and self.format != "unix":
             raise ValueError(f"format {self.format} has no unit: leave out unit, dates are converted by themselves")
         return self

@@ -57,6 +57,13 @@ def clock_column(clock: Clock, file: TableFile, path: KeyPath) -> ClockColumn:
     return ClockColumn(cells, clock, path)
 
 
+def beside(clock: Clock, time: Clock, file: TableFile) -> Clock:
+    """A clock in the same file as another: written as that one is, where neither its key nor its column says else."""
+    if clock.format is not None or clock.unit is not None or looks_like_iso(file.sample(clock.column)):
+        return clock
+    return clock.model_copy(update={"format": time.format, "unit": time.unit, "next_day": time.next_day})
+
+
 def stamps(column: ClockColumn, table: Table, unit: str) -> np.ndarray:
     """Times of a table: floats in the unit of the run, or, of dates, integers in nanoseconds since 1970.
 
@@ -101,7 +108,7 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
     elif form == "unix":
         unit = column.clock.unit
         told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, said=unit is not None)
-    elif form is not None and not has_date(form):
+    elif form is not None and not has_date(form) and not column.clock.next_day:
         told = f"the pattern {form} has no date: all times are taken to be of one day"
     else:
         return None

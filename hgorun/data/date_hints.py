@@ -49,6 +49,12 @@ def form_hint(text: str, key: str, column: str) -> str:
     return f"; a date of another form needs its pattern, such as {clock_key(key, column, form)}"
 
 
+def with_exchanged(form: str) -> str:
+    """The pattern with day and month exchanged."""
+    pattern = "%Y-%m-%d" if form == "iso" else form
+    return pattern.translate(str.maketrans("dm", "md")) if "%d" in pattern and "%m" in pattern else "%Y-%d-%m"
+
+
 def _patterns_of(text: str) -> Iterator[str]:
     """Those that read a text."""
     for date in ("", *_DATES):

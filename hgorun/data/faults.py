@@ -22,6 +22,7 @@ LINE = 10
 _SHORT_LINE = 4
 _FACTORS = np.array([60.0, 100.0, 1000.0, 3600.0, 1e6])
 _KELVIN = 273.15
+_FEW = 5  # samples that show nothing usual
 _FIRST = 100_000  # samples that show what is usual
 _LEAST, _MOST = 3, 20  # samples on each side of a slip that have to agree, in a short and in a long log
 
@@ -61,12 +62,13 @@ def repeated(taken: np.ndarray) -> np.ndarray:
 
 def gaps(taken: np.ndarray) -> np.ndarray:
     """Samples that follow a gap of more than ``GAP`` median steps."""
-    if taken.size < 6:
-        return np.empty(0, dtype=int)
-    usual = float(np.median(np.diff(taken[:_FIRST])))
-    if not usual > 0:
-        return np.empty(0, dtype=int)
-    return gaps_above(taken, GAP * usual)
+    usual = usual_step(taken)
+    return gaps_above(taken, GAP * usual) if usual > 0 else np.empty(0, dtype=int)
+
+
+def usual_step(taken: np.ndarray) -> float:
+    """The median step, 0 where there are too few to speak of one."""
+    return float(np.median(np.diff(taken[:_FIRST]))) if taken.size > _FEW else 0.0
 
 
 def stuck(values: np.ndarray) -> list[Stretch]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,21 +14,36 @@ from hgorun.data.recording import Note
 from hgorun.data.units import alike_times, are_usual, converted, foreign, is_time, is_unit, meant_for
 from hgorun.errors import KeyPath, Problem
 
-_IN_NAME = re.compile(r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60})\)|\sin\s+(\S{1,60}))\s*")
+_IN_NAME = re.compile(r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60}(?:\([^()]{1,60}\))?)\)|\sin\s+(\S{1,60}))\s*")
 _PER = re.compile(r"/\s*\(?\s*([^\W\d_]+)|([^\W\d_]+)\s*(?:\^|\*\*)?\s*\(?[-⁻][1-9¹²³]")
+_PER_SEVERAL = re.compile(r"/\s*\(([^()]*)\)")  # as in g/(L h)
+_FACTOR = re.compile(r"[^\W\d_]+(?!\s*(?:\^|\*\*)?\s*[-⁻])")
 _TEMPERATURES = {"C": "degC", "F": "degF"}  # to pint coulomb and farad
 
 
 def unit_in_name(name: str) -> str:
     """What the name of a column ends with as its unit: ``[unit]``, ``(unit)`` or `` in unit``; empty without one."""
-    end = max(name.rfind(sign) for sign in ("[", "(", " in "))
+    end = _bracket(name) or name.rfind(" in ")
     match = _IN_NAME.fullmatch(name, max(len(name[:end].rstrip()) - 1, 0)) if end > 0 else None
     return "" if match is None else next(part for part in match.groups() if part).strip()
 
 
+def _bracket(name: str) -> int:
+    """Where the bracket opens that a name ends with; 0 where it ends with none."""
+    text = name.rstrip()
+    if text.endswith("]"):
+        return max(text.rfind("["), 0)
+    depth = 0
+    for place in range(len(text) - 1, 0, -1) if text.endswith(")") else ():
+        depth += {")": 1, "(": -1}.get(text[place], 0)
+        if not depth:
+            return place
+    return 0
+
+
 def without_unit(name: str) -> str:
     """The name of a column without the unit in brackets behind it."""
-    place = max(name.rfind("["), name.rfind("("))
+    place = _bracket(name) or max(name.rfind("["), name.rfind("("))
     return name[:place].strip() if place > 0 else name.strip()
 
 
@@ -72,12 +88,19 @@ def per_unit_of(unit: str, time: str) -> str:
     """A unit that is per another unit of time, as it is per this one: 1/s of 1/h; empty where it is not."""
     if not is_time(time):
         return ""
-    for match in _PER.finditer(unit):
-        name = match[1] or match[2]
+    for first, end in _denominators(unit):
+        name = unit[first:end]
         if is_time(name) and not alike_times(name, time):
-            first, end = match.span(1 if match[1] else 2)
             return unit[:first] + time + unit[end:]
     return ""
+
+
+def _denominators(unit: str) -> Iterator[tuple[int, int]]:
+    """Where the names of units stand that a unit is divided by."""
+    for match in _PER.finditer(unit):
+        yield match.span(1 if match[1] else 2)
+    for group in _PER_SEVERAL.finditer(unit):
+        yield from (match.span() for match in _FACTOR.finditer(unit, *group.span(1)))
 
 
 @dataclass(frozen=True, kw_only=True)

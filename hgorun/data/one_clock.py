@@ -6,9 +6,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
 
-from hgorun.config.data import Data
+from hgorun.config.data import Data, has_date
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, odd_dates, origin, origin_stamp, stamps, times_since
+from hgorun.data.date_hints import clock_key, with_exchanged
+from hgorun.data.date_order import days_counted, exchanged, known_after, passes_midnight
 from hgorun.data.day_counts import four_years_apart, span_of
 from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.recording import Note, Origin
@@ -80,6 +82,9 @@ class OneClock:
             self.notes += self._unit_of_clock(file, clock)
             self._stamps[file, clock] = stamps(clock, self._tables[file], self._unit)
         self._require_one_day_0(dict.fromkeys(absolute))
+        for file, clock in dict.fromkeys(absolute):
+            self._require_order(file, clock)
+        self._count_days(signals)
         if self._beside is not None and bool(absolute) != (self._beside.epoch is not None):
             return self._other_clock(self._beside, clocks[0][1])
         if not absolute:
@@ -122,6 +127,41 @@ class OneClock:
             table, there = self._tables[file], self._stamps[file, clock] != NAT
             line = int(table.lines[int(there.argmax())])
             raise ConfigError(message, file=str(file.path), line=line, key=clock.cells.column)
+
+    def _count_days(self, signals: Sequence[Wanted]) -> None:
+        """Times of day without dates, where midnight is told to pass; what is known later is so within a day."""
+        parts = [part for signal in signals for part in signal.parts]
+        for file, clock in dict.fromkeys((part.file, part.time) for part in parts if part.time.clock.next_day):
+            self._stamps[file, clock] = days_counted(self._stamps[file, clock])
+        for part in parts:
+            if part.available is not None and part.available.clock.next_day:
+                place = part.file, part.available
+                self._stamps[place] = known_after(self._stamps[place], self._stamps[part.file, part.time])
+
+    def _require_order(self, file: LogFile, clock: ClockColumn) -> None:
+        """Refuse dates that run backwards as they are read, and not as they may be meant.
+
+        Raises
+        ------
+        Problem
+        """
+        found, form = self._stamps[file, clock], clock.clock.format or "iso"
+        dated = has_date(form)
+        wrong = exchanged(found) if dated else passes_midnight(found)
+        if wrong is None or clock.clock.next_day:
+            return
+        column = clock.cells.column
+        where = f"{file.path}, line {self._tables[file].lines[wrong]}, column {column!r}"
+        if not dated:
+            right = f"{clock_key(str(clock.path[-1]), column, form)[:-1]}, next_day: true}}"
+            message = f"midnight seems to pass ({where}), and the pattern {form} has no date: {right} counts days"
+        else:
+            swapped = clock_key(str(clock.path[-1]), column, with_exchanged(form))
+            message = (
+                f"dates run backwards ({where}), and with day and month exchanged they are in order: {swapped}; if "
+                "they are right as they stand, sort the rows by time"
+            )
+        raise Problem(clock.path, message)
 
     def _first_stamp(self, file: LogFile, clock: ClockColumn) -> str:
         """Where the first date of a column stands."""

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
+from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.missing import told_once
 from hgorun.data.named_units import (
     AnotherUnit,
@@ -95,6 +96,7 @@ class Reader:
         outputs = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["outputs"]}
         inputs = {one.name: self._input(one, sorted_out[one]) for one in self._wanted["inputs"]}
         reference = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
+        self._notes += inputs_beyond(inputs, outputs)
         self._notes += given_references(self._wanted["outputs"], self._wanted["reference"])
         return Recording(
             outputs=outputs,

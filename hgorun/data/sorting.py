@@ -51,9 +51,9 @@ class Sorting:
         samples = self._known_after(samples)
         samples = self._in_order(samples)
         samples = self._once(samples)
+        self._gaps(samples)
         if not self._measured:
             return samples
-        self._gaps(samples)
         self._slips(samples)
         samples = self._filled(samples)
         return self._stuck(samples)
@@ -167,6 +167,8 @@ class Sorting:
             return
         k, longest = int(found[0]), float(np.diff(samples.taken).max())
         what = f"the time stamps jump by more than {faults.GAP:g} usual steps, at most by {longest:.6g}"
+        if not self._measured:
+            what += "; its last value is held meanwhile, or with hold: linear a straight line goes to the next"
         if self._told.gaps == "refuse":
             raise self._refused(samples, k, what, "faults: {gaps: report} if nothing was measured there")
         places = [faults.Stretch(int(k), int(k) + 1) for k in found]

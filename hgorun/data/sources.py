@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from hgorun.config.data import Clock, Column, Csv, Data, Judged, Measured
 from hgorun.config.expressions import nearest
 from hgorun.data.cells import Cells, Flags, Numbers
-from hgorun.data.clocks import ClockColumn, clock_column
+from hgorun.data.clocks import ClockColumn, beside, clock_column
 from hgorun.data.files import open_table
 from hgorun.data.named_units import without_unit
 from hgorun.data.recording import Note
 from hgorun.data.table import Table, TableFile
-from hgorun.errors import KeyPath, Problem
+from hgorun.errors import ConfigError, KeyPath, Problem
+
+_CSV_ADVICE = "csv: {"
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,6 +46,7 @@ class LogFile:
 
     path: Path
     table: TableFile
+    owner: str  # the key below which csv says how it is written
     wanted: dict[Cells, None] = field(default_factory=dict)
 
 
@@ -100,13 +104,15 @@ class Sources:
     def _having(self, column: Column, path: KeyPath) -> list[LogFile]:
         """The files in which a column stands: its own, or those of all signals that have it."""
         csv = column.csv or self._block.csv
+        own = column.csv is not None or column.file is not None
+        owner = ".".join(map(str, path)) if own else "data"
         if column.file is not None:
-            file = self._open(self._folder / column.file, csv, (*path, "file"))
+            file = self._open(self._folder / column.file, csv, (*path, "file"), owner)
             self._known(file, column.column, (*path, "column"))
             return [file]
         if not self._given:
             raise Problem(("data",), "no file is given: name one as file, or behind the configuration")
-        files = [self._open(given, csv, self._key) for given in self._given]
+        files = [self._open(given, csv, self._key, owner) for given in self._given]
         found = [file for file in files if column.column in file.table.names]
         if not found:
             self._known(files[0], column.column, (*path, "column"), [n for file in files for n in file.table.names])
@@ -118,7 +124,7 @@ class Sources:
         available = quality = None
         time = self._clock(file, clock, clock_path)
         if isinstance(column, Measured) and column.available is not None:
-            available = self._clock(file, column.available, (*path, "available"))
+            available = self._clock(file, beside(column.available, clock, file.table), (*path, "available"))
         if isinstance(column, Judged) and column.quality is not None:
             self._known(file, column.quality.column, (*path, "quality", "column"))
             quality = Flags(column.quality.column, column.quality.good)
@@ -130,10 +136,12 @@ class Sources:
         self._known(file, clock.column, (*path, "column"))
         return clock_column(clock, file.table, path)
 
-    def _open(self, path: Path, csv: Csv, key: KeyPath | None) -> LogFile:
+    def _open(self, path: Path, csv: Csv, key: KeyPath | None, owner: str) -> LogFile:
         known = self._files.get((path, csv))
         if known is None:
-            known = self._files[path, csv] = LogFile(path, open_table(path, csv, key))
+            with _told_with_place(owner):
+                table = open_table(path, csv, key)
+            known = self._files[path, csv] = LogFile(path, table, owner)
         return known
 
     def _known(self, file: LogFile, column: str, path: KeyPath, names: Sequence[str] = ()) -> None:
@@ -164,10 +172,23 @@ class Sources:
         budget, found = self._block.max_memory, {}
         for file in self._files.values():
             if file.wanted:
-                table = file.table.table(list(file.wanted), budget)
+                with _told_with_place(file.owner):
+                    table = file.table.table(list(file.wanted), budget)
                 budget -= table.lines.nbytes + sum(column.nbytes for column in table.columns.values())
                 found[file] = table
         return found
+
+
+@contextmanager
+def _told_with_place(owner: str) -> Iterator[None]:
+    """Readers of files know no keys: where they advise a key of ``csv``, it is told what that stands below."""
+    try:
+        yield
+    except ConfigError as error:
+        if _CSV_ADVICE not in error.message:
+            raise
+        message = f"{error.message}; csv goes below {owner}"
+        raise ConfigError(message, file=error.file, line=error.line, key=error.key) from None
 
 
 def given_references(outputs: Sequence[Wanted], references: Sequence[Wanted]) -> Iterator[Note]:

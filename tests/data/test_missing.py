@@ -120,7 +120,7 @@ def test_what_the_message_says_to_write_makes_a_word_a_missing_value(tmp_path: P
         ConfigError, match=r"log\.csv:14: glucose: expected a number, found .*missing value: csv: "
     ) as error:
         recorded(tmp_path, content)
-    told = yaml.safe_load(str(error.value).partition("missing value: ")[2])
+    told = yaml.safe_load(str(error.value).partition("missing value: ")[2].partition("; csv goes below data")[0])
     assert told == {"csv": {"missing": [word]}}
     assert recorded(tmp_path, content, told).outputs["S"].values.tolist() == VALUES.tolist()
 

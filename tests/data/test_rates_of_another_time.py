@@ -18,7 +18,6 @@ from hgorun.data.named_units import per_unit_of
         ("1/hour", "h", ""),  # the same in another notation
         ("1/h", "-", ""),  # of a model that says nothing of its time
         ("g/L/h", "min", "g/L/min"),
-        ("g/(L h)", "s", ""),  # what is not plain to see is not told
         ("km/h", "s", "km/s"),
         ("m/s^2", "h", "m/h^2"),
         ("h^-1", "s", "s^-1"),

@@ -1,0 +1,67 @@
+"""Whether dates that run backwards are in order when read otherwise: day and month exchanged, or days counted."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hgorun.data.cells import NAT
+
+_DAY = 86_400 * 10**9  # nanoseconds
+_MONTHS = 12
+_FEWEST = 3  # different dates that are in order by more than chance
+
+
+def days_counted(found: np.ndarray) -> np.ndarray:
+    """Times of day of which each that lies more than half a day before the one above it is of the next day.
+
+    Parameters
+    ----------
+    found : ndarray
+        Nanoseconds, ``NAT`` where one is missing.
+    """
+    there = found != NAT
+    steps = np.diff(found[there])
+    days = np.concatenate([[0], np.cumsum(steps < -_DAY // 2)]) if steps.size else np.zeros(there.sum(), dtype=int)
+    counted = found.copy()
+    counted[there] += days * _DAY
+    return counted
+
+
+def known_after(known: np.ndarray, taken: np.ndarray) -> np.ndarray:
+    """Times of day as the first ones that are not before those of other times, whose days are counted."""
+    there = (known != NAT) & (taken != NAT)
+    counted = known.copy()
+    counted[there] = taken[there] + (known[there] - taken[there]) % _DAY
+    return counted
+
+
+def passes_midnight(found: np.ndarray) -> int | None:
+    """The first time of day that lies more than half a day before the one above it; None where none does."""
+    there = np.flatnonzero(found != NAT)
+    back = np.flatnonzero(np.diff(found[there]) < -_DAY // 2)
+    return int(there[back[0] + 1]) if back.size else None
+
+
+def exchanged(found: np.ndarray) -> int | None:
+    """Of dates that are in order only with day and month exchanged, the first that lies before the one above it.
+
+    None where they are in order as they are, cannot be read otherwise, or are not in order then either.
+    """
+    there = np.flatnonzero(found != NAT)
+    stamps = found[there]
+    back = np.flatnonzero(np.diff(stamps) < 0)
+    if not back.size:
+        return None
+    dates = stamps // _DAY
+    if np.unique(dates).size < _FEWEST:
+        return None
+    as_days = dates.astype("datetime64[D]")
+    months = as_days.astype("datetime64[M]")
+    day = (as_days - months.astype("datetime64[D]")).astype(int) + 1
+    if day.max() > _MONTHS:
+        return None
+    years = months.astype("datetime64[Y]")
+    month = (months - years.astype("datetime64[M]")).astype(int) + 1
+    turned = (years.astype("datetime64[M]") + (day - 1)).astype("datetime64[D]") + (month - 1)
+    other = turned.astype(int) * _DAY + stamps % _DAY
+    return None if np.any(np.diff(other) < 0) else int(there[back[0] + 1])
