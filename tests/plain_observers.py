@@ -49,6 +49,10 @@ class Plain:
         """z after samples of some outputs, each a time `since` after the one before it."""
         return z
 
+    def decided(self, z: Array, e: Array, t: float) -> Array:
+        """z after a decision, at the end of every step and after every sample."""
+        return z
+
     def xhat(self, z: Array, u: float) -> Array:
         return z
 
@@ -68,7 +72,14 @@ class Input:
         return self.values[int(np.searchsorted(self.times, inside, side="right")) - 1]
 
 
-def runge_kutta(slope: Callable[[float, Array], Array], z: Array, t: float, end: float, step: float) -> Array:
+def runge_kutta(
+    slope: Callable[[float, Array], Array],
+    z: Array,
+    t: float,
+    end: float,
+    step: float,
+    decided: Callable[[float, Array], Array] = lambda t, z: z,
+) -> Array:
     count = max(1, math.ceil((end - t) / step * (1 - 1e-9)))
     h = (end - t) / count
     for now in t + h * np.arange(count):
@@ -76,7 +87,7 @@ def runge_kutta(slope: Callable[[float, Array], Array], z: Array, t: float, end:
         k2 = slope(now + h / 2, z + h / 2 * k1)
         k3 = slope(now + h / 2, z + h / 2 * k2)
         k4 = slope(now + h, z + h * k3)
-        z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        z = decided(now + h, z + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4))
     return z
 
 
@@ -106,13 +117,18 @@ class Log:
         now = begin
         for event in sorted(t for t in events if begin <= t <= self.times[-1]):
 
+            def innovation(z: Array) -> Array:
+                return np.array([compared[i] + z[i - p] if i in compared else 0.0 for i in range(p)])
+
             def slope(t: float, z: Array, inside: float = (now + event) / 2) -> Array:
-                e = np.array([compared[i] + z[i - p] if i in compared else 0.0 for i in range(p)])
-                dz, c = observer.slope(t, z[:-p], e, self.u(t, inside))
+                dz, c = observer.slope(t, z[:-p], innovation(z), self.u(t, inside))
                 return np.append(dz, -c)
 
+            def decided(t: float, z: Array) -> Array:
+                return np.append(observer.decided(z[:-p], innovation(z), t), z[-p:])
+
             if event > now:
-                z, now = runge_kutta(slope, z, now, event, self.step), event
+                z, now = runge_kutta(slope, z, now, event, self.step, decided), event
             s = observer.output(z[:-p]) - z[-p:]
             then |= {(t, i): s[i] for t, _, i, _ in self.samples if t == event}
             at_once = {}
@@ -123,6 +139,7 @@ class Log:
                 since = {i: event - last[i] for i in at_once}
                 last |= dict.fromkeys(at_once, event)
                 z[:-p] = observer.corrected(z[:-p], at_once, since, self.u(event, event))
+                z = decided(event, z)
             if event in self.times:
                 found.append(observer.xhat(z[:-p], self.u(event, event)))
         return np.array(found)

@@ -7,6 +7,7 @@ import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hgorun.commands.exported_samples import export_samples
 from hgorun.commands.inputs import configuration
@@ -32,8 +33,10 @@ from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
 from hgorun.process import keep_memory, take_short_turns
-from hgorun.result.result import Result
 from hgorun.study.split import split
+
+if TYPE_CHECKING:
+    from hgorun.result.result import Result  # what takes long to import is imported while files are read
 
 
 def estimate(options: Estimate) -> int:

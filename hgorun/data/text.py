@@ -67,7 +67,7 @@ def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterat
     line, rest = 1, b""
     try:
         for piece in _decoded(path, encoding, size):
-            whole, rest = _cut(rest + piece)
+            whole, rest = _cut(rest, piece)
             if whole.find(b"\n") > LONGEST:
                 raise _too_long(path, line)
             if whole:
@@ -90,9 +90,12 @@ def _too_long(path: Path, line: int) -> ConfigError:
     return ConfigError("a line of more than 1 MiB: this is not a table of numbers", file=str(path), line=line)
 
 
-def _cut(text: bytes) -> tuple[bytes, bytes]:
+def _cut(before: bytes, piece: bytes) -> tuple[bytes, bytes]:
     """What ends with a line, and the rest; a carriage return at the very end may be half of a line end."""
-    end = text.rfind(b"\n") + 1 or text.rfind(b"\r", 0, -1) + 1
+    if end := piece.rfind(b"\n") + 1:
+        return b"".join((before, memoryview(piece)[:end])), piece[end:]  # copied once
+    text = before + piece
+    end = text.rfind(b"\r", 0, -1) + 1
     return text[:end], text[end:]
 
 
