@@ -17,10 +17,11 @@ LOWEST := .venv-lowest
 SMOKE := tests/test_code.py tests/test_packaging.py tests/config tests/native tests/result tests/commands/test_cli.py tests/simulation/test_naive.py
 LOWEST_PYTHON ?= $(or $(shell command -v python3.11),$(PYTHON))
 
-.PHONY: help figures benchmark test test-lowest test-newer newer coverage bench lint style types docs dist sbom wheel clean
+.PHONY: help figures images benchmark test test-lowest test-newer newer coverage bench lint style types docs dist sbom wheel clean
 
 help:
 	@echo "make figures   every figure and claim of the publications, and results/REPORT.md"
+	@echo "make images    the pictures of the documentation, in docs/images/"
 	@echo "make benchmark compare observers on several plants, in results/benchmark/: minutes; continues where it was"
 	@echo "make test      run the tests; the fast ones: make test ARGS='-m \"not slow\"'"
 	@echo "make test-lowest  the fast tests with the lowest versions that pyproject.toml permits"
@@ -36,6 +37,9 @@ help:
 
 figures: $(VENV)/.installed
 	$(BIN)/hgorun figures --report
+
+images: $(VENV)/.installed
+	$(BIN)/python tools/images.py $(ARGS)
 
 benchmark: $(VENV)/.installed
 	$(BIN)/hgorun benchmark experiments/benchmark/benchmark.yaml

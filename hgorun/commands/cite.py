@@ -36,11 +36,12 @@ from hgorun.version import __version__
 
 _BIBTEX = {".bib"}
 _SELF = Entry(
-    "misc",
+    "software",  # which styles that do not know it set as misc
     "hgorun",
     (
         ("author", "{The hgorun developers}"),
         ("title", "{hgorun}: a test bench for high-gain observers"),
+        ("version", __version__),
         ("note", f"Version {__version__}, BSD-3-Clause"),
     ),
 )

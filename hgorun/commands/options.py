@@ -22,6 +22,27 @@ Seed = Annotated[
 ]
 """Of commands that read a configuration."""
 
+Overrides = Annotated[
+    list[str],
+    typer.Option(
+        "--set",
+        metavar="PATH=VALUE",
+        help="Change a key, e.g. observers.SHGO.theta=2; repeatable.",
+        autocompletion=completion.keys,
+    ),
+]
+"""Of commands in whose configuration keys may be changed."""
+
+OneConfig = Annotated[
+    Path,
+    typer.Argument(
+        metavar="CONFIG",
+        help="A YAML configuration, or the name of a built-in experiment.",
+        autocompletion=completion.configurations,
+    ),
+]
+"""Of commands that read one configuration."""
+
 OnlyRun = Annotated[
     str | None,
     typer.Option(
@@ -60,15 +81,7 @@ class Printing:
 class Configured(Printing):
     """Which runs of a configuration are meant, and what is changed in them."""
 
-    overrides: Annotated[
-        list[str],
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Change a key, e.g. observers.SHGO.theta=2; repeatable.",
-            autocompletion=completion.keys,
-        ),
-    ] = field(default_factory=list)
+    overrides: Overrides = field(default_factory=list)
     seed: Seed = None
     run: OnlyRun = None
 
@@ -223,14 +236,7 @@ class Explore:
     until Ctrl-C; chosen values are written as a new configuration. Needs hgorun[explore].
     """
 
-    config: Annotated[
-        Path,
-        typer.Argument(
-            metavar="CONFIG",
-            help="A YAML configuration, or the name of a built-in experiment.",
-            autocompletion=completion.configurations,
-        ),
-    ]
+    config: OneConfig
     output: Annotated[
         Path | None,
         typer.Option(
@@ -240,15 +246,7 @@ class Explore:
             help="Folder, or YAML file, that values are written to (default: results).",
         ),
     ] = None
-    overrides: Annotated[
-        list[str],
-        typer.Option(
-            "--set",
-            metavar="PATH=VALUE",
-            help="Change a key, e.g. observers.SHGO.theta=2; repeatable.",
-            autocompletion=completion.keys,
-        ),
-    ] = field(default_factory=list)
+    overrides: Overrides = field(default_factory=list)
     seed: Seed = None
     run: WhichRun = None
     port: Annotated[
@@ -275,14 +273,7 @@ class Export(Configured):
     unit (FMU): for other simulators.
     """
 
-    config: Annotated[
-        Path,
-        typer.Argument(
-            metavar="CONFIG",
-            help="A YAML configuration, or the name of a built-in experiment.",
-            autocompletion=completion.configurations,
-        ),
-    ]
+    config: OneConfig
     run: WhichRun = None
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="Folder to write to (default: results/NAME).")
@@ -325,14 +316,7 @@ class Analyze(Configured, Drawing):
     With -v every number follows: gains, bounds, peaking, noise predicted and measured, and why others are missing.
     """
 
-    config: Annotated[
-        Path,
-        typer.Argument(
-            metavar="CONFIG",
-            help="A YAML configuration, or the name of a built-in experiment.",
-            autocompletion=completion.configurations,
-        ),
-    ]
+    config: OneConfig
     run: WhichRun = None
     search: Annotated[
         bool,
@@ -350,14 +334,7 @@ class Cite(Printing):
     Its publication, its plant, its observers, the method, hgorun and the libraries, with keys that do not change.
     """
 
-    config: Annotated[
-        Path,
-        typer.Argument(
-            metavar="CONFIG",
-            help="A YAML configuration, or the name of a built-in experiment.",
-            autocompletion=completion.configurations,
-        ),
-    ]
+    config: OneConfig
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PATH", help="Write the BibTeX to this file (.bib).")
     ] = None

@@ -100,7 +100,7 @@ def thumbnail(figure: Figure, path: str | Path) -> Path:
                 figure.savefig(pixels, format="png", dpi=dpi, metadata=_METADATA["png"])
                 with Image.open(pixels) as image:
                     drawn[dpi] = image.convert("RGB")
-            _reduced(drawn[dpi], own, colours).save(part, format="PNG", optimize=True)
+            reduced(drawn[dpi], own, colours).save(part, format="PNG", optimize=True)
             if part.stat().st_size <= _SMALL_BYTES:
                 break
 
@@ -116,7 +116,7 @@ def _colours(figure: Figure) -> list[Floats]:
     return [np.array(one) for one in sorted(found) if max(one) - min(one) > _GREY]
 
 
-def _reduced(image: Image.Image, own: Sequence[Floats], count: int) -> Image.Image:
+def reduced(image: Image.Image, own: Sequence[Floats], count: int) -> Image.Image:
     """An image in so many colours: greys, and its own ones with equally many tints of each.
 
     The usual choice of colours goes by how many points have them, and would draw a thin line in another one's colour.

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 _ROW = 1.8
 _BOUND, _NOMINAL = (0, (3, 2)), (0, (1, 2))
-_TITLE = "{}; thin dashed: bounds where the theorems hold; thin dotted: the decay that they prove, where they do not"
+# Of all observers alike, each in the observer's colour: the legend has them once.
+_BESIDE = {_BOUND: "bound of the theorem", _NOMINAL: "decay of the theorem, which does not hold here"}
 _DECADES = 12  # that an axis shows at most
 _MAX_POINTS = 2000  # points of a line: noise is a band of them
 
@@ -71,10 +72,10 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
                 curves = [(errors, own.dashes, own.text, 1.0)]
                 if transient.holds:
                     bound = Curve(transient.time, transient.bound[:, i])
-                    curves.append((bound, _BOUND, f"{own.text}: bound", 0.6))
+                    curves.append((bound, _BOUND, f"_{own.text}: bound", 0.6))
                 elif transient.nominal is not None:
                     nominal = Curve(transient.time, transient.nominal[:, i])
-                    curves.append((nominal, _NOMINAL, f"{own.text}: decay of the theorem", 0.6))
+                    curves.append((nominal, _NOMINAL, f"_{own.text}: decay of the theorem", 0.6))
                 for (t, values), line, text, thickness in curves:
                     kept = np.isfinite(values) & (values > 0)
                     curve = moving_maximum(Curve(t[kept], values[kept]), points)  # bounds too: so they stay bounds
@@ -85,7 +86,13 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
             ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))
             ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$" + unit(result.units.get(name, "")))
-        title = _TITLE.format(window_words("error", [result]))
+        drawn_beside = {
+            _BOUND if t.holds else _NOMINAL for t in transients.values() if t.holds or t.nominal is not None
+        }
+        for line, text in _BESIDE.items() if names else ():
+            if line in drawn_beside:
+                axes[-1].plot([], [], color="0.3", linestyle=line, linewidth=0.6, label=text)
+        title = window_words("error", [result])
         if others:
             title += f"; not drawn, having no bound: {', '.join(others)}"
         return on_page(finished(figure, axes, 1, title, grow=True), page.style)

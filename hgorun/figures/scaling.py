@@ -17,6 +17,7 @@ from hgorun.tables.typeset import symbol, unit
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+_SIZES = (5.6, 3.4)  # of the points at the back and at the front of several: of those on each other both are seen
 _BESIDE_METRICS = {"amplitude": "amplitude of ${}$", "std": "standard deviation of ${}$"}
 
 
@@ -107,13 +108,14 @@ def draw_scaling(
     ax.set_xscale(axes)
     ax.set_yscale(axes)
     drawn: list[np.ndarray] = []
-    for label, order in labels.items():
+    sizes = np.linspace(*_SIZES, len(labels)) if len(labels) > 1 else [POINTS["markersize"]]
+    for (label, order), size in zip(labels.items(), sizes, strict=True):
         observer, look = data.observers[label], looks[order]
         if observer.theory is not None:
             drawn.append(_plot(ax, data.values, observer.theory, **{**THEORY, **_line(look)}))
         if observer.spread is not None:
             drawn += _bars(ax, data.values, observer.spread, look)
-        points = {**POINTS, "color": look.colour, "marker": look.marker, "label": look.text}
+        points = {**POINTS, "color": look.colour, "marker": look.marker, "label": look.text, "markersize": size}
         drawn.append(_plot(ax, data.values, observer.measured, **points))
     if any(data.observers[label].theory is not None for label in labels):
         ax.plot([], [], **THEORY)

@@ -31,9 +31,12 @@ class PlainFormatter(ScalarFormatter):
 
 
 def _between(low: float, high: float, most: int) -> Locator:
-    """Labels at 1, 2 and 5 times the powers of ten; where these are fewer than three, at every digit or evenly."""
+    """Labels at 1, 2 and 5 times the powers of ten; where these are fewer than three, at more digits, or evenly.
+
+    At every digit last: where a power of ten is among them, those below it stand closer than those above it.
+    """
     powers = range(floor(log10(low)), ceil(log10(high)) + 1)
-    for digits in ((1, 2, 5), tuple(range(1, 10))):
+    for digits in ((1, 2, 5), (1, 2, 3, 5, 7), tuple(range(1, 10))):
         if _FEWEST <= sum(low <= digit * 10.0**power <= high for digit in digits for power in powers) <= most:
             return LogLocator(subs=digits)
     return MaxNLocator(nbins=min(most, 7), steps=[1, 2, 5, 10])

@@ -206,7 +206,9 @@ def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
     figure = peaking(analysis.result, analysis.transients)
     assert [ax.get_yscale() for ax in figure.axes] == ["log", "log"]
     labels = [str(line.get_label()) for line in figure.axes[0].lines]
-    assert labels == ["SHGO", "SHGO: bound", "slow", "slow: decay of the theorem", "gain"]
+    assert labels == ["SHGO", "_SHGO: bound", "slow", "_slow: decay of the theorem", "gain"]
+    beside = [text.get_text() for text in figure.legends[0].get_texts()][-2:]
+    assert beside == ["bound of the theorem", "decay of the theorem, which does not hold here"]
     error, bound = figure.axes[1].lines[:2]
     assert np.max(error.get_ydata()) < np.max(bound.get_ydata())
 

@@ -42,6 +42,9 @@ def test_what_two_observers_use_and_nothing_else(shell: Shell) -> None:
     found = parsed(out)
     publications = {"katayama", "jazwinski1970", "gelb1974", "savitzky1964"}
     assert set(found) == {"hgorun", *publications, "casadi", "llvm", "numpy"}
+    kinds = {key: found[key]["kind"] for key in ("hgorun", "casadi", "llvm", "numpy")}
+    assert kinds == {"hgorun": "software", "casadi": "article", "llvm": "inproceedings", "numpy": "article"}
+    assert found["numpy"]["doi"] == "10.1038/s41586-020-2649-2"
     assert found["savitzky1964"]["doi"] == "10.1021/ac60214a047"
     assert found["jazwinski1970"]["kind"] == "book"
     assert "cited" not in found["gelb1974"]

@@ -210,6 +210,7 @@ def test_a_scaling_panel_has_points_on_the_lines_of_theory() -> None:
     assert np.array_equal(points.get_xydata(), np.column_stack([VALUES, 3 * VALUES]))
     assert np.array_equal(shown["FHGO II"].get_ydata(), [2, 3, 5])  # logarithmic axes have no NaN and no 0
     assert shown["SHGO"].get_marker() != shown["FHGO II"].get_marker()
+    assert shown["SHGO"].get_markersize() > 1.4 * shown["FHGO II"].get_markersize()  # which would hide it
     theory = [line for line in ax.lines if line.get_label() == "_theory"]
     assert np.array_equal(theory[0].get_ydata(), 3.1 * VALUES)
     for line, kind in zip(theory, (("shgo", None), ("fhgo2", 2)), strict=True):

@@ -88,7 +88,9 @@ def test_peaking_of_observers_in_different_coordinates(result: Result) -> None:
     transients = {"A": bounded(("x1", "x2"), result.time), "B": bounded(("z1",), result.time)}
     figure = peaking(result, transients)
     drawn = [[line.get_label() for line in ax.lines] for ax in figure.axes]
-    assert drawn == [["A", "A: bound"], ["A", "A: bound"], ["B", "B: bound"]]
+    assert drawn == [["A", "_A: bound"], ["A", "_A: bound"], ["B", "_B: bound", "bound of the theorem"]]
+    (legend,) = figure.legends
+    assert [text.get_text() for text in legend.get_texts()] == ["A", "B", "bound of the theorem"]
 
 
 def words_of(figure: Figure) -> str:

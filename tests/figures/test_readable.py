@@ -19,7 +19,7 @@ from hgorun.explore.picture import styles_of
 from hgorun.figures.bode import bode_figure
 from hgorun.figures.data import Curve, behind
 from hgorun.figures.drawing import comparison
-from hgorun.figures.files import _colours, _reduced
+from hgorun.figures.files import _colours, reduced
 from hgorun.figures.peaking import peaking
 from hgorun.figures.style import styled
 from hgorun.figures.ticks import tick
@@ -86,15 +86,17 @@ def test_errors_beside_bounds_and_on_a_live_page_are_drawn_from_the_roughest(res
     assert list(styles_of(rough)) == ["B", "A"]
 
 
-@pytest.mark.parametrize(("low", "high"), [(2e-4, 6.4e-3), (1.1, 99.0), (0.11, 0.9)])
+@pytest.mark.parametrize(("low", "high"), [(2e-4, 6.4e-3), (1.1, 99.0), (0.11, 0.9), (0.0505, 0.33)])
 def test_a_logarithmic_axis_has_at_least_three_labels(low: float, high: float) -> None:
     with styled():
         figure = Figure()
         ax = figure.add_subplot(yscale="log", ylim=(low, high))
         tick(ax)
         figure.draw_without_rendering()
-        shown = [t.get_text() for t, y in zip(ax.get_yticklabels(), ax.get_yticks(), strict=True) if low <= y <= high]
-    assert len([text for text in shown if text]) >= 3
+        ticks = zip(ax.get_yticklabels(), ax.get_yticks(), strict=True)
+        shown = [y for label, y in ticks if low <= y <= high and label.get_text()]
+    assert len(shown) >= 3
+    assert np.diff(np.log(shown)).min() > 0.07 * np.log(high / low)  # 9 points of a panel of 1.8 inches
 
 
 def test_noise_has_a_symbol_that_no_state_has(result: Result) -> None:
@@ -145,7 +147,7 @@ def test_a_thin_line_keeps_its_colour_beside_wide_ones_in_a_small_picture() -> N
     points[0, :5] = thin
     points[1, :5] = 255
     image = Image.fromarray(points)
-    small = _reduced(image, [wide / 255, thin / 255], 16)
+    small = reduced(image, [wide / 255, thin / 255], 16)
     assert small.convert("RGB").getpixel((2, 0)) == tuple(thin)
     assert small.convert("RGB").getpixel((2, 1)) == (255, 255, 255)
     assert len(small.getcolors() or []) in range(2, 17)

@@ -8,7 +8,7 @@ S = P^-1 >= exp(-T*) delta* I, which assumption A4 asks for (2.40) and which is 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import cast
 
 import casadi as ca
@@ -149,8 +149,9 @@ def excitation(run: PreparedRun, label: str, result: Result, horizon: float | No
     x = result.x if filtered or found.lost else found.xhat
     links = links_along(run, label, result.time, x)
     condition = f"(3.101), r = {r}" if r else "(3.86)" if filtered else "(2.43)"
-    names = [f"eta{i + 1}" for i in range(r)] + names
-    return _look(links.behind_integrators(r), observer.theta, horizon, condition, names, r, found, run.origin)
+    look = _look(links.behind_integrators(r), observer.theta, horizon, condition, names, run.origin)
+    after = run.origin + float(links.times[0]) + look.horizon / observer.theta
+    return replace(look, eigenvalues=_eigenvalues(found, run.origin + links.times, after))
 
 
 def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: float | None = None) -> Excitation:
@@ -160,7 +161,7 @@ def plant_excitation(run: PreparedRun, label: str, result: Result, horizon: floa
         raise NoValue(_UNIFORM)
     links = links_along(run, label, result.time, result.x)
     names = _names(run, label)
-    return _look(links, observer.theta, horizon, "(3.86)", names, 0, None, run.origin)
+    return _look(links, observer.theta, horizon, "(3.86)", names, run.origin)
 
 
 def links_along(run: PreparedRun, label: str, times: np.ndarray, x: np.ndarray) -> Links:
@@ -189,15 +190,11 @@ def _form(run: PreparedRun, label: str) -> BlockForm:
 
 
 def _look(
-    links: Links,
-    theta: float,
-    horizon: float | None,
-    condition: str,
-    names: Sequence[str],
-    filters: int,
-    found: ObserverResult | None,
-    origin: float,
+    links: Links, theta: float, horizon: float | None, condition: str, states: Sequence[str], origin: float
 ) -> Excitation:
+    """Excitation of a model with these states, behind as many integrators as it has more, without an observer's own."""
+    filters = links.n - len(states)
+    names = [*(f"eta{i + 1}" for i in range(filters)), *states]
     start, end = float(links.times[0]), float(links.times[-1])
     horizons = HORIZONS[HORIZONS / theta <= (end - start) / 3] if horizon is None else np.array([horizon])
     if not horizons.size or horizons[-1] / theta >= end - start:
@@ -218,11 +215,10 @@ def _look(
     reference = float(np.linalg.eigvalsh(unbroken[0])[0])
     ratios = (seen(W[best]) / seen(unbroken))[:, filters:]
     told = origin + at
-    weak = tuple(w for i, name in enumerate(names[filters:]) for w in _weak(told, ratios[:, i], name, T / theta))
-    state = max(names[filters:], key=lambda name: weights[name])
+    weak = tuple(w for i, name in enumerate(states) for w in _weak(told, ratios[:, i], name, T / theta))
+    state = max(states, key=lambda name: weights[name])
     words = _words(weak, told, delta, reference, state, origin + float(around[i]))
     rho = float(np.exp(-T) * delta)
-    own = _eigenvalues(found, origin + links.times, origin + start + T / theta) if found is not None else None
     return Excitation(
         condition=condition,
         horizon=T,
@@ -233,7 +229,7 @@ def _look(
         state=state,
         weak=weak,
         rho_bound=rho,
-        eigenvalues=own,
+        eigenvalues=None,
         words=words,
     )
 

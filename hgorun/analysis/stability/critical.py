@@ -161,7 +161,8 @@ def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
     if timing.period is not None and growth(system, shortest, delay) >= 0:  # down to the one in use, if it can be tried
         shortest = max(min(shortest, timing.period), delay / _MAX_WAITING)
         shortest = max(shortest, 0.0 if system.constant else (system.times[-1] - system.times[0]) / MAX_PERIODS)
-    return _search(timing, system, lambda T: growth(system, T, delay), shortest, longest, where, "period")
+    sought = _Sought("period", timing, shortest, longest, where)
+    return _search(sought, system, lambda T: growth(system, T, delay))
 
 
 def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
@@ -183,11 +184,12 @@ def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
         where += f"; {_FINE} samples a delay stand for the continuous output"
         # held samples d/n apart that are d - d/(2 n) old on arrival are d old in the mean
         coarse, fine = (lambda d, n=n: growth(system, d / n, d - d / (2 * n)) for n in (_COARSE, _FINE))
-        return _search(timing, system, coarse, shortest, longest, where, "delay", fine)
+        return _search(_Sought("delay", timing, shortest, longest, where), system, coarse, fine)
     if growth(system, period, 0.0) >= 0:
         raise NoValue(f"unstable at the period {timing.told(period, 4)} even without delay")
     longest = min(longest, _MAX_WAITING * period)
-    return _search(timing, system, lambda d: growth(system, period, d), shortest, longest, where, "delay")
+    sought = _Sought("delay", timing, shortest, longest, where)
+    return _search(sought, system, lambda d: growth(system, period, d))
 
 
 def _told(*remarks: str) -> str:
@@ -200,41 +202,69 @@ def _must_move(system: ErrorSystem) -> None:
         raise NoValue("the linearised error does not move: no eigenvalue differs from zero")
 
 
+@dataclass(frozen=True)
+class _Sought:
+    """A limit that is sought.
+
+    Attributes
+    ----------
+    what : str
+        ``period`` or ``delay``.
+    timing : Timing
+    shortest, longest : float
+        Between which times.
+    where : str
+        Of what system it is the limit, in words.
+    """
+
+    what: str
+    timing: Timing
+    shortest: float
+    longest: float
+    where: str
+
+    @property
+    def used(self) -> float | None:
+        """The time in use."""
+        return self.timing.period if self.what == "period" else self.timing.delay
+
+    def always_stable(self, up_to: float) -> NoValue:
+        """That there is no limit up to a time."""
+        return NoValue(f"stable at every {self.what} up to {self.timing.told(up_to)}")
+
+
 def _search(
-    timing: Timing,
+    sought: _Sought,
     system: ErrorSystem,
     rate: Callable[[float], float],
-    shortest: float,
-    longest: float,
-    where: str,
-    what: str,
     fine: Callable[[float], float] | None = None,
 ) -> Limit:
     """The first zero of a growth rate: geometric steps, then bisection of what is dearer and better."""
     ratio = _RATIO_CONSTANT if system.constant else _RATIO_VARYING
     precision = _PRECISION[0 if system.constant else 1]
+    shortest, longest = sought.shortest, sought.longest
     low = shortest
     if rate(low) >= 0:
-        used = timing.period if what == "period" else timing.delay
+        used, told = sought.used, sought.timing.told
         shorter = used is not None and 0 < used < low * (1 - 1e-9)
-        untold = f"; the one in use, {timing.told(used, 4)}, is shorter, and is not tried" if used and shorter else ""
-        raise NoValue(f"unstable already at the shortest {what} that is tried, {timing.told(low)}{untold}")
+        untold = f"; the one in use, {told(used, 4)}, is shorter, and is not tried" if used and shorter else ""
+        raise NoValue(f"unstable already at the shortest {sought.what} that is tried, {told(low)}{untold}")
     high = low * ratio
     while rate(high) < 0:
         low, high = high, high * ratio
         if low > longest:
-            raise NoValue(f"stable at every {what} up to {timing.told(low)}")
+            raise sought.always_stable(low)
     rate = fine or rate
     while low > shortest and rate(low) >= 0:
         low, high = low / ratio, low
     while rate(high) < 0:
         low, high = high, high * ratio
         if low > longest:
-            raise NoValue(f"stable at every {what} up to {timing.told(low)}")
+            raise sought.always_stable(low)
     while high - low > precision * high:
         middle = 0.5 * (low + high)
         low, high = (middle, high) if rate(middle) < 0 else (low, middle)
-    return Limit(0.5 * (low + high), where)
+    return Limit(0.5 * (low + high), sought.where)
 
 
 def declared_limit(declared: PeriodLimit) -> Limit:
