@@ -6,11 +6,13 @@ import os
 from pathlib import Path
 
 from hgorun.config.data import Csv
-from hgorun.config.kinds import HDF5, HEAD, PARQUET, kind_of
+from hgorun.config.kinds import HDF5, HEAD, MEASUREMENTS, PARQUET, kind_of
 from hgorun.config.nearest import near_file
 from hgorun.data.csv_table import CsvFile
 from hgorun.data.table import TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
+
+_CONFIGURATIONS = (".yaml", ".yml")
 
 
 def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
@@ -33,6 +35,12 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
             kind = kind_of(stream.read(HEAD))
     except OSError as error:
         raise ConfigError(f"cannot be read: {error.strerror}", file=str(path)) from None
+    if kind is None and path.suffix.lower() in _CONFIGURATIONS:
+        raise ConfigError(
+            f"this is a configuration, not a log: {MEASUREMENTS}, and a command takes one configuration, with the log "
+            "behind it or as its data.file",
+            file=str(path),
+        )
     if kind is None:
         return CsvFile(path, told)
     if kind not in (HDF5, PARQUET):
