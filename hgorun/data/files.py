@@ -26,7 +26,10 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
         When it is no file of measurements, or there is none and no key names it.
     """
     if not os.path.isfile(path):
-        what = "not a regular file" if os.path.exists(path) else f"there is no such file{near_file(path)}"
+        if os.path.isdir(path):
+            what = "this is a folder; name the file of the log in it"
+        else:
+            what = "not a regular file" if os.path.exists(path) else f"there is no such file{near_file(path)}"
         if key is None:
             raise ConfigError(what, file=str(path))
         raise Problem(key, f"{path}: {what}")

@@ -15,7 +15,9 @@ from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.reasons import NoValue
 from hgorun.memo import Memo
 from hgorun.observers.lowpass import F
+from hgorun.simulation.design import Design
 from hgorun.simulation.simulate import prepare
+from hgorun.symbolic.forms import Form
 from hgorun.symbolic.matrices import hurwitz_gain
 
 
@@ -192,8 +194,13 @@ def test_no_lyapunov_matrix_without_decay() -> None:
 
 def test_equations_are_derived_once_for_all_poles_and_theta(monkeypatch: pytest.MonkeyPatch) -> None:
     """But not for another order."""
-    derived, real = [], gains._derived
-    monkeypatch.setattr(gains, "_derived", lambda *known: derived.append(known) or real(*known))
+    derived, real = list[object](), gains._derived
+
+    def counted(design: Design, form: Form, outputs: int) -> gains._Equations:
+        derived.append(design)
+        return real(design, form, outputs)
+
+    monkeypatch.setattr(gains, "_derived", counted)
     for name in ("_EQUATIONS", "_LINEAR"):
         monkeypatch.setattr(gains, name, Memo[Any](8))
     for poles in ([-1, -2, -3], [-2, -0.5, -4]):
