@@ -6,6 +6,7 @@ MathML, which browsers draw themselves.
 
 from __future__ import annotations
 
+import gc
 import os
 import sys
 from pathlib import Path
@@ -13,6 +14,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 sys.path[:0] = [str(HERE.parent), str(HERE / "_ext")]
 os.environ.setdefault("MPLBACKEND", "Agg")
+gc.set_threshold(100_000, 20, 50)  # pages are trees of many objects, which each search for garbage goes through
 
 from hgorun.version import __version__  # noqa: E402  # of this checkout, whose folder comes first in the path only now
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import ast
 import hashlib
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
@@ -158,24 +158,26 @@ def _bytes(source: bytes) -> str:
 
 def meaning(source: str | bytes) -> str:
     """Hash of a Python source without comments, docstrings and formatting."""
-    return _hash("\0".join(_words(ast.parse(source))))
+    words: list[str] = []
+    _add_words(words, ast.parse(source))
+    return _hash("\0".join(words))
 
 
-def _words(node: ast.AST) -> Iterator[str]:
+def _add_words(words: list[str], node: ast.AST) -> None:
     """The syntax tree as a list of words; empty fields, which differ between versions of Python, are left out."""
-    yield type(node).__name__
+    words.append(type(node).__name__)
     for name, value in ast.iter_fields(node):
         if name == "body" and isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
             value = _without_docstring(value)
         if isinstance(value, ast.expr_context) or value is None or value == []:
             continue
-        yield name
+        words.append(name)
         for part in value if isinstance(value, list) else [value]:
             if isinstance(part, ast.AST):
-                yield from _words(part)
+                _add_words(words, part)
             else:
-                yield repr(part)
-        yield "end"
+                words.append(repr(part))
+        words.append("end")
 
 
 def _without_docstring(body: list[ast.stmt]) -> list[ast.stmt]:

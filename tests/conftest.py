@@ -26,6 +26,7 @@ settings.register_profile(
 )
 settings.load_profile("repeatable")
 measure_forks()
+gc.disable()  # until all is collected: syntax trees and tests are many objects, of which hardly any is garbage
 
 # what is started in the background of a shell ignores Ctrl-C, and so would all that the tests start and interrupt
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -78,3 +79,4 @@ def pytest_collection_finish(session: pytest.Session) -> None:
     gc.collect()
     gc.freeze()
     gc.set_threshold(20_000, 20, 20)
+    gc.enable()

@@ -14,6 +14,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.unmeasured  # sources are read, nothing of the package runs
+
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / "hgorun"
 PAGE = ROOT / "docs" / "architecture.md"

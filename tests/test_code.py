@@ -97,6 +97,7 @@ def modules_of(parts: tuple[str, ...]) -> set[str]:
     return {name for name, path in MODULES.items() if any(path.is_relative_to(place) for place in places)}
 
 
+@pytest.mark.unmeasured
 @pytest.mark.parametrize(
     "groups",
     [

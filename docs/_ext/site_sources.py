@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
-from collections import defaultdict
+from collections import defaultdict, deque
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -15,6 +15,7 @@ _PLACE = re.compile(r"\{\w*\}")  # of str.format
 _TEXT = re.compile(r"(tuple\[)?str\b")  # a type: a text, or one with something else
 _DEEP = 4  # calls that are followed from where something is raised to its text
 Function = ast.FunctionDef | ast.AsyncFunctionDef
+_LEAVES = (ast.Name, ast.Constant, ast.expr_context, ast.operator)  # without calls inside
 
 
 def template(node: ast.expr | None) -> str:
@@ -117,7 +118,7 @@ class Source:
         """Functions whose result is a text, or begins with one, by their names; each with its file."""
         found: defaultdict[str, list[tuple[ast.Module, Function]]] = defaultdict(list)
         for tree in self._trees.values():
-            for node in ast.walk(tree):
+            for node in _statements(tree):
                 if (
                     isinstance(node, Function)
                     and node.returns is not None
@@ -129,9 +130,22 @@ class Source:
 
 def _calls(node: ast.AST, inside: Function | None) -> Iterator[tuple[ast.Call, Function | None]]:
     for child in ast.iter_child_nodes(node):
+        if isinstance(child, _LEAVES):
+            continue
         if isinstance(child, ast.Call):
             yield child, inside
         yield from _calls(child, child if isinstance(child, Function) else inside)
+
+
+def _statements(node: ast.AST) -> Iterator[ast.stmt]:
+    """All inside, in the order of :func:`ast.walk`, which looks into every expression for them."""
+    waiting = deque([node])
+    while waiting:
+        for child in ast.iter_child_nodes(waiting.popleft()):
+            if not isinstance(child, ast.expr):
+                waiting.append(child)
+            if isinstance(child, ast.stmt):
+                yield child
 
 
 def _named(body: Iterable[ast.stmt]) -> Iterator[tuple[str, ast.expr]]:

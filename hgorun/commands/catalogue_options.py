@@ -71,6 +71,7 @@ class Claims(Reproduction):
 
     Each claim is confirmed or refuted, with the number; undecided where chance leaves it open; depends where the
     publication leaves open what decides; undecidable where no finite run can tell.
+    Runs are kept in results/runs for other calls; the folder may be deleted.
     """
 
     seed: Seed = None

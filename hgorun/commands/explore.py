@@ -10,7 +10,6 @@ from contextlib import contextmanager
 from html import escape
 from pathlib import Path
 
-from hgorun.commands.estimate import one_run
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Explore
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
@@ -18,7 +17,6 @@ from hgorun.config.reading import read_source
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench
 from hgorun.explore.keeping import Keeper
-from hgorun.explore.recordings import RecordedBench
 from hgorun.explore.simulated import SimulatedBench
 from hgorun.process import until_interrupted
 from hgorun.reproduce.shipped import is_shipped
@@ -63,6 +61,9 @@ def bench_of(config: Path, overrides: Sequence[str] = (), *, seed: int | None = 
     text, source = read_source(config, overrides, seed=seed)
     if not isinstance(source.data, dict) or "data" not in source.data:
         return SimulatedBench(config, load(config, overrides, seed=seed, run=run), run)
+    from hgorun.commands.estimate import one_run  # a page of a simulated plant is there sooner without
+    from hgorun.explore.recordings import RecordedBench
+
     return RecordedBench.of(config, one_run(source, config, run)[0], text, run)
 
 

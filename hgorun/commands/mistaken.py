@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Collection, Sequence
 
 from hgorun.config.nearest import nearest
@@ -33,6 +34,7 @@ _KEYS = {
     **{key: f"solver.{key}" for key in ("step", "method", "rtol", "atol", "accuracy")},
     **{key: f"plant.{key}" for key in ("initial", "parameters", "inputs")},
 }
+_KEY = re.compile(r"[\w.*-]+")  # the path of one
 _WITH_SET = {"simulate", "compare", "analyze", "estimate", "export", "explore"}
 
 
@@ -48,6 +50,15 @@ def _refuse_keys(words: Sequence[str]) -> None:
                 f"--set {printable(path)}={printable(value if equals else following)}"
                 + (", where LABEL is that of the observer" if "LABEL" in path else "")
             )
+
+
+def _refuse_spaces(words: Sequence[str]) -> None:
+    """An assignment with a space in the place of ``=``, whose value would be taken for a file."""
+    for i, word in enumerate(words[:-1]):
+        if word == "--set" and "=" not in words[i + 1] and _KEY.fullmatch(words[i + 1]):
+            value = words[i + 2] if i + 2 < len(words) and not words[i + 2].startswith("-") else "VALUE"
+            path = printable(words[i + 1])
+            raise ConfigError(f"--set {path}: expected path=value, as in --set {path}={printable(value)}")
 
 
 def refuse_what_is_no_command(words: Sequence[str], commands: Collection[str]) -> None:
@@ -70,3 +81,4 @@ def refuse_what_is_no_command(words: Sequence[str], commands: Collection[str]) -
         hint = nearest(first, commands)
         raise ConfigError(f"there is no command {printable(first)!r}.{hint} hgorun -h lists them")
     _refuse_keys(words)
+    _refuse_spaces(words)

@@ -27,7 +27,7 @@ from hgorun.files import remove_file
 from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweeps
-from hgorun.tables.layout import reflowed
+from hgorun.tables.layout import reflowed, wrapped
 
 
 def sweep(options: Sweep) -> int:
@@ -162,7 +162,8 @@ class Told:
     def text(self) -> str:
         """For a person."""
         if self.outcome is not None:
-            return "\n".join([*reflowed(self.outcome.text()), f"written: {self.file}"])
+            kept = f"kept: {self.store.folder} (the members, which the same call finds again; it may be deleted)"
+            return "\n".join([*reflowed(self.outcome.text()), *wrapped(kept), f"written: {self.file}"])
         which = "" if self.part is None else f"part {self.part.number}/{self.part.of} is finished; "
         return f"{self.store.folder}: {which}{self.store.size - self._left} of {self.store.size} members are there"
 

@@ -12,7 +12,7 @@ from hgorun.errors import ConfigError
 HEAD = 4096  # bytes of a file that are looked at
 _ROWS = 4  # of a text
 _NUMBER = re.compile(r"[-+]?([0-9]+[.,]?[0-9]*|[.,][0-9]+)([eE][-+]?[0-9]+)?|nan|NaN")
-_MEASUREMENTS = "measurements are read from CSV, Parquet, HDF5 and netCDF-4 files"
+MEASUREMENTS = "measurements are read from CSV, Parquet, HDF5 and netCDF-4 files"
 
 
 @dataclass(frozen=True)
@@ -27,7 +27,7 @@ class Kind:
     """
 
     what: str
-    instead: str = _MEASUREMENTS
+    instead: str = MEASUREMENTS
 
 
 HDF5 = Kind("an HDF5 file", "")
@@ -148,7 +148,7 @@ def refuse_what_is_no_text(head: bytes, path: Path) -> None:
         )
     if kind is HDF5:
         advice = f": hgorun compare {path} shows a result, hgorun estimate CONFIG {path} reads a recording"
-    elif kind is not None and kind.instead != _MEASUREMENTS:
+    elif kind is not None and kind.instead != MEASUREMENTS:
         advice = f"; if it holds measurements: {kind.instead}"
     else:
         advice = "; a YAML file was expected"

@@ -106,6 +106,8 @@ def near_file(path: Path) -> str:
         return ""
     alike = [name for name in names if os.path.splitext(name)[1] == path.suffix]
     near = nearest_file(path.name, alike) or nearest_file(path.name, names)
+    if not near and os.sep == "/" and "\\" in path.name:
+        near = " Folders are separated by / here"
     return near and f".{near}"
 
 

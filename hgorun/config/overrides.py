@@ -158,6 +158,22 @@ def _longest_path(data: object, assignment: str) -> tuple[KeyPath, int]:
     return best
 
 
+_OF_COLUMNS = {
+    "unit",
+    "format",
+    "next_day",
+    "file",
+    "time",
+    "csv",
+    "faults",
+    "plausible",
+    "quality",
+    "available",
+    "gate",
+    "std",
+}
+
+
 def _no_way(data: object, path: KeyPath, name: str) -> str:
     here, value = dotted(path) or "the file", at(data, path)
     if isinstance(value, list):
@@ -167,6 +183,8 @@ def _no_way(data: object, path: KeyPath, name: str) -> str:
         return f"`{here}` is a list of {len(value)}: `{name}` was found where there can be {indices}{meant}"
     beside = [str(key) for key, _ in entries(at(data, path[:-1]))]
     names = f" Beside it: {', '.join(beside[:20])}." if beside else ""
+    if isinstance(value, str) and path[:1] == ("data",) and name in _OF_COLUMNS:
+        names = f" It is the name of a column: {here}={{column: {value[:40]}, {name}: ...}} says more of it."
     return f"`{here}` is {str(value)[:40]!r} and has no `{name}` in it.{nearest(name, beside)}{names}"
 
 

@@ -31,6 +31,7 @@ _LETTERS = re.compile(r"[^\W\d_]{2}")
 _DATE_OR_TIME = re.compile(
     r"\d{1,4}([./-])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d(?::\d\d)?.*|\d{8}T\d{4,6}.*", re.ASCII
 )
+_WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*([^\W\d_][^\s\d]{0,9}|%|°[A-Z])")  # a number, and what follows it
 _WORD = 40  # characters of a text that may mean a missing value
 _TRUTH = {"true": 1.0, "false": 0.0}
 _EPOCH = datetime(1970, 1, 1)
@@ -94,6 +95,8 @@ def _no_number(text: str, decimal: str, thousands: str | None, key: str, column:
         return f'{said}; for signs between thousands: csv: {{thousands: "{signs[0]}"}}'
     if looks_like_iso(text):
         return f"{said}; dates are read as time stamps, with {clock_key(key, column, 'iso')}"
+    if behind := _WITH_UNIT.fullmatch(text):
+        return f"{said}; a cell holds the number alone, and {behind[1]} is the unit of its column"
     if text.lower() in _TRUTH:
         return f"{said}; write 1 for true and 0 for false"
     if _DATE_OR_TIME.fullmatch(text):
@@ -242,7 +245,8 @@ def _patterned(text: str, pattern: str) -> tuple[int, bool]:
     try:
         moment = datetime.strptime(text, pattern)
     except ValueError:
-        raise ValueError(f"expected a date of the form {pattern}, found {describe(text)}") from None
+        number = "; leave out format where stamps are numbers" if _NUMBER["."].fullmatch(text) else ""
+        raise ValueError(f"expected a date of the form {pattern}, found {describe(text)}{number}") from None
     offset = moment.utcoffset()
     past = moment.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
     return _in_range((past // timedelta(microseconds=1)) * 1000, text), offset is not None

@@ -6,11 +6,13 @@ import os
 from pathlib import Path
 
 from hgorun.config.data import Csv
-from hgorun.config.kinds import HDF5, HEAD, PARQUET, kind_of
+from hgorun.config.kinds import HDF5, HEAD, MEASUREMENTS, PARQUET, kind_of
 from hgorun.config.nearest import near_file
 from hgorun.data.csv_table import CsvFile
 from hgorun.data.table import TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
+
+_CONFIGURATIONS = (".yaml", ".yml")
 
 
 def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
@@ -24,7 +26,10 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
         When it is no file of measurements, or there is none and no key names it.
     """
     if not os.path.isfile(path):
-        what = "not a regular file" if os.path.exists(path) else f"there is no such file{near_file(path)}"
+        if os.path.isdir(path):
+            what = "this is a folder; name the file of the log in it"
+        else:
+            what = "not a regular file" if os.path.exists(path) else f"there is no such file{near_file(path)}"
         if key is None:
             raise ConfigError(what, file=str(path))
         raise Problem(key, f"{path}: {what}")
@@ -33,6 +38,12 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
             kind = kind_of(stream.read(HEAD))
     except OSError as error:
         raise ConfigError(f"cannot be read: {error.strerror}", file=str(path)) from None
+    if kind is None and path.suffix.lower() in _CONFIGURATIONS:
+        raise ConfigError(
+            f"this is a configuration, not a log: {MEASUREMENTS}, and a command takes one configuration, with the log "
+            "behind it or as its data.file",
+            file=str(path),
+        )
     if kind is None:
         return CsvFile(path, told)
     if kind not in (HDF5, PARQUET):

@@ -72,8 +72,14 @@ class PredictorChain(NoiseInformed, Extendable, ConstantGain, RecallingObserver[
             )
         d, m = self.crossed(), self.copies(form)
         if (d == 0) != (m == 0):
-            expected = "a copy or more" if m == 0 else "m: 0, which is shgo"
-            raise Problem(("m",), f"a delay of {d:g} takes {expected}; found {m}")
+            if m == 0:
+                raise Problem(("m",), f"a delay of {d:g} takes a copy or more; found 0")
+            message = (
+                f"a delay of 0 takes m: 0, which is shgo; found {m}. Copies cross a delay that is constant and known, "
+                "the measurement.delay of a simulation; samples of data or a stream are late by other times each, and "
+                "enter the innovation of shgo"
+            )
+            raise Problem(("m",), message)
         _, G = self.chain_gains(form)
         lags = np.full(m * len(form.chains), d / max(m, 1))
         return {"theta": np.array(self.theta), "G": G, LAGS: lags}

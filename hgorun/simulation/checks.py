@@ -7,15 +7,17 @@ import numpy as np
 from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
+from hgorun.measurement.samples import AnySamples
 from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
-from hgorun.observers.base import CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
+from hgorun.observers.base import AnyObserver, CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import late_to, treatment_of, why_punctual
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.start import check_outputs, check_start
 from hgorun.simulation.steps import counted_steps, steps_between
+from hgorun.simulation.truth import Recording
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
 _OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the step
@@ -200,9 +202,17 @@ def check_jumps(run: PreparedRun) -> None:
         if samples.identity != first.identity and not np.array_equal(samples.arrival, first.arrival):
             raise Problem(stepped[0], "this needs all outputs sampled at the same times")
         if samples.late:
-            message = f"this takes samples without delay, but {channel.name} is late: run it apart, without the delay"
-            raise Problem(stepped[0], message)
+            raise Problem(stepped[0], f"this takes samples without delay, but {channel.name} is late: {_instead(run)}")
     _check_schedules(run, first.arrival[first.used])
+
+
+def _instead(run: PreparedRun) -> str:
+    """What can be done where samples are late of which each is stepped from to the next."""
+    if isinstance(run.structure.groups[0].truth, Recording):
+        right = "leave late samples out of the data, or `available`, as if all samples had been known at once"
+    else:
+        right = "run it apart, without the delay"
+    return f"{right}; observers that are corrected by samples, as ekf and impulsive, go back to late ones"
 
 
 def _check_law(run: PreparedRun) -> None:
@@ -238,12 +248,19 @@ def check_corrections(run: PreparedRun) -> None:
                         f"{channel.name}, which is late"
                     )
                     raise Problem(("observers", b.label), message)
-            late = treatment_of(b.observer) == "replay"
-            times = {c.name: np.sort(c.samples.taken if late else c.samples.arrival) for c in run.channels}
+            times = {c.name: np.sort(_corrected_at(b.observer, c.samples)) for c in run.channels}
             try:
                 b.observer.check_times(b.form, times)
             except Problem as problem:
                 raise Problem(("observers", b.label, *problem.path), problem.message) from problem
+
+
+def _corrected_at(observer: AnyObserver, samples: AnySamples) -> np.ndarray:
+    """When the samples come that an observer takes, in its own time."""
+    treatment = treatment_of(observer)
+    if treatment == "drop" and samples.late:
+        return samples.arrival[samples.taken >= samples.arrival]
+    return samples.taken if treatment == "replay" else samples.arrival
 
 
 def check_holds(run: PreparedRun) -> None:

@@ -219,7 +219,8 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
         if isinstance(observer, RecallingObserver) and observer.late is not None:
             raise Problem(("observers", label, "late"), "this observer crosses the delay itself: leave the key out")
         if isinstance(observer, SampledObserver) and observer.late is not None:
-            raise Problem(("observers", label, "late"), "this observer takes samples without delay")
+            message = "this observer takes samples without delay: leave the key out, and late samples out of the data"
+            raise Problem(("observers", label, "late"), message)
         if treatment == "innovation" and isinstance(observer, CorrectedObserver):
             message = f"{observer.type} is corrected by samples and has no innovation between them: replay or drop"
             raise Problem(("observers", label, "late"), message)

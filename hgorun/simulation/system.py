@@ -133,7 +133,10 @@ def _recalled(groups: Sequence[Group], first: int) -> list[list[range]]:
             if isinstance(b.observer, RecallsInputs):
                 _require_timed(b, truth.untimed)
             if isinstance(b.observer, RecallingObserver) and not isinstance(truth, SimulatedPlant):
-                message = "it looks back at its own past, which is kept in simulations alone, not of data or a stream"
+                message = (
+                    "it looks back at its own past, which is kept in simulations alone, not of data or a stream: take "
+                    "shgo, whose innovation takes samples that are late"
+                )
                 raise Problem(("observers", b.label, "type"), message)
         found.append(own)
     return found

@@ -42,8 +42,12 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
 @pytest.mark.slow
 def test_a_sweep_is_carried_out_and_collected(shell: Shell) -> None:
     assert shell("sweep", "s.yaml") == (
-        0, "s: 12 members\n  SHGO  12 ok\n  FHGO  12 ok\nwritten: results/s.sweep.h5\n", "",
-    )  # fmt: skip
+        0,
+        "s: 12 members\n  SHGO  12 ok\n  FHGO  12 ok\n"
+        "kept: results/s.sweep (the members, which the same call finds again; it may be deleted)\n"
+        "written: results/s.sweep.h5\n",
+        "",
+    )
     assert (shell.folder / "results" / "s.sweep" / "manifest.json").is_file()
     code, out, _ = shell("sweep", "s.yaml", "--json")
     assert code == 0

@@ -21,6 +21,7 @@ observers: {S: {type: shgo, theta: 2}}
 @pytest.fixture
 def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
     (tmp_path / "a.yaml").write_text(SMALL)
+    (tmp_path / "log.yaml").write_text(f"{SMALL}data: {{file: log.csv, time: t, outputs: {{x1: y}}}}\n")
     return Shell(tmp_path, monkeypatch, capsys)
 
 
@@ -60,6 +61,17 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("simulate a.yaml -o", "-o: a value is missing: -o PATH"),
         ("estimate a.yaml --every x", "--every: expected a number of at least 0, found x"),
         ("simulate", "CONFIG... is missing: hgorun simulate CONFIG..."),
+        (
+            "simulate a.yaml --set observers.S.theta 3",
+            "--set observers.S.theta: expected path=value, as in --set obser",
+        ),
+        (
+            "simulate --set observers.S.theta -q a.yaml",
+            "--set observers.S.theta: expected path=value, as in --set obse",
+        ),
+        ("simulate --set seed", "--set seed: expected path=value, as in --set seed=VALUE"),
+        ("simulate C:\\me\\tank.yaml", "C:\\me\\tank.yaml: there is no such file. Folders are separated by / here"),
+        ("estimate log.yaml a.yaml", "a.yaml: this is a configuration, not a log: measurements are read from CSV, Par"),
         ("analyze a.yaml b.yaml", "b.yaml is one word too many: hgorun analyze CONFIG"),
         ("simulat a.yaml", "there is no command 'simulat'. Did you mean `simulate`? hgorun -h lists them"),
     ],

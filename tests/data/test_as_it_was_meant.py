@@ -10,6 +10,8 @@ import pytest
 from logs import recorded
 
 from hgorun.config.data import Data
+from hgorun.config.overrides import set_path
+from hgorun.config.yaml_source import parse
 from hgorun.data.named_units import per_unit_of
 from hgorun.data.reading import read
 from hgorun.errors import ConfigError, HgorunError, Problem
@@ -190,3 +192,33 @@ def test_a_rate_in_brackets_is_converted_or_told(tmp_path: Path, name: str) -> N
     said = {"S": {"column": name, "unit": "g/(L h)"}}
     found = recorded(tmp_path, text, {"outputs": said}, time_unit="s", units={"S": "g/(L s)"}).outputs["S"].values
     assert np.allclose(found, [2.0, 1.0], rtol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ("1.5 g/L", "found '1.5 g/L'; a cell holds the number alone, and g/L is the unit of its column"),
+        ("5%", "found '5%'; a cell holds the number alone, and % is the unit of its column"),
+        ("21,5°C", "the number alone, and °C is the unit of its column"),
+    ],
+)
+def test_a_unit_in_a_cell_is_told_as_one(tmp_path: Path, cell: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        recorded(tmp_path, f"t;glucose\n0;1.25\n1;{cell}\n")
+    assert said in str(caught.value)
+
+
+def test_numbers_where_a_pattern_of_dates_is_given(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="found '0'; leave out format where stamps are numbers"):
+        recorded(tmp_path, "t,glucose\n0,1\n", {"time": {"column": "t", "format": "%d.%m.%Y"}})
+
+
+def test_a_folder_in_the_place_of_a_log(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="this is a folder; name the file of the log in it"):
+        read(Data.model_validate({"time": "t", "outputs": {"S": "glucose"}}), tmp_path, files=[tmp_path])
+
+
+def test_a_key_of_a_column_that_is_only_a_name(tmp_path: Path) -> None:
+    source = parse("data: {outputs: {S: glucose}}\n", "a.yaml")
+    with pytest.raises(ConfigError, match=r"a column: data.outputs.S=\{column: glucose, unit: \.\.\.\} says more"):
+        set_path(source, "data.outputs.S.unit=kg")

@@ -32,6 +32,7 @@ def test_every_message_of_the_source_stands_below_an_explanation() -> None:
     assert by_mark(PAGE, messages())[""] == []
 
 
+@pytest.mark.unmeasured
 def test_every_line_of_the_page_is_of_some_message_and_stands_once() -> None:
     lines = [line for block in marks(PAGE) for line in block]
     assert sorted(set(lines)) == sorted(lines)

@@ -78,6 +78,17 @@ def test_what_is_said_of_the_simulated_pendula() -> None:
     assert worst(rows, "largest/SG") <= 0.26
 
 
+def test_what_is_said_of_poles_that_follow_from_theta() -> None:
+    """The damping is that of the rule, with the digits of theta T that are shown, and the bounds hold for all."""
+    rows = table("third log of")
+    for row in rows:
+        x = float(row["theta T"])
+        zeta = min(1.8, max(min((1 + x / 2) / 2**0.5, 1.1), x / 2))
+        assert float(row["zeta"]) == pytest.approx(zeta, abs=0.008)
+    assert worst(rows, "angle") <= 1.05
+    assert worst(rows, "velocity") <= 1.1
+
+
 def test_a_simulated_pendulum_loses_what_friction_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of a small angle Coulomb's friction takes 2 c/omega^2 every half period; then it rests."""
     monkeypatch.syspath_prepend(str(ROOT / "demos" / "qube"))

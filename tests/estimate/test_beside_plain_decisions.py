@@ -241,7 +241,7 @@ def test_estimates_of_a_random_log(group: str, name: str, tmp_path: Path) -> Non
 @pytest.mark.slow
 @pytest.mark.parametrize("group", GROUPS)
 def test_estimates_of_further_random_logs(group: str, tmp_path: Path) -> None:
-    for seed in range(4, 14):
+    for seed in (4, 5):
         compared(group, list(GROUPS[group][-1]), seed, tmp_path)
 
 

@@ -238,16 +238,6 @@ def test_an_interruption_leaves_nothing(after: int, short: pytest.MonkeyPatch, t
     assert list(tmp_path.iterdir()) == []
 
 
-_LOG = """
-import numpy as np
-count = {count}
-t = 1e-3 * np.arange(count)
-rows = np.column_stack([t, np.sin(t), np.cos(t), 0.1 * np.sin(3 * t)])
-with open("log.csv", "w") as file:
-    file.write("t,a,d,u\\n")
-    for start in range(0, count, 100_000):
-        file.write("".join("%.3f,%.5f,%.5f,%.5f\\n" % tuple(row) for row in rows[start : start + 100_000].tolist()))
-"""
 _CONFIG = """
 data: {file: log.csv, time: t, outputs: {a: a, d: d}, inputs: {u: {column: u, hold: zero}}}
 plant: {states: [a, d], dynamics: {a: d, d: -a + u}, output: {a: a, d: d}}
@@ -266,14 +256,25 @@ print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
 """
 
 
+def _write_log(path: Path, seconds: int) -> None:
+    """A thousand rows a second, each second with the same values: texts of rows are made once."""
+    t = np.arange(1000) / 1000
+    values = np.column_stack([np.sin(2 * np.pi * t), np.cos(2 * np.pi * t), 0.1 * np.sin(6 * np.pi * t)])
+    rows = [f".{number:03d},{a:.5f},{d:.5f},{u:.5f}\n" for number, (a, d, u) in enumerate(values)]
+    with path.open("w") as file:
+        file.write("t,a,d,u\n")
+        for second in range(seconds):
+            file.write(str(second).join(["", *rows]))
+
+
 @pytest.mark.measured
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="the unit of ru_maxrss is that of Linux")
 def test_memory_is_a_small_multiple_of_the_log(tmp_path: Path) -> None:
     taken, sizes = [], []
     (tmp_path / "log.yaml").write_text(_CONFIG)
-    for count in (600_000, 2_000_000):
-        subprocess.run([sys.executable, "-c", _LOG.format(count=count)], cwd=tmp_path, check=True)
+    for seconds in (600, 2000):
+        _write_log(tmp_path / "log.csv", seconds)
         said = subprocess.check_output([sys.executable, "-c", _MEASURED], cwd=tmp_path, text=True)
         taken.append(1024 * int(said.split()[-1]))
         sizes.append((tmp_path / "log.csv").stat().st_size)

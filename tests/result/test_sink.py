@@ -1,6 +1,8 @@
 """Where HDF5 writes: failures are kept, and not shown to it."""
 
 import os
+import time
+from concurrent.futures import ThreadPoolExecutor
 from errno import ENOSPC, EOPNOTSUPP
 from pathlib import Path
 
@@ -93,3 +95,23 @@ def test_a_length_that_cannot_be_set_is_told_afterwards() -> None:
     with Sink(Path("/dev/full")) as sink:
         assert sink.truncate(7) == 7
         assert isinstance(sink.failed, OSError)
+
+
+def test_threads_write_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("posix")
+    inside, most, real = [0], [0], os.pwrite
+
+    def pwrite(file: int, data: memoryview, place: int) -> int:
+        inside[0] += 1
+        most[0] = max(most[0], inside[0])
+        time.sleep(1e-3)
+        done = real(file, data[:5], place)  # as a system may, not all at once
+        inside[0] -= 1
+        return done
+
+    monkeypatch.setattr(os, "pwrite", pwrite)
+    pieces = [bytes([97 + k]) * 12 for k in range(8)]
+    with Sink(tmp_path / "file") as sink, ThreadPoolExecutor(4) as pool:
+        list(pool.map(lambda k: sink.write_at(12 * k, memoryview(pieces[k])), range(8)))
+    assert (tmp_path / "file").read_bytes() == b"".join(pieces)
+    assert most == [1]

@@ -19,8 +19,9 @@ import numpy as np
 
 from hgorun.analysis.chains import on_chains, outputs_of_chains
 from hgorun.analysis.reasons import CORRECTED, RECALLS, NoValue, Outcome, outcome
+from hgorun.config.reads import Reads
 from hgorun.errors import Problem
-from hgorun.memo import Memo
+from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
@@ -39,6 +40,9 @@ from hgorun.symbolic.triangular import TriangularForm
 _ELSEWHERE = 2.0  # another theta, whose powers are read off
 _LYAPUNOV: Memo[Lyapunov] = Memo(256)  # by matrix and poles: what is found of one is kept with it
 _LINEAR: Memo[Outcome[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]] = Memo(256)  # by observer and chains
+_FORMS: Memo[Form] = Memo(64)  # of chains
+_EQUATIONS: Memo[list[_Equations]] = Memo(64)  # of a structure: those that differ in keys that equations read
+_BUCKET = 16
 MU = 1.0  # of P A~ + A~^T P = -2 mu I
 
 
@@ -284,25 +288,49 @@ def _scaled(observer: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray,
     return A, E, flux, _powers(A, other[0], chains)
 
 
-def _linear(plain: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, E and the flux of an observer on chains, differentiated where there is no error."""
-    model = _chain_model(chains)
+@dataclass(frozen=True, eq=False)
+class _Equations:
+    """Of observers on chains that differ in numbers only: what there is of their equations where no error is."""
+
     form: Form
-    if isinstance(plain, RiccatiGain):
-        form = TriangularForm(model, model, tuple(range(model.n)), (0,))
-    else:
-        form = CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
-    parameters = Parameters()
+    reads: Reads[AnyObserver]
+    block: ObserverBlock
+    derivatives: ca.Function
+
+
+def _linear(plain: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A, E and the flux of an observer on chains."""
+    form = _FORMS.get((chains, isinstance(plain, RiccatiGain)), lambda: _form(plain, chains))
     try:
         design = Design.of("observer", plain, form)
     except Problem as problem:  # its keys name the plant's own states or outputs
         raise NoValue(f"the observer does not take chains of integrators: {problem.message}") from problem
-    block = ObserverBlock.place(design, 0, False, parameters)
-    z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", len(chains))
+    known = _EQUATIONS.get((same(form), type(plain), design.structure), list)
+    equations = next((one for one in known if one.reads.hold_for(plain)), None)
+    if equations is None:
+        equations = _derived(design, form, len(chains))
+        known.append(equations)
+        del known[:-_BUCKET]
+    found = equations.derivatives(design.numbers, _settled(plain, equations), np.zeros(len(chains)))
+    A0, E, H, F0, F1 = (np.asarray(v.full()) for v in found)
+    return A0 + E @ H, E, F0 + F1 @ H
+
+
+def _form(plain: AnyObserver, chains: tuple[int, ...]) -> Form:
+    model = _chain_model(chains)
+    if isinstance(plain, RiccatiGain):
+        return TriangularForm(model, model, tuple(range(model.n)), (0,))
+    return CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
+
+
+def _derived(design: Design, form: Form, outputs: int) -> _Equations:
+    model, parameters, reads = form.plant, Parameters(), Reads(design.observer)
+    block = ObserverBlock.place(design, 0, False, parameters, reads.watched)
+    z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", outputs)
     copy = block.copy(model.t, model.u, model.p)
     s = block.symbols(z)
     derivatives, correction = block.equations(copy, s, e)
-    roles = plain.roles(form)
+    roles = reads.watched.roles(form)
     names = [name for name in block.states if roles.get(name) != "gain"]
     moving = [block.states[name] for name in names]
     rate = ca.vertcat(*[state.flat(derivatives[name]) for name, state in zip(names, moving, strict=True)])
@@ -311,18 +339,16 @@ def _linear(plain: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray, np
     flux = H @ rate + correction
     parts = [ca.jacobian(rate, xi), ca.jacobian(rate, e), H, ca.jacobian(flux, xi), ca.jacobian(flux, e)]
     values = ca.Function("linear", [parameters.symbol, z, e], [ca.densify(part) for part in parts])
-    found = values(parameters.values, _settled(block), np.zeros(len(chains)))
-    A0, E, H_, F0, F1 = (np.asarray(v.full()) for v in found)
-    return A0 + E @ H_, E, F0 + F1 @ H_
+    return _Equations(form, reads, block, values)
 
 
-def _settled(block: ObserverBlock) -> np.ndarray:
+def _settled(observer: AnyObserver, equations: _Equations) -> np.ndarray:
     """No error, and the matrices of a time-varying gain where they settle on chains of integrators."""
-    z = np.zeros(block.end)
-    matrices = block.observer.settled(block.form) if isinstance(block.observer, SettlingGain) else {}
+    z = np.zeros(equations.block.end)
+    matrices = observer.settled(equations.form) if isinstance(observer, SettlingGain) else {}
     for name, values in matrices.items():
-        if name in block.states:
-            state = block.states[name]
+        if name in equations.block.states:
+            state = equations.block.states[name]
             z[state.start : state.start + state.size] = state.numbers(values)
     return z
 

@@ -9,11 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun import Experiment
+from hgorun.analysis.convergence import gains
 from hgorun.analysis.convergence.gains import ErrorDynamics, Lyapunov, error_dynamics
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.reasons import NoValue
+from hgorun.memo import Memo
 from hgorun.observers.lowpass import F
+from hgorun.simulation.design import Design
 from hgorun.simulation.simulate import prepare
+from hgorun.symbolic.forms import Form
 from hgorun.symbolic.matrices import hurwitz_gain
 
 
@@ -186,3 +190,23 @@ def test_no_lyapunov_matrix_without_decay() -> None:
     assert not found.hurwitz
     with pytest.raises(NoValue, match="not Hurwitz"):
         _ = found.beta
+
+
+def test_equations_are_derived_once_for_all_poles_and_theta(monkeypatch: pytest.MonkeyPatch) -> None:
+    """But not for another order."""
+    derived, real = list[object](), gains._derived
+
+    def counted(design: Design, form: Form, outputs: int) -> gains._Equations:
+        derived.append(design)
+        return real(design, form, outputs)
+
+    monkeypatch.setattr(gains, "_derived", counted)
+    for name in ("_EQUATIONS", "_LINEAR"):
+        monkeypatch.setattr(gains, name, Memo[Any](8))
+    for poles in ([-1, -2, -3], [-2, -0.5, -4]):
+        found = dynamics(3, type="shgo", theta=7, poles=poles)
+        assert np.allclose(np.poly(found.A), np.poly(np.array(poles, dtype=float)), rtol=1e-12)
+    assert len(derived) == 1
+    for r in (1, 2):
+        assert np.allclose(np.poly(dynamics(2, type="fhgo2", theta=3, r=r, poles=-2).A), np.poly(np.full(2 + r, -2.0)))
+    assert len(derived) == 3
