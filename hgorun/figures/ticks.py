@@ -17,6 +17,7 @@ from matplotlib.ticker import (
 
 _SHORT = 30  # logarithmic axes that span less, or have one power of ten, are labelled between these
 _FEWEST = 3  # labels
+_CROWDED = 5.0  # where it spans more, or has a power of ten, labels at every digit would touch
 _LINEAR = 2.0  # an axis that spans less is labelled as a linear one
 
 
@@ -40,7 +41,8 @@ def _between(low: float, high: float, most: int) -> Locator:
     if high < _LINEAR * low:
         return _evenly(most)
     powers = range(floor(log10(low)), ceil(log10(high)) + 1)
-    fewer = ((1, 2, 3, 5, 7),) if any(low < 10.0**power < high for power in powers) else ()
+    crowded = high > _CROWDED * low or any(low < 10.0**power < high for power in powers)
+    fewer = ((1, 2, 3, 5, 7),) if crowded else ()
     for digits in ((1, 2, 5), *fewer, tuple(range(1, 10))):
         if _FEWEST <= sum(low <= digit * 10.0**power <= high for digit in digits for power in powers) <= most:
             return LogLocator(subs=digits)
