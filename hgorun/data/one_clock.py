@@ -129,11 +129,24 @@ class OneClock:
             raise ConfigError(message, file=str(file.path), line=line, key=clock.cells.column)
 
     def _count_days(self, signals: Sequence[Wanted]) -> None:
-        """Times of day without dates, where midnight is told to pass; what is known later is so within a day."""
-        parts = [part for signal in signals for part in signal.parts]
-        for file, clock in dict.fromkeys((part.file, part.time) for part in parts if part.time.clock.next_day):
-            self._stamps[file, clock] = days_counted(self._stamps[file, clock])
-        for part in parts:
+        """Times of day without dates, where midnight is told to pass; what is known later is so within a day.
+
+        Parts of a signal follow each other, and all signals the first time of the log.
+        """
+        epoch = None if self._beside is None else self._beside.epoch
+        start = None if epoch is None else int(epoch.astype(np.int64))
+        counted = set()
+        for signal in signals:
+            before = start
+            for place in ((part.file, part.time) for part in signal.parts if part.time.clock.next_day):
+                if place not in counted:
+                    self._stamps[place] = days_counted(self._stamps[place], before)
+                    counted.add(place)
+                there = self._stamps[place][self._stamps[place] != NAT]
+                if there.size:
+                    before = int(there[-1])
+                    start = int(there[0]) if start is None else start
+        for part in (part for signal in signals for part in signal.parts):
             if part.available is not None and part.available.clock.next_day:
                 place = part.file, part.available
                 self._stamps[place] = known_after(self._stamps[place], self._stamps[part.file, part.time])
