@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +39,16 @@ def test_day_and_month_exchanged_are_refused_with_the_right_pattern(
     tmp_path: Path, stamps: tuple[str, ...], form: str | None, right: str
 ) -> None:
     time = {"column": "t"} | ({"format": form} if form else {})
-    for faults in ({}, {"backwards": "sort"}):  # sorted by the wrong date they would be taken without a word
-        with pytest.raises(Problem, match=r"dates run backwards .*line 4, column 't'.*in order") as caught:
-            recorded(tmp_path, dated(stamps), {"time": time, "faults": faults})
-        assert right in str(caught.value)
-        assert caught.value.path == ("data", "time")
+    backwards = r"dates run backwards .*line 4, column 't'.*in order"
+    with pytest.raises(Problem, match=backwards + ".*; if they are right .*backwards: sort") as caught:
+        recorded(tmp_path, dated(stamps), {"time": time})
+    assert right in str(caught.value)
+    assert caught.value.path == ("data", "time")
+    told = recorded(tmp_path, dated(stamps), {"time": time, "faults": {"backwards": "sort"}})
+    assert np.all(np.diff(told.outputs["S"].taken) > 0)
+    (note,) = [one.message for one in told.notes if one.kind == "clock"]
+    assert re.search(backwards, note)
+    assert right in note
     as_meant = form.translate(str.maketrans("dm", "md")) if form else "%Y-%d-%m"
     found = recorded(tmp_path, dated(stamps), {"time": {"column": "t", "format": as_meant}}).outputs["S"].taken
     assert found.tolist() == [0, 6 * PER_DAY, 29 * PER_DAY, 35 * PER_DAY, 57 * PER_DAY]  # of the calendar of 2024
@@ -67,9 +73,13 @@ MINUTES = [0, 89, 100, 100, 810, 1470, 1590]
 
 def test_midnight_is_counted_when_that_is_asked_for(tmp_path: Path) -> None:
     time: dict[str, Any] = {"column": "t", "format": "%H:%M"}
-    for faults in ({}, {"backwards": "sort"}):
-        with pytest.raises(Problem, match=r"midnight .*line 4.*no date: time: .*, next_day: true} counts days"):
-            recorded(tmp_path, dated(CLOCK), {"time": time, "faults": faults})
+    midnight = r"midnight .*line 4.*no date: time: .*, next_day: true} counts days"
+    with pytest.raises(Problem, match=midnight + "; if they are right as they stand, .*backwards: sort"):
+        recorded(tmp_path, dated(CLOCK), {"time": time})
+    faults = {"backwards": "sort", "repeated": "keep"}
+    told = recorded(tmp_path, dated(CLOCK), {"time": time, "faults": faults}, time_unit="min")
+    assert told.outputs["S"].taken.tolist() == [0, 0, 50, 710, 1340, 1370, 1429]
+    assert any(re.search(midnight, note.message) for note in told.notes)
     asked = {"time": time | {"next_day": True}, "faults": {"repeated": "keep"}}
     found = recorded(tmp_path, dated(CLOCK), asked, time_unit="min")
     assert found.outputs["S"].taken.tolist() == MINUTES
