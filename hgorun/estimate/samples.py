@@ -115,10 +115,12 @@ def recorded_inputs(
     signals = [recording.inputs[name] for name in inputs if name in recording.inputs]
     if not signals:
         return None
-    times = signals[0].times - origin if len(signals) == 1 else np.concatenate([one.times - origin for one in signals])
+    # all are compared as they count from the start: there and back, rounding would put a change before its own time
+    since = [one.times - origin for one in signals]
+    times = since[0] if len(since) == 1 else np.concatenate(since)
     changes = distinct(np.append(start, times[times > start]))
     changes = changes[: np.searchsorted(changes, end, "right" if last else "left")]
-    lines = [_lines(signal, changes + origin) for signal in signals]
+    lines = [_lines(signal, own, changes) for signal, own in zip(signals, since, strict=True)]
     # of a single one no copies are made
     levels, slopes = (
         part[0][:, None] if len(part) == 1 else np.column_stack(part) for part in zip(*lines, strict=True)
@@ -126,16 +128,22 @@ def recorded_inputs(
     return RecordedInputs(changes, levels, slopes, held=all(signal.hold == "zero" for signal in signals))
 
 
-def _lines(signal: InputSignal, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Value and slope of an input from some times on; before its first value and behind its last it is constant."""
+def _lines(signal: InputSignal, own: np.ndarray, times: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Value and slope of an input from some times on; before its first value and behind its last it is constant.
+
+    Parameters
+    ----------
+    own : ndarray
+        The times of the input, which count from the same start as the others.
+    """
     if signal.hold == "zero":
-        return signal.values[last_of(signal.times, times)], np.zeros(times.size)
-    place = np.searchsorted(signal.times, times, side="right") - 1
+        return signal.values[last_of(own, times)], np.zeros(times.size)
+    place = np.searchsorted(own, times, side="right") - 1
     before = np.clip(place, 0, None)
-    after = np.clip(place + 1, 0, signal.times.size - 1)
-    rise, run = signal.values[after] - signal.values[before], signal.times[after] - signal.times[before]
+    after = np.clip(place + 1, 0, own.size - 1)
+    rise, run = signal.values[after] - signal.values[before], own[after] - own[before]
     slopes = np.divide(rise, run, out=np.zeros(times.size), where=run > 0)
-    return signal.values[before] + slopes * np.maximum(times - signal.times[before], 0.0), slopes
+    return signal.values[before] + slopes * np.maximum(times - own[before], 0.0), slopes
 
 
 def all_sampled(recording: Recording, experiment: Experiment) -> list[Sampled]:

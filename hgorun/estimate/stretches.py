@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -93,8 +94,9 @@ class Stretches:
         while at < most.size - 1:
             for k in range(at, min(at + _TRIES, most.size - 1)):
                 t = float(most[k])
-                near = [*((of, t) for of in others), *((of, t + origin) for of in inputs)]
-                if all(_free_before(of, when, margin) for of, when in near):
+                if all(_free_before(of, t, margin) for of in others) and all(
+                    _free_before(of, t, margin, origin) for of in inputs
+                ):
                     ends.append(t)
                     at = k
                     break
@@ -208,9 +210,9 @@ def _ascending(times: Floats) -> bool:
     return bool(np.all(times[1:] >= times[:-1]))
 
 
-def _free_before(times: Floats, t: float, margin: float) -> bool:
-    """Whether none of some times lies just before another one."""
-    return bool(np.searchsorted(times, t, side="left") == np.searchsorted(times, t - margin, side="left"))
+def _free_before(times: Floats, t: float, margin: float, origin: float = 0.0) -> bool:
+    """Whether none of some times, less an origin, lies just before another one."""
+    return len({bisect_left(times, at, key=lambda time: time - origin) for at in (t, t - margin)}) == 1
 
 
 def _all_samples(experiment: Experiment, recording: Recording) -> list[Sampled]:
@@ -252,10 +254,10 @@ def _inputs_from(recording: Recording, origin: float, start: float, end: float) 
     inputs: dict[str, InputSignal] = {}
     since = 0.0
     for name, one in recording.inputs.items():
-        first = int(np.searchsorted(one.times, start + origin, side="right"))
-        stop = int(np.searchsorted(one.times, end + origin, side="right"))
-        near = one.times[max(first - 2, 0) : first + 2] - origin
-        since = max([since, *near[near <= start].tolist()])
+        # their times are compared as they count from the start: the sum of start and origin is rounded
+        first, stop = (bisect_right(one.times, t, key=lambda time: time - origin) for t in (start, end))
+        if first:
+            since = max(since, float(one.times[first - 1] - origin))
         some = slice(max(first - 4, 0), stop + 4)
         inputs[name] = replace(one, times=one.times[some], values=one.values[some], lines=one.lines[some])
     return replace(recording, inputs=inputs), since
