@@ -33,6 +33,11 @@ from hgorun.tuning.storing import save
 from hgorun.tuning.task import Task, is_plain
 from hgorun.tuning.trials import Trials
 
+
+class _NothingFound(HgorunError):
+    """No gains that were tried keep the estimate and meet the limits."""
+
+
 _END = 0.01  # of a range: what is nearer to an end of it is at the end
 
 
@@ -44,7 +49,8 @@ def tune(options: Tune) -> int:
     ConfigError
         For anything wrong in the file.
     HgorunError
-        When no gains that were tried keep their estimate and meet the limits, or a file cannot be written.
+        When of no observer any gains that were tried keep the estimate and meet the limits, or a file cannot be
+        written. Those of whom none do beside others are told, and keep their gains; the exit code is 1.
     """
     refuse_other_kinds(options.output, ())
     refuse_unwritable(options.output or RESULTS, kind="folder")
@@ -57,19 +63,34 @@ def tune(options: Tune) -> int:
     if options.data:
         raise ConfigError(f"{options.data[0]}: files are for recordings, and the configuration has no data")
     asked = load_tuning(options.config, options.overrides, run=options.run)
-    found = [_tuned(task, asked.name, options) for task in asked.tasks]
+    found, missed = _all_tuned(asked, options)
     folder = options.output or RESULTS
     before = there(folder / f"{asked.name}{suffix}" for suffix in (".tuned.yaml", ".tune.h5"))
     files = _write(found, asked, options)
     told = [_table(one) for one in found]
     for one in found:
         _warn(one, asked.name)
+    for words in missed:
+        say(f"hgorun: {words}; it keeps its gains")
     if options.json:
         print(json_text.dumps(tables.as_json(told, asked.name, files), indent=2, allow_nan=False))
     elif not options.quiet:
         print(tables.text(told))
         print(written(files, before))
-    return 0
+    return 1 if missed else 0
+
+
+def _all_tuned(asked: Asked, options: Tune) -> tuple[list[Evidence], list[str]]:
+    """What was found, and the reasons of those observers for which nothing was."""
+    found, missed = [], []
+    for task in asked.tasks:
+        try:
+            found.append(_tuned(task, asked.name, options))
+        except _NothingFound as error:  # what was found for others is not lost with it
+            missed.append(str(error))
+    if not found:
+        raise HgorunError("; ".join(missed))
+    return found, missed
 
 
 def _tuned(task: Task, name: str, options: Tune) -> Evidence:
@@ -79,7 +100,7 @@ def _tuned(task: Task, name: str, options: Tune) -> Evidence:
         try:
             found = search(trials)
         except ValueError as error:
-            raise HgorunError(f"{name}: {task.label}: {error}") from None
+            raise _NothingFound(f"{name}: {task.label}: {error}") from None
     return evidence(found, threads)
 
 

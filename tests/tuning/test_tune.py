@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
 
@@ -351,6 +352,20 @@ def test_only_a_missed_limit_is_told(shell: Shell) -> None:
     code, _, err = shell("tune", "c.yaml")
     assert code == 1
     assert "no gains that were tried meet all limits: peak('SHGO', x2) below 0.1, at best" in err
+
+
+def test_an_observer_that_all_gains_lose_leaves_the_others_theirs(shell: Shell) -> None:
+    asked = TUNE.replace("}}\n", "}, observers.FHGO.theta: {log: [1e5, 1e6]}}\n", 1)
+    asked = asked.replace("hf(SHGO, x2), settling(SHGO, x2)", "rmse(*, x2)").replace(
+        "  subject: [{value: peak(SHGO, x2), below: 30}]\n", ""
+    )
+    (shell.folder / "c.yaml").write_text(CONFIG + asked)
+    code, out, err = shell("tune", "c.yaml", "--no-plots")
+    assert code == 1
+    assert "SHGO" in out
+    assert re.search(r"c: FHGO: \d+ gains were tried, and all of them lose the estimate; it keeps its gains\n", err)
+    tuned = load(shell.folder / "results" / "c.tuned.yaml").observers
+    assert (tuned["SHGO"].theta == 2, tuned["FHGO"].theta) == (False, 2)  # type: ignore[attr-defined]  # of this family
 
 
 def test_a_base_that_is_missing(shell: Shell) -> None:
