@@ -23,5 +23,9 @@ def is_comment(line: str, sign: str, missing: Collection[str], separator: str | 
     start = line.lstrip(" ") if tabs else line.lstrip()
     if not start.startswith(sign):
         return False
-    first = start.split(maxsplit=1)[0] if separator == " " else _CELL_ENDS.split(start, maxsplit=1)[0]
+    if separator == " ":
+        first = start.split(maxsplit=1)[0]
+    else:  # the sign may be one that ends cells
+        rest = start[len(sign) :]
+        first = sign + (rest.split(separator, 1) if separator else _CELL_ENDS.split(rest, maxsplit=1))[0]
     return first.strip().lower() not in missing

@@ -7,31 +7,42 @@ import numpy as np
 from hgorun.data.cells import NAT
 
 _DAY = 86_400 * 10**9  # nanoseconds
+_HOUR = 3600 * 10**9
 _MONTHS = 12
 _FEWEST = 3  # different dates that are in order by more than chance
 
 
-def days_counted(found: np.ndarray) -> np.ndarray:
+def days_counted(found: np.ndarray, before: int | None = None) -> np.ndarray:
     """Times of day of which each that lies more than half a day before the one above it is of the next day.
+
+    One within an hour before midnight, after it has passed, is of the day before: clocks jitter.
 
     Parameters
     ----------
     found : ndarray
         Nanoseconds, ``NAT`` where one is missing.
+    before : int, optional
+        The time with its day that stands above the first one.
     """
     there = found != NAT
-    steps = np.diff(found[there])
-    days = np.concatenate([[0], np.cumsum(steps < -_DAY // 2)]) if steps.size else np.zeros(there.sum(), dtype=int)
+    if not there.any():
+        return found
+    stamps = found[there]
+    before = int(stamps[0]) if before is None else before
+    of_day = stamps % _DAY
+    steps = np.diff(of_day, prepend=before % _DAY)
+    days = before // _DAY + np.cumsum((steps < -_DAY // 2).astype(int) - (steps > _DAY - _HOUR))
     counted = found.copy()
-    counted[there] += days * _DAY
+    counted[there] = days * _DAY + of_day
     return counted
 
 
 def known_after(known: np.ndarray, taken: np.ndarray) -> np.ndarray:
-    """Times of day as the first ones that are not before those of other times, whose days are counted."""
+    """Times of day within a day after other times, whose days are counted; those within an hour before are wrong."""
     there = (known != NAT) & (taken != NAT)
     counted = known.copy()
-    counted[there] = taken[there] + (known[there] - taken[there]) % _DAY
+    later = (known[there] - taken[there]) % _DAY
+    counted[there] = taken[there] + later - _DAY * (later > _DAY - _HOUR)
     return counted
 
 

@@ -44,13 +44,13 @@ class KeptLines:
         """Which lines are comments or empty, by their first byte: others with spaces in front are left to others."""
         first = text[starts]
         found: np.ndarray = (first == ord("\n")) | (first == ord(dialect.comment))
-        texts = (one for one in dialect.missing if len(one) > 1 and one[0] == dialect.comment)
-        like = np.isin(text[starts[found] + (first[found] != ord("\n"))] | 32, [ord(one[1]) | 32 for one in texts])
-        for line in np.flatnonzero(found)[like].tolist():  # which may begin with a text for a missing value, as #N/A
+        comments = np.flatnonzero(found & (first != ord("\n")))
+        like = _second_bytes(dialect)[text[starts[comments] + 1]]
+        for line in comments[like].tolist():  # which may begin with a text for a missing value, as #N/A
             start = int(starts[line])
             end = self._whole.text.index(b"\n", start)
             row = self._whole.text[start:end].decode("utf-8", "replace")
-            found[line] = not row or is_comment(row, dialect.comment, dialect.missing, dialect.separator)
+            found[line] = is_comment(row, dialect.comment, dialect.missing, dialect.separator)
         if b'"' in self._whole.text:
             lines = np.searchsorted(starts, np.flatnonzero(text == ord('"')), side="right") - 1
             of_rows = lines[~found[lines]]
@@ -64,3 +64,19 @@ class KeptLines:
     def original(self, row: int, stop: int) -> Block:
         """Kept lines with what stands between them."""
         return Block(self._whole.text[self._starts[row] : self._starts[stop]], int(self.numbers[row]))
+
+
+def _second_bytes(dialect: Dialect) -> np.ndarray:
+    """Which bytes may follow the sign of comments in a row whose first cell is a text for a missing value."""
+    found = np.zeros(256, dtype=bool)
+    for one in dialect.missing:
+        if not one.startswith(dialect.comment):
+            continue
+        if one == dialect.comment:  # the cell ends
+            found[[*b" \t\n\v\f\r\x1c\x1d\x1e\x1f", ord(dialect.separator)]] = True
+            found[128:] = True  # some are spaces
+            continue
+        second = one[1].encode()[0]
+        found[[second, *one[1].upper().encode()[:1]]] = True
+        found[128:] |= second >= 128 or one[1] in "ik"  # which have capital letters beyond ASCII
+    return found

@@ -88,11 +88,12 @@ def per_unit_of(unit: str, time: str) -> str:
     """A unit that is per another unit of time, as it is per this one: 1/s of 1/h; empty where it is not."""
     if not is_time(time):
         return ""
-    for first, end in _denominators(unit):
+    found = unit
+    for first, end in sorted(set(_denominators(unit)), reverse=True):  # from the end, so that places stay
         name = unit[first:end]
         if is_time(name) and not alike_times(name, time):
-            return unit[:first] + time + unit[end:]
-    return ""
+            found = found[:first] + time + found[end:]
+    return found if found != unit else ""
 
 
 def _denominators(unit: str) -> Iterator[tuple[int, int]]:

@@ -83,7 +83,7 @@ class OneClock:
             self._stamps[file, clock] = stamps(clock, self._tables[file], self._unit)
         self._require_one_day_0(dict.fromkeys(absolute))
         for file, clock in dict.fromkeys(absolute):
-            self._require_order(file, clock)
+            self._require_order(file, clock, signals)
         self._count_days(signals)
         if self._beside is not None and bool(absolute) != (self._beside.epoch is not None):
             return self._other_clock(self._beside, clocks[0][1])
@@ -129,17 +129,32 @@ class OneClock:
             raise ConfigError(message, file=str(file.path), line=line, key=clock.cells.column)
 
     def _count_days(self, signals: Sequence[Wanted]) -> None:
-        """Times of day without dates, where midnight is told to pass; what is known later is so within a day."""
-        parts = [part for signal in signals for part in signal.parts]
-        for file, clock in dict.fromkeys((part.file, part.time) for part in parts if part.time.clock.next_day):
-            self._stamps[file, clock] = days_counted(self._stamps[file, clock])
-        for part in parts:
+        """Times of day without dates, where midnight is told to pass; what is known later is so within a day.
+
+        Parts of a signal follow each other, and all signals the first time of the log.
+        """
+        epoch = None if self._beside is None else self._beside.epoch
+        start = None if epoch is None else int(epoch.astype(np.int64))
+        counted = set()
+        for signal in signals:
+            before = start
+            for place in ((part.file, part.time) for part in signal.parts if part.time.clock.next_day):
+                if place not in counted:
+                    self._stamps[place] = days_counted(self._stamps[place], before)
+                    counted.add(place)
+                there = self._stamps[place][self._stamps[place] != NAT]
+                if there.size:
+                    before = int(there[-1])
+                    start = int(there[0]) if start is None else start
+        for part in (part for signal in signals for part in signal.parts):
             if part.available is not None and part.available.clock.next_day:
                 place = part.file, part.available
                 self._stamps[place] = known_after(self._stamps[place], self._stamps[part.file, part.time])
 
-    def _require_order(self, file: LogFile, clock: ClockColumn) -> None:
+    def _require_order(self, file: LogFile, clock: ClockColumn, signals: Sequence[Wanted]) -> None:
         """Refuse dates that run backwards as they are read, and not as they may be meant.
+
+        Where all signals say what is done about times that run backwards, it is only told.
 
         Raises
         ------
@@ -152,16 +167,26 @@ class OneClock:
             return
         column = clock.cells.column
         where = f"{file.path}, line {self._tables[file].lines[wrong]}, column {column!r}"
+        stand = "if they are right as they stand, faults: {backwards: sort} is right"
         if not dated:
             right = f"{clock_key(str(clock.path[-1]), column, form)[:-1]}, next_day: true}}"
-            message = f"midnight seems to pass ({where}), and the pattern {form} has no date: {right} counts days"
+            message = (
+                f"midnight seems to pass ({where}), and the pattern {form} has no date: {right} counts days; {stand}"
+            )
         else:
             swapped = clock_key(str(clock.path[-1]), column, with_exchanged(form))
             message = (
-                f"dates run backwards ({where}), and with day and month exchanged they are in order: {swapped}; if "
-                "they are right as they stand, sort the rows by time"
+                f"dates run backwards ({where}), and with day and month exchanged they are in order: {swapped}; {stand}"
             )
-        raise Problem(clock.path, message)
+        told = {
+            signal.block.faults.over(self._block.faults).backwards
+            for signal in signals
+            if any(part.file == file and clock in (part.time, part.available) for part in signal.parts)
+        }
+        if not told <= {"sort", "drop"}:
+            raise Problem(clock.path, message)
+        key = ".".join(map(str, clock.path))
+        self.notes.append(Note(kind="clock", signal=key, file=str(file.path), message=message))
 
     def _first_stamp(self, file: LogFile, clock: ClockColumn) -> str:
         """Where the first date of a column stands."""

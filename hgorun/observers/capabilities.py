@@ -58,6 +58,15 @@ class HighGain(Speed):
         return np.full(order, -1.0)
 
     @property
+    def poles_follow(self) -> bool:
+        """Whether they change with theta: limits at one theta then tell nothing of those at another."""
+        return False
+
+    def with_theta(self, theta: float) -> Self:
+        """A copy with another theta and the same eigenvalues at theta = 1."""
+        return self.model_copy(update={"theta": theta})
+
+    @property
     def settling_rate(self) -> float:
         """The rate at which the slowest of error and gain come to rest on chains of integrators (1/time)."""
         return self.theta

@@ -26,15 +26,15 @@ class ChainSpeed(PlacedGain):
 
     def chain_gains(self, form: CanonicalForm, filter_order: int = 0) -> tuple[np.ndarray, np.ndarray]:
         K_r, K_n = super().chain_gains(form, filter_order)
-        speeds = self._speeds(form)
+        speeds = self.speeds(form)
         powers = np.concatenate([np.arange(1, length + 1) for length in form.chains])
         K_r = K_r * speeds ** np.arange(1, filter_order + 1)[:, None]
         return K_r, K_n * np.repeat(speeds, form.chains) ** (filter_order + powers)
 
     def largest_pole(self, form: CanonicalForm, filter_order: int = 0) -> float:
-        return super().largest_pole(form, filter_order) * float(np.max(self._speeds(form)))
+        return super().largest_pole(form, filter_order) * float(np.max(self.speeds(form)))
 
-    def _speeds(self, form: CanonicalForm) -> np.ndarray:
+    def speeds(self, form: CanonicalForm) -> np.ndarray:
         """Of every chain, shape (q,).
 
         Raises

@@ -64,16 +64,20 @@ class PlacedGain(GivenGain):
         return np.resize(np.atleast_1d(np.asarray(self.poles, dtype=complex)), order)
 
     def characteristics(self, form: Any) -> list[np.ndarray]:
-        return [np.array([1.0, *self.gain(length)]) for length in form.chains]
+        return [np.array([1.0, *gain]) for gain in self.gains_of_chains(form)]
+
+    def gains_of_chains(self, form: CanonicalForm, filter_order: int = 0) -> list[np.ndarray]:
+        """The gain of every chain, shape (filter_order + its length,)."""
+        return [self.gain(filter_order + length) for length in form.chains]
 
     def largest_pole(self, form: CanonicalForm, filter_order: int = 0) -> float:
         """The largest modulus of the eigenvalues at theta = 1."""
-        roots = [np.roots([1.0, *self.gain(filter_order + length)]) for length in form.chains]
+        roots = [np.roots([1.0, *gain]) for gain in self.gains_of_chains(form, filter_order)]
         return max(float(np.max(np.abs(r))) for r in roots)
 
     def chain_gains(self, form: CanonicalForm, filter_order: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """(K_r; K_n) of every chain: K_r with one column a chain, shape (r, q), K_n stacked, shape (n,)."""
-        gains = [self.gain(filter_order + length) for length in form.chains]
+        gains = self.gains_of_chains(form, filter_order)
         K_r = np.column_stack([gain[:filter_order] for gain in gains])
         return K_r, np.concatenate([gain[filter_order:] for gain in gains])
 

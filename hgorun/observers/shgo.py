@@ -6,7 +6,6 @@ import casadi as ca
 import numpy as np
 
 from hgorun.observers.base import Flow, observer
-from hgorun.observers.chain_speed import ChainSpeed
 from hgorun.observers.extension import Extendable
 from hgorun.observers.nested import NESTED_FROM, NestedSaturation, nested
 from hgorun.observers.sampled_poles import SampledPoles
@@ -15,7 +14,7 @@ from hgorun.symbolic.symbols import Symbols
 
 
 @observer("shgo")
-class StandardObserver(NestedSaturation, ChainSpeed, Extendable, SampledPoles):
+class StandardObserver(NestedSaturation, Extendable, SampledPoles):
     """Standard high-gain observer (SHGO) for uniformly observable plants.
 
     In the coordinates of the chain, with e the innovation,

@@ -11,7 +11,7 @@ from hgorun.analysis.excitation.branches import on_another_branch
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Analysis, Findings
 from hgorun.analysis.stability.critical import Timing, timing_of
-from hgorun.observers.capabilities import FilterOrder
+from hgorun.observers.capabilities import FilterOrder, HighGain
 from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.kalman import KalmanFilter
 from hgorun.tables.layout import number, wrapped
@@ -150,7 +150,8 @@ def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | No
         yield f"to change: little of its error is noise: a larger {key} lowers what is left"
     else:
         yield f"to change: {key}, larger for a faster decay, smaller for less noise"
-    room = _room(found, timing)
+    follow = isinstance(subject.observer, HighGain) and subject.observer.poles_follow
+    room = None if follow else _room(found, timing)
     if room is not None:
         narrow = ": that is near" if room < _NEAR else ""
         yield f"{key} = {number(theta)} may grow to about {number(theta * room)} on a chain measured like this{narrow}"

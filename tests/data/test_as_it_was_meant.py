@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 from typing import Any
 
@@ -38,11 +39,16 @@ def test_day_and_month_exchanged_are_refused_with_the_right_pattern(
     tmp_path: Path, stamps: tuple[str, ...], form: str | None, right: str
 ) -> None:
     time = {"column": "t"} | ({"format": form} if form else {})
-    for faults in ({}, {"backwards": "sort"}):  # sorted by the wrong date they would be taken without a word
-        with pytest.raises(Problem, match=r"dates run backwards .*line 4, column 't'.*in order") as caught:
-            recorded(tmp_path, dated(stamps), {"time": time, "faults": faults})
-        assert right in str(caught.value)
-        assert caught.value.path == ("data", "time")
+    backwards = r"dates run backwards .*line 4, column 't'.*in order"
+    with pytest.raises(Problem, match=backwards + ".*; if they are right .*backwards: sort") as caught:
+        recorded(tmp_path, dated(stamps), {"time": time})
+    assert right in str(caught.value)
+    assert caught.value.path == ("data", "time")
+    told = recorded(tmp_path, dated(stamps), {"time": time, "faults": {"backwards": "sort"}})
+    assert np.all(np.diff(told.outputs["S"].taken) > 0)
+    (note,) = [one.message for one in told.notes if one.kind == "clock"]
+    assert re.search(backwards, note)
+    assert right in note
     as_meant = form.translate(str.maketrans("dm", "md")) if form else "%Y-%d-%m"
     found = recorded(tmp_path, dated(stamps), {"time": {"column": "t", "format": as_meant}}).outputs["S"].taken
     assert found.tolist() == [0, 6 * PER_DAY, 29 * PER_DAY, 35 * PER_DAY, 57 * PER_DAY]  # of the calendar of 2024
@@ -67,9 +73,13 @@ MINUTES = [0, 89, 100, 100, 810, 1470, 1590]
 
 def test_midnight_is_counted_when_that_is_asked_for(tmp_path: Path) -> None:
     time: dict[str, Any] = {"column": "t", "format": "%H:%M"}
-    for faults in ({}, {"backwards": "sort"}):
-        with pytest.raises(Problem, match=r"midnight .*line 4.*no date: time: .*, next_day: true} counts days"):
-            recorded(tmp_path, dated(CLOCK), {"time": time, "faults": faults})
+    midnight = r"midnight .*line 4.*no date: time: .*, next_day: true} counts days"
+    with pytest.raises(Problem, match=midnight + "; if they are right as they stand, .*backwards: sort"):
+        recorded(tmp_path, dated(CLOCK), {"time": time})
+    faults = {"backwards": "sort", "repeated": "keep"}
+    told = recorded(tmp_path, dated(CLOCK), {"time": time, "faults": faults}, time_unit="min")
+    assert told.outputs["S"].taken.tolist() == [0, 0, 50, 710, 1340, 1370, 1429]
+    assert any(re.search(midnight, note.message) for note in told.notes)
     asked = {"time": time | {"next_day": True}, "faults": {"repeated": "keep"}}
     found = recorded(tmp_path, dated(CLOCK), asked, time_unit="min")
     assert found.outputs["S"].taken.tolist() == MINUTES
@@ -83,6 +93,56 @@ def test_days_are_counted_beside_missing_stamps_and_of_what_was_known(tmp_path: 
     found = recorded(tmp_path, text, {"time": time, "outputs": outputs}, time_unit="min").outputs["S"]
     assert found.taken.tolist() == [0, 20, 1390, 1470]
     assert found.available.tolist() == [5, 25, 1480, 1490]
+
+
+def test_clocks_that_jitter_about_midnight_add_no_days(tmp_path: Path) -> None:
+    stamps = ("23:59:50", "00:00:01", "23:59:59", "00:00:02", "00:00:10")
+    time = {"column": "t", "format": "%H:%M:%S", "next_day": True}
+    with pytest.raises(ConfigError, match=r"log.csv:4: .*lies before one above it"):
+        recorded(tmp_path, dated(stamps), {"time": time})
+    found = recorded(tmp_path, dated(stamps), {"time": time, "faults": {"backwards": "sort"}}).outputs["S"]
+    assert found.taken.tolist() == [0, 9, 11, 12, 20]
+
+
+def test_what_is_known_shortly_before_it_was_taken_is_not_of_the_next_day(tmp_path: Path) -> None:
+    time = {"column": "t", "format": "%H:%M:%S", "next_day": True}
+    outputs = {"S": {"column": "glucose", "available": "ta"}}
+    for taken, known in (("23:00:21", "23:00:20"), ("00:00:01", "23:59:59")):
+        with pytest.raises(ConfigError, match="before it was taken"):
+            recorded(tmp_path, f"t,ta,glucose\n{taken},{known},1\n", {"time": time, "outputs": outputs})
+    found = recorded(tmp_path, "t,ta,glucose\n20:00:00,10:00:00,1\n", {"time": time, "outputs": outputs})
+    assert found.outputs["S"].available.tolist() == [14 * 3600]
+
+
+@pytest.mark.parametrize(
+    ("first", "others", "begins"),
+    [
+        (("23:50", "23:55", "00:05"), ("00:01", "00:04"), 11),
+        (("23:50", "23:55", "00:05"), ("23:51", "00:04"), 1),
+        (("00:10", "00:20", "00:30"), ("23:59", "00:15"), -11),
+        (("08:00", "20:00", "07:00"), ("22:00", "06:00"), 840),
+        (("08:00", "20:00", "07:00"), ("06:00", "06:30"), -120),
+    ],
+)
+def test_days_of_other_files_count_from_the_first_output(
+    tmp_path: Path, first: tuple[str, ...], others: tuple[str, ...], begins: int
+) -> None:
+    time = {"column": "t", "format": "%H:%M", "next_day": True}
+    (tmp_path / "u.csv").write_text("t,u\n" + "".join(f"{stamp},{k + k % 2}\n" for k, stamp in enumerate(others)))
+    changes = {"time": time, "inputs": {"u": {"column": "u", "file": "u.csv"}}}
+    found = recorded(tmp_path, dated(first), changes, time_unit="min")
+    assert found.inputs["u"].times[0] - found.outputs["S"].taken[0] == begins
+
+
+def test_days_go_on_from_part_to_part(tmp_path: Path) -> None:
+    time = {"column": "t", "format": "%H:%M", "next_day": True}
+    parts = (("22:30", "23:30", "00:30"), ("01:00", "23:50"), ("00:10", "00:20"))
+    files = [tmp_path / f"part{k}.csv" for k in range(len(parts))]
+    for file, stamps in zip(files, parts, strict=True):
+        file.write_text(dated(stamps))
+    block = Data.model_validate({"time": time, "outputs": {"S": "glucose"}})
+    found = read(block, tmp_path, files=files, time_unit="min").outputs["S"].taken
+    assert found.tolist() == [0, 60, 120, 150, 1520, 1540, 1550]
 
 
 def test_next_day_is_refused_where_there_are_dates() -> None:

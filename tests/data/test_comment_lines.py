@@ -18,10 +18,10 @@ WANTED = [Numbers("t"), Numbers("a")]
 ROWS = 3000
 
 
-def read(folder: Path, text: str) -> Table:
+def read(folder: Path, text: str, **told: object) -> Table:
     path = folder / "log.csv"
     path.write_bytes(text.encode())
-    return CsvFile(path, Csv()).table(WANTED, 1e9)
+    return CsvFile(path, Csv.model_validate(told)).table(WANTED, 1e9)
 
 
 @pytest.mark.parametrize(
@@ -74,3 +74,45 @@ def test_a_row_that_is_not_plain_is_told_with_its_line(tmp_path: Path) -> None:
     text = "t,a\n" + "".join(f"# {k}\n{k},1\n" for k in range(20)) + "# x\n20,one\n"
     with pytest.raises(ConfigError, match=r":43: a: .*one"):
         read(tmp_path, text)
+
+
+@pytest.mark.parametrize(
+    ("missing", "cell", "row"),
+    [
+        ("#", "#", True),
+        ("#", "# ", True),
+        ("#", "#\u00a0", True),
+        ("#é", "#é", True),
+        ("#é", "#É", True),
+        ("#kein", "#\u212aEIN", True),  # the sign of kelvin is a capital k
+        ("#x", "#X", True),
+        ("#", "#5", False),
+        ("#", "##", False),
+        ("#é", "#e", False),
+        ("#x", "# x", False),
+    ],
+)
+@pytest.mark.parametrize("separator", [",", ";", "~"])
+def test_any_text_for_a_missing_value_begins_a_row(
+    tmp_path: Path, missing: str, cell: str, row: bool, separator: str
+) -> None:
+    text = "a,t,b\n0.5,1,0\n" + "".join(f"{cell},{k},0\n" for k in range(2, 6)) + "1.5,6,0\n"
+    found = read(tmp_path, text.replace(",", separator), missing=[missing], separator=separator)
+    assert found.columns[WANTED[0]].tolist() == ([1, 2, 3, 4, 5, 6] if row else [1, 6])
+
+
+@pytest.mark.parametrize("sign", [";", "|", ","])
+@pytest.mark.parametrize("quoted", [False, True])
+@pytest.mark.parametrize("separator", [",", ";", "\t"])
+def test_a_sign_of_comments_that_separates_cells_elsewhere(
+    tmp_path: Path, sign: str, quoted: bool, separator: str
+) -> None:
+    first = '"1",2' if quoted else "1,2"
+    text = f"t,a\n{first}\n3,4\n5,6\n".replace(",", separator)
+    rows = text.splitlines(keepends=True)
+    comment = f"{sign} logger 3\n"
+    told: dict[str, object] = {"comment": sign}
+    found = read(tmp_path, comment + rows[0] + rows[1] + comment + "".join(rows[2:]) + comment, **told)
+    assert found.columns[WANTED[0]].tolist() == [1, 3, 5]
+    assert found.columns[WANTED[1]].tolist() == [2, 4, 6]
+    assert found.lines.tolist() == [3, 5, 6]

@@ -300,7 +300,7 @@ def test_empty_cells_of_several_rates_are_told_once(tmp_path: Path) -> None:
         ({"time": "time"}, ("data", "time", "column"), "no column 'time'"),
         ({"file": "nowhere.csv"}, ("data", "file"), "no such file"),
         ({"file": []}, ("data",), "no file is given"),
-        ({"file": "."}, ("data", "file"), "not a regular file"),
+        ({"file": "."}, ("data", "file"), "this is a folder"),
         ({"time": None}, ("data",), "time is missing"),
         ({"origin": "2024-01-01"}, ("data", "origin"), "have their own origin"),
         ({"time": {"column": "t", "unit": "fortnight"}}, ("data", "time", "unit"), "is not a unit of time"),

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
 import pytest
-from examples import Block, chain, simulated
+from examples import Block, chain, inline, simulated
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 from hgorun import Experiment
@@ -99,3 +100,35 @@ def test_only_for_chains_of_two_states() -> None:
 def test_a_live_page_varies_poles_where_they_decide(block: Block, expected: int) -> None:
     names = [knob.name for knob in knobs_of(Experiment(config(block)))]
     assert len([name for name in names if "poles" in name and "period" not in name]) == expected
+
+
+@pytest.mark.parametrize(
+    ("theta", "period", "delay", "T"), [(20, 0.02, 0.6, 0.4), (60, 0.2, 0.0, 0.02), (60, 0.2, 0.0, 0.5)]
+)
+def test_what_is_advised_once_holds(theta: float, period: float, delay: float, T: float) -> None:
+    """The theta that is told is with the poles that belong to it."""
+    plant = inline({"x1": "x2", "x2": "-x1"}, "x1") | {"initial": {"x1": 1, "x2": 0}}
+    more: Block = {"measurement": {"sampling": {"period": period}, "delay": delay}, "end": 60, "output_step": 0.05}
+
+    def found(theta: float) -> Any:
+        observer: Block = {"type": "shgo", "theta": theta, "poles_for_period": T, "initial": {"x1": 0.5, "x2": 0}}
+        return simulated(plant, {"S": observer}, **more).observers["S"]
+
+    said = re.search(r"theta of at most ([0-9.]+)", found(theta).reason or "")
+    assert said is not None
+    assert float(said[1]) * (period + delay) > 1  # not so small that anything would do
+    assert found(float(said[1])).status == "ok"
+
+
+def test_a_chain_at_a_speed_has_the_poles_of_its_own_theta() -> None:
+    """As fast as an observer with a quarter of theta: theta T = 1 of the one and 0.25 of the other chain."""
+    two = inline({"a": "a2", "a2": "0", "b": "b2", "b2": "0"}, {"y_a": "a", "y_b": "b"})
+    block: Block = {"type": "shgo", "theta": 10, "poles_for_period": 0.1, "speed": {"y_b": 0.25}}
+    result = simulated(two, {"S": block}, step=0.005)
+    start = (result.observers["S"].xhat - result.x)[0]
+    for place, theta in ((0, 10.0), (2, 2.5)):
+        zeta = min(1.1, (1 + theta * 0.1 / 2) / np.sqrt(2))
+        matrix = np.array([[-2 * zeta * theta, 1], [-(theta**2), 0]])
+        expected = np.array([expm(matrix * t) @ start[place : place + 2] for t in result.time])
+        error = (result.observers["S"].xhat - result.x)[:, place : place + 2]
+        np.testing.assert_allclose(error, expected, rtol=0, atol=1e-5)

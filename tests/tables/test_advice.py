@@ -10,7 +10,13 @@ from hgorun.tables.layout import number
 
 
 def said(
-    period: float | None, *, theta: float = 2.0, noise: float = 0.01, delay: float = 0.0, end: float = 30.0
+    period: float | None,
+    *,
+    theta: float = 2.0,
+    noise: float = 0.01,
+    delay: float = 0.0,
+    end: float = 30.0,
+    **keys: float,
 ) -> tuple[str, Analysis]:
     """Of a chain of two integrators, whose limits are known."""
     measurement: dict[str, object] = {"noise": [{"type": "gaussian", "std": noise, "hold": period or 0.01}]}
@@ -23,7 +29,7 @@ def said(
                 "plant": {"type": "integrator_chain", "n": 2, "phi": "0", "initial": {"x1": 1, "x2": 1}},
                 "measurement": measurement,
                 "observers": {
-                    "SHGO": {"type": "shgo", "theta": theta},
+                    "SHGO": {"type": "shgo", "theta": theta, **keys},
                     "EKF": {"type": "kalman_bucy", "Q": {"x1": 1, "x2": 1}, "R": 1},
                 },
                 "solver": {"method": "rk4", "step": 0.01},
@@ -58,6 +64,12 @@ def test_a_period_beyond_the_limit_is_told_to_be_too_long() -> None:
     together = " ".join(text.split())
     assert f"period 3.000 s: too long: the linear error loses stability at {number(limit)} s" in together
     assert "to change: measure more often and sooner, or a smaller theta" in together
+
+
+def test_how_far_theta_may_grow_is_not_said_where_poles_follow_from_it() -> None:
+    """Limits of chains are in proportion to 1/theta with the same poles only."""
+    assert "may grow" in said(0.1, end=3.0)[0]
+    assert "may grow" not in said(0.1, end=3.0, poles_for_period=0.1)[0]
 
 
 def test_a_continuous_output_has_no_period() -> None:

@@ -278,6 +278,8 @@ def _chain_model(chains: tuple[int, ...]) -> PlantModel:
 def _plain(observer: AnyObserver, theta: float) -> AnyObserver:
     """An observer with another theta, and without what makes no difference on chains."""
     neutral: dict[str, object] = {"saturation": {}, "clip_estimate": None, "coordinates": "original", "initial": {}}
+    if isinstance(observer, HighGain):
+        return observer.with_theta(theta).model_copy(update=neutral)
     return observer.model_copy(update={"theta": theta, **neutral})
 
 
