@@ -9,7 +9,7 @@ from hgorun.data.recording import InputSignal, Note, Signal
 
 
 def inputs_beyond(inputs: Mapping[str, InputSignal], outputs: Mapping[str, Signal]) -> Iterator[Note]:
-    """Of inputs with usual steps, of which an input that is written only when it changes has none.
+    """Before its first value every input, and behind its last one with usual steps: others are written on a change.
 
     Parameters
     ----------
@@ -20,17 +20,18 @@ def inputs_beyond(inputs: Mapping[str, InputSignal], outputs: Mapping[str, Signa
     if not taken:
         return
     first, last = min(float(times[0]) for times in taken), max(float(times[-1]) for times in taken)
+    step = max(usual_step(times) for times in taken)
     for name, signal in inputs.items():
-        longest = GAP * usual_step(signal.times)
-        if not longest > 0:
+        if not signal.times.size:
             continue
+        longest = GAP * usual_step(signal.times)
         begins, ends = float(signal.times[0]), float(signal.times[-1])
-        if begins - first > longest:
+        if begins - first > (longest or step):
             message = (
                 f"its values begin at {begins:.6g}, the outputs at {first:.6g}: the first value is taken until then"
             )
             yield _note(name, signal, 0, message)
-        if last - ends > longest:
+        if last - ends > longest > 0:
             message = f"its values end at {ends:.6g}, the outputs at {last:.6g}: the last value is held until then"
             yield _note(name, signal, -1, message)
 

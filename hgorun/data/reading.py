@@ -201,7 +201,10 @@ class Reader:
     def _sorted(self, signal: Wanted, samples: Samples) -> tuple[Samples, list[Note]]:
         """The samples that are used, and what was found in them."""
         block = signal.block
-        sorting = Sorting(block.faults.over(self._block.faults), isinstance(block, Judged), self._origin)
+        told = block.faults.over(self._block.faults)
+        if not isinstance(block, Judged):  # inputs may be written when they change: what all are told is of outputs
+            told = told.model_copy(update={"gaps": block.faults.gaps})
+        sorting = Sorting(told, isinstance(block, Judged), self._origin)
         plausible = block.plausible if isinstance(block, Judged) else None
         return sorting.sorted_out(samples, plausible), sorting.notes
 

@@ -160,6 +160,9 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
         outside = recording.outputs[one.output].values.size - one.values.size
         if outside:
             told.append(f"{one.output}: {outside} samples lie outside of the run")
+    for kind, compared in (("held out", found.held_out), ("of the reference", found.reference)):
+        none = [name for name, one in compared.items() if not one.taken.size]
+        told += [f"{name}: no sample {kind} lies in the run, so that it has no score" for name in none]
     return told
 
 

@@ -35,6 +35,15 @@ class Speed(Block):
     def speed_key(self) -> str | None:
         """Its name; None where it is not given, and others are in its place."""
 
+    @property
+    def speed_keys(self) -> tuple[str, ...]:
+        """Those that set the speed of errors of some size, that of the fastest first; ``speed_key`` by default."""
+        return () if self.speed_key is None else (self.speed_key,)
+
+    def at_speed(self, key: str, value: float) -> Self:
+        """A copy whose small errors are as fast as those that a key with this value sets the speed of."""
+        return self.model_copy(update={key: value})
+
 
 class HighGain(Speed):
     """One number theta that sets the speed of the error: its eigenvalues are in proportion to it.

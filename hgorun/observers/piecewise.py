@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -20,6 +21,7 @@ from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 _BETWEEN = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 200)])  # gains of the sector that are looked at
+_HARDLY_MORE = 1.001  # theta_1 over theta_2, where the error of one of them is looked at
 
 
 @observer("piecewise")
@@ -53,6 +55,14 @@ class PiecewiseObserver(Speed, NoiseThreshold, LocallyLinear, PlacedGain, Extend
     @property
     def speed_key(self) -> str | None:
         return "theta_2"
+
+    @property
+    def speed_keys(self) -> tuple[str, ...]:
+        return "theta_1", "theta_2"
+
+    def at_speed(self, key: str, value: float) -> Self:
+        """Errors beyond d are those of ``shgo`` with theta_1, as those within d are with theta_2."""
+        return self.model_copy(update={"theta_1": _HARDLY_MORE * value, "theta_2": value})
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

@@ -57,11 +57,13 @@ class _Gain:
     value: float
 
     @classmethod
-    def of(cls, observer: AnyObserver, block: ObserverBlock) -> _Gain | None:
-        """None where nothing is known of it."""
-        key = observer.speed_key if isinstance(observer, Speed) else None
-        value = float(getattr(observer, key) if key else observer.error_rate(block.form) or 0.0)
-        return cls(key, value) if value > 0 else None
+    def of(cls, observer: AnyObserver, block: ObserverBlock) -> list[_Gain]:
+        """The fastest first; none where nothing is known of them."""
+        keys = observer.speed_keys if isinstance(observer, Speed) else ()
+        if keys:
+            return [cls(key, float(getattr(observer, key))) for key in keys]
+        value = float(observer.error_rate(block.form) or 0.0)
+        return [cls(None, value)] if value > 0 else []
 
     def told(self, unit: str) -> str:
         """The subject of a sentence."""
@@ -82,34 +84,51 @@ def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
     unknown = isinstance(observer, NotLinear | SlidingMode) or "gain" in observer.roles(block.form).values()
     if unknown or block.recalled or run.closed:
         return None
-    gain = _Gain.of(observer, block)
-    if gain is None:
-        return None
+    gains = _Gain.of(observer, block)
     try:
         error = _Error(run, block, raw.rows[:, run.structure.truths[j], 0])
-        if not error.smallest_growth(timing) > _GROWS:
-            return None
-        slowest = _SLOWEST / timing.longest
-        part = _largest_part(lambda part: error.growth(timing.scaled(part)), slowest / gain.value)
-        value = _largest_value(error, gain, timing, part, slowest)
+        told = (_limits(run, error, gains[i:], timing, len(gains) > 1) for i in range(len(gains)))
+        return next(filter(None, told), None)
     except (HgorunError, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no such observer
         return None
-    return _told(run, gain, timing, part, value)
 
 
-def _told(run: PreparedRun, gain: _Gain, timing: _Timing, part: float | None, value: float | None) -> str | None:
+def _limits(run: PreparedRun, error: _Error, gains: list[_Gain], timing: _Timing, several: bool) -> str | None:
+    """Of the first gain, beside slower ones; None where the errors that it sets the speed of do not grow."""
+    gain, *slower = gains
+    if several and gain.key is not None:  # errors of a size of their own
+        error = error.with_value(gain.key, gain.value)
+    if not error.smallest_growth(timing) > _GROWS:
+        return None
+    slowest = _SLOWEST / timing.longest
+    part = _largest_part(lambda part: error.growth(timing.scaled(part)), slowest / gain.value)
+    value = _largest_value(error, gain, timing, part, slowest)
+    beside = [other.key for other in slower if other.key and value is not None and other.value >= value]
+    what = "large" if slower else "even small"
+    return _told(run, gain, timing, part, value, what, "".join(f" with {key} below it" for key in beside))
+
+
+def _told(
+    run: PreparedRun,
+    gain: _Gain,
+    timing: _Timing,
+    part: float | None,
+    value: float | None,
+    errors: str,
+    beside: str,
+) -> str | None:
     name = printable(run.time.unit)
     unit = f" {name}" if name else ""
     period, late = timing.period, f"the delay {timing.delay:.4g}{unit}"
     what = late if period is None else f"the period {period:.4g}{unit}" + (f" with {late}" if timing.delay else "")
-    limits = [] if value is None else [f"{gain.key} of at most {below(value)}"]
+    limits = [] if value is None else [f"{gain.key} of at most {below(value)}{beside}"]
     if part is not None and (period is None or not timing.delay):
         one, used = ("delay", timing.delay) if period is None else ("period", period)
         limits.append(f"a {one} of at most {below(part * used)}{unit}")
     if not limits:
         return None
     holds = f"they do not with {', or '.join(limits)}"
-    return f"{gain.told(name)} too large for {what}, since even small errors grow: {holds}"
+    return f"{gain.told(name)} too large for {what}, since {errors} errors grow: {holds}"
 
 
 def below(value: float) -> str:
@@ -147,7 +166,9 @@ class _Error:
     def with_value(self, key: str, value: float) -> _Error:
         """The same error with another value of a key."""
         run, label = self.run, self.block.label
-        other = self.block.observer.model_copy(update={key: value})
+        observer = self.block.observer
+        assert isinstance(observer, Speed)  # it has the key
+        other = observer.at_speed(key, value)
         design = Design.of(label, other, self.block.form)
         designs = [design if b.label == label else run.experiment.designs[b.label] for b in run.observers]
         found = object.__new__(_Error)

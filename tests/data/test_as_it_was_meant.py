@@ -188,6 +188,7 @@ def logged(places: list[int]) -> str:
         ([*range(30)], 31, "its values end at 29, the outputs at 60: the last value is held until then"),
         ([*range(20), *range(38, 61)], 0, ""),
         ([0, 30], 0, ""),  # written when it changes
+        ([50], 52, "its values begin at 50, the outputs at 0: the first value is taken until then"),
     ],
 )
 def test_an_input_that_goes_on_without_values_is_told(tmp_path: Path, places: list[int], line: int, said: str) -> None:
@@ -200,7 +201,11 @@ def test_an_input_that_goes_on_without_values_is_told(tmp_path: Path, places: li
 
 
 def test_gaps_of_an_input_are_refused_when_told_so(tmp_path: Path) -> None:
-    inputs = {"u": {"column": "u", "faults": {"gaps": "refuse"}}}
+    """At the input itself: what all are told is of outputs, since inputs may be written when they change."""
+    inputs: dict[str, Any] = {"u": {"column": "u", "faults": {"gaps": "refuse"}}}
+    told = {"inputs": {"u": "u"}, "faults": {"gaps": "refuse"}}
+    notes = recorded(tmp_path, logged([*range(20), *range(45, 61)]), told).notes
+    assert [n.signal for n in notes if n.kind == "gaps"] == ["inputs.u"]
     with pytest.raises(ConfigError, match=r"log.csv:47: inputs.u: .*faults: {gaps: report}"):
         recorded(tmp_path, logged([*range(20), *range(45, 61)]), {"inputs": inputs})
 

@@ -79,3 +79,9 @@ def test_a_stream_gives_what_the_log_gives(tmp_path: Path) -> None:
             estimator.update(t, {"x": 0.0} if t in taken else {}, u={"u": changes[t]} if t in changes else None)
     result = estimate(source(CONFIG), log(), name="x", text="y", sensitivity=False)
     assert estimator.estimate()["O"][0] == result.observers["O"].xhat[-1, 0]
+
+
+def test_samples_held_out_behind_the_log_are_told() -> None:
+    beside = {"x": signal("x", [500.0, 501.0], [0.2, 0.2])}
+    result = estimate(source(CONFIG), log(), name="x", text="y", held_out=beside, sensitivity=False)
+    assert "x: no sample held out lies in the run, so that it has no score" in result.remarks

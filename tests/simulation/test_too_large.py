@@ -126,3 +126,25 @@ def test_two_times_in_one_reason_are_told_apart() -> None:
     assert said is not None
     left, given_up = map(float, said.groups())
     assert 0.2 < left < given_up < 0.23
+
+
+@pytest.mark.parametrize(("theta_2", "beside"), [(40.0, " with theta_2 below it"), (5.0, "")])
+def test_of_two_gains_the_larger_is_told_of(theta_2: float, beside: str) -> None:
+    """Errors beyond d go at theta_1; what is advised holds."""
+    swinging = inline({"p": "q", "q": "-p"}, "p") | {"initial": {"p": 1, "q": 0}}
+    grid: Block = {"step": 0.01, "output_step": 0.05, "end": 60}
+    sampled: Block = {"sampling": {"period": 0.2}}
+    block: Block = {"type": "piecewise", "theta_1": 60, "theta_2": theta_2, "d": 0.1, "initial": {"p": 0.5}}
+    advice = reason(swinging, block, sampled, **grid)
+    said = re.search(
+        r"theta_1 = 60 is too large for the period 0.2 s, since large errors grow: they do not with theta_1 of at most "
+        rf"([0-9.]+){beside}, or a period of at most ([0-9.]+) s$",
+        advice,
+    )
+    assert said is not None
+    theta, period = map(float, said.groups())
+    assert theta * 0.2 > 3
+    slower: Block = {"theta_1": theta, "theta_2": min(theta_2, 0.9 * theta)}
+    for keys, T in ((slower, 0.2), ({}, period)):
+        result = simulated(swinging, {"S": block | keys}, measurement={"sampling": {"period": T}}, **grid)
+        assert result.observers["S"].status == "ok"
