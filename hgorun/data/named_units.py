@@ -61,6 +61,17 @@ def foreign_in_name(name: str, wanted: str) -> str:
     return said if said and foreign(said, wanted) else ""
 
 
+def of_another_kind_in_name(name: str, wanted: str) -> str:
+    """The unit in the name of a column whose numbers cannot be of the kind wanted; else empty.
+
+    A letter in round brackets is a tag more often than a unit.
+    """
+    said = unit_in_name(name)
+    if not said or said.isdigit() or (len(said) == 1 and not name.rstrip().endswith("]")):
+        return ""
+    return said if is_unit(said) and is_unit(wanted) and _convertible(said, wanted) is None else ""
+
+
 def _convertible(said: str, wanted: str) -> str | None:
     """A unit as it is meant, where numbers of it can be converted to another; else None."""
     return next((unit for unit in (said, _TEMPERATURES.get(said, said)) if _same_kind(unit, wanted)), None)

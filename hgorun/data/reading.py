@@ -17,6 +17,7 @@ from hgorun.data.named_units import (
     convertible_in_name,
     foreign_in_name,
     note_of,
+    of_another_kind_in_name,
     per_unit_of,
     unit_in_name,
 )
@@ -159,6 +160,11 @@ class Reader:
         found, source = file.table.unit(column), "the file"
         if not found and taken:
             found, source = convertible_in_name(column, taken) or foreign_in_name(column, taken), "its name"
+        if taken and not found and said is None and (other := of_another_kind_in_name(column, taken)):
+            message = (
+                f"column {column!r}: its name says {other}, the model has {taken}, of another kind: taken as they are"
+            )
+            self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
         if not (found and taken) or alike(found, taken):
             return
         another = AnotherUnit(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hgorun.data.named_units import convertible_in_name, foreign_in_name
+from hgorun.data.named_units import convertible_in_name, foreign_in_name, of_another_kind_in_name
 from hgorun.data.units import _COMMON, _registry, converted, is_unit, not_known, seconds
 from hgorun.data.usual_units import _SYMBOLS, _WORDS, unusual
 from hgorun.errors import Problem
@@ -30,6 +30,16 @@ def test_a_word_that_is_read_by_accident_is_no_unit(word: str) -> None:
 )
 def test_nor_is_it_one_in_the_name_of_a_column(name: str, wanted: str) -> None:
     assert convertible_in_name(name, wanted) == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "wanted", "found"),
+    [("y [V]", "m", "V"), ("level (bar)", "m", "bar"), ("angle (degC)", "rad", "degC"), ("y (V)", "m", ""),
+     ("y [7]", "m", ""), ("y [mm]", "m", ""), ("y [raw]", "m", ""), ("angle [deg]", "rad", ""),
+     ("y [V]", "turns_of_it", "")],
+)  # fmt: skip
+def test_a_unit_of_another_kind_is_found_in_a_name(name: str, wanted: str, found: str) -> None:
+    assert of_another_kind_in_name(name, wanted) == found
 
 
 @pytest.mark.parametrize(
