@@ -9,7 +9,6 @@ from __future__ import annotations
 import csv
 import os
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -28,6 +27,7 @@ TUTORIALS = ROOT / "docs" / "tutorials"
 RECORD = ROOT / "experiments" / "benchmark" / "record" / "entries.csv"
 _SCENARIOS = ("low noise", "high noise", "sampled", "late", "outliers", "model error")
 _DPI, _COLOURS = 180, 128
+_PLAIN = {"sampling"}  # drawn by a page's own Python, in the colours of matplotlib
 
 
 def _hgorun(folder: Path, *words: str | Path) -> None:
@@ -118,19 +118,17 @@ _PICTURES: Mapping[str, Callable[[Path], Path]] = {
 
 
 def _shrink(source: Path, target: Path) -> None:
-    """Fewer points and colours of a figure of 300 dpi: pages load faster, and the repository stays small."""
+    """At most so many points an inch, and fewer colours: pages load faster, and the repository stays small."""
     from matplotlib.colors import to_rgb
 
     from hgorun.figures.files import reduced
     from hgorun.figures.style import PALETTE
 
-    if source.name == "sampling.png":  # in other colours, and small as it is
-        shutil.copyfile(source, target)
-        return
     with Image.open(source) as image:
-        size = (round(image.width * _DPI / 300), round(image.height * _DPI / 300))
+        part = min(_DPI / image.info["dpi"][0], 1.0)
+        size = (round(image.width * part), round(image.height * part))
         small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    own = [np.array(to_rgb(colour)) for colour in PALETTE]
+    own = [] if target.stem in _PLAIN else [np.array(to_rgb(colour)) for colour in PALETTE]
     reduced(small, own, _COLOURS).save(target, optimize=True)
 
 
