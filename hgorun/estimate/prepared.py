@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -32,6 +32,7 @@ from hgorun.simulation.start import check_start
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.tables import build_plan
 from hgorun.simulation.tabulated import Stretchwise
+from hgorun.simulation.timeline import Stepping
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.plant import PlantModel
@@ -121,15 +122,9 @@ class PreparedEstimate:
     def plan(self, grid: Floats, step: float, uneven: float | None = None, shared: Stretchwise | None = None) -> Plan:
         """The tables of a run; arguments as of :func:`~hgorun.simulation.tables.build_plan`."""
         return build_plan(
-            self.run.schedule,
-            self.run.heard,
-            grid,
+            replace(self.run.timeline, grid=grid),
             self.run.structure.system,
-            always_slope=bool(METHODS[self.method].error),
-            longest=step,
-            reach=0.0,
-            origin=self.run.origin,
-            uneven=uneven,
+            Stepping(longest=step, always_slope=bool(METHODS[self.method].error), uneven=uneven),
             inputs=self.inputs,
             samples=[one.values for one in self.samples],
             in_parts=not self.gated,
