@@ -158,7 +158,11 @@ def test_replicates_of_late_samples_by_arrival(tmp_path: Path) -> None:
             {"decimal": ","},
             r":2: glucose: .*decimals have a comma here; where all have a point",
         ),
-        ("0,1.5\n1,2.5\n", {}, r":1: expected a line with the names of the columns.*, such as t,y1: columns are taken by"),
+        (
+            "0,1.5\n1,2.5\n",
+            {},
+            r":1: expected a line with the names of the columns.*, such as t,y1: columns are taken by",
+        ),
         ("0\t1.5\n1\t2.5\n", {}, r":1: expected a line with the names .*write such a line above them, of 2 names: "),
         ("#a\n0,1.5\n1,2.5\n", {}, r":2: expected a line with the names of the columns"),
         (
