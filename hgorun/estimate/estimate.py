@@ -15,7 +15,7 @@ from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
-from hgorun.result.data import Integration, Measurements
+from hgorun.result.data import Integration, IntegrationError, Measurements
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
@@ -68,9 +68,10 @@ def estimate_prepared(
     held_out: Mapping[str, Signal],
     *,
     sensitivity: bool = False,
+    with_error: bool = True,
 ) -> Result:
-    """Carry a prepared estimate out; see :func:`estimate`."""
-    found = evaluate_run(prepared, held_out, recording.reference)
+    """Carry a prepared estimate out; see :func:`estimate`, and of the error of given steps :func:`evaluate_run`."""
+    found = evaluate_run(prepared, held_out, recording.reference, with_error=with_error)
     assessed = [assess(prepared, found, j) for j in range(len(prepared.run.observers))]
     result = result_of(prepared, recording, found, assessed, _recorded(prepared, found))
     if not sensitivity:
@@ -130,7 +131,9 @@ def result_of(
             step=found.carried.step,
             rtol=None,
             evaluations=found.carried.evaluations,
-            error={b.label: float(e) for b, e in zip(run.observers, found.carried.error, strict=True)},
+            error=IntegrationError(
+                {b.label: float(e) for b, e in zip(run.observers, found.carried.error, strict=True)}
+            ),
         ),
         measures=model.measures,
         remarks=(*_remarks(prepared, recording, found), *_shut_out(prepared, found)),
