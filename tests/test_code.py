@@ -156,6 +156,7 @@ def changes(study: Study, package: Path, file: str, text: str) -> list[str | Non
     return [state.difference(old, new) for old, new in zip(before, ingredients(), strict=True)]
 
 
+@pytest.mark.costly
 def test_an_edit_makes_stale_what_follows_from_it(package: Path, tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(STUDY)
     study = load_study(tmp_path / "study.yaml")

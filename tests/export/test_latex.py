@@ -111,7 +111,7 @@ def test_every_line_can_be_typeset(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.measured("adaptive", "direct_dynamic", "filtering", "tracking", "ukf")
+@pytest.mark.measured("direct_dynamic", "filtering")
 @pytest.mark.parametrize("name", [name for name in sorted(OBSERVERS.names()) if name not in NOT_EXPORTED])
 def test_every_family_can_be_typeset(name: str) -> None:
     cls = OBSERVERS.find(name)

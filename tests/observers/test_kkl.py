@@ -40,6 +40,7 @@ def test_rows_of_sylvesters_equation() -> None:
     assert np.max(np.abs(residual)) < 1e-14
 
 
+@pytest.mark.costly
 def test_with_as_many_eigenvalues_as_states_it_is_luenbergers_observer() -> None:
     """L = (5, 5), also with an input and a constant."""
     kkl: Block = {"type": "kkl", "lam": [2, 3], "initial": {"x1": -1, "x2": 2}}
@@ -84,6 +85,7 @@ def test_values_of_the_map_computed_elsewhere(duffing: Result) -> None:
     np.testing.assert_allclose(duffing.observers["right"].internal["z"][0], expected, atol=6e-7)
 
 
+@pytest.mark.costly
 def test_errors_of_the_inverse_computed_elsewhere(duffing: Result) -> None:
     found = rms(duffing)
     np.testing.assert_allclose(found["degree 1"], [3.17e-3, 4.72e-2], rtol=5e-3)
@@ -120,7 +122,6 @@ def test_samples_have_a_map_of_their_own() -> None:
     assert np.all(rms(found)["K"] < [1e-3, 1e-2])  # what is left of the start
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_plant_that_escapes_backwards_is_clipped_on_request() -> None:
     block: Block = {"type": "kkl", "box": {"x1": [-2.5, 2.5], "x2": [-4, 4]}, "degree": 3, "points": 200}
@@ -144,6 +145,7 @@ def test_ridge_keeps_coefficients_small_and_the_analysis_says_what_that_costs() 
     assert "inverse_error" not in linear.values
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.2}}])
 def test_lanes(measurement: Block) -> None:
     runs = [

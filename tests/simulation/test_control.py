@@ -145,6 +145,7 @@ def test_default_settings_are_right(name: str) -> None:
     assert max(result.integration_error.values()) <= 1e-3
 
 
+@pytest.mark.costly
 def test_the_accuracy_can_be_chosen() -> None:
     case = CASES["a wrong first estimate"]
     errors, evaluations = [], []
@@ -343,6 +344,7 @@ def test_a_pulse_among_many_extremes_is_met(end: float) -> None:
     assert result.remarks == ()
 
 
+@pytest.mark.costly
 def test_pulses_that_cannot_all_be_found_are_said() -> None:
     """Fifteen thousand narrow pulses: their slope is lost in underflow between them."""
     plant = inline({"x": "u - x"}, "x", inputs={"u": "3e4*exp(-(sin(50*pi*t)/1e-3)**2)"}, initial={"x": 0})
@@ -359,6 +361,7 @@ def test_pulses_of_noise_that_cannot_all_be_found_are_said_of_the_observers() ->
     assert (result.verdict.status, result.observers["S"].status) == ("ok", "inaccurate")
 
 
+@pytest.mark.costly
 def test_many_extremes_that_the_steps_see_are_not_told() -> None:
     """A hundred thousand periods of mains power: the steps of the run follow each of them."""
     plant = inline({"x": "sin(2*pi*100*t)**2 - x"}, "x", initial={"x": 0})
