@@ -182,3 +182,10 @@ def test_the_first_thing_that_differs_is_named() -> None:
     assert state.difference(old, config | {"engine": "x", "hgorun": "0.2.0"}) == "hgorun 0.1.0 -> 0.2.0"
     assert state.difference(old, old | {"configuration of run two": "x"}) == "configuration of run two changed"
     assert state.difference({}, old) == "hgorun unknown -> 0.1.0"
+
+
+def test_a_module_of_another_distribution_is_not_beside_though_it_lies_there() -> None:
+    assert subject._beside("numpy", "numpy")
+    assert not subject._beside("numpy", "scipy")
+    assert not subject._beside("json", "scipy")
+    assert not subject._beside("hgorun", "numpy")

@@ -22,6 +22,7 @@ from hgorun.analysis.report import Analysis, analysis_of
 from hgorun.analysis.search import smallest
 from hgorun.analysis.subject import Subject
 from hgorun.cli import main
+from hgorun.commands.analyze import _target
 from hgorun.figures.peaking import peaking
 from hgorun.files import json_value
 from hgorun.tables import analysis as table
@@ -357,3 +358,8 @@ def test_before_the_first_sample_nothing_is_promised() -> None:
     found = made.observers["FHGO II"]
     assert said(found)["delay_max"] == math.inf
     assert said(found)["eta_theta"] is None
+
+
+def test_figures_stand_where_a_file_or_a_folder_says() -> None:
+    assert _target("a", Path("b.png")) == Path("b")
+    assert _target("a", Path("folder")) == Path("folder/a-analysis")

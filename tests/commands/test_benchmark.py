@@ -15,7 +15,7 @@ import hgorun
 from hgorun.benchmark.benchmark import Benchmark, load_benchmark
 from hgorun.benchmark.contestants import absent, contestant_in, contestants
 from hgorun.benchmark.trial import Trial
-from hgorun.commands.benchmark import benchmark
+from hgorun.commands.benchmark import _write, benchmark
 from hgorun.commands.ensemble_options import Bench
 from hgorun.config.benchmark import Contestant
 from hgorun.errors import ConfigError, HgorunError
@@ -272,3 +272,10 @@ def test_a_plant_gives_one_initial_estimate(tmp_path: Path) -> None:
     (tmp_path / "plant.yaml").write_text(yaml.safe_dump(PLANT | {"observers": two}), encoding="utf-8")
     with pytest.raises(ConfigError, match="expected one observer"):
         load_benchmark(path)
+
+
+def test_without_plots_there_are_the_tables_only(tmp_path: Path) -> None:
+    asked = load_benchmark(written(tmp_path))
+    files = _write(asked, [], {}, tmp_path, plots=False)
+    assert [file.name for file in files] == ["standings.md", "entries.csv"]
+    assert all(file.exists() for file in files)

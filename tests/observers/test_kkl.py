@@ -12,7 +12,7 @@ import hgorun
 from hgorun.analysis.finding import FINDINGS
 from hgorun.errors import ConfigError, Problem
 from hgorun.export.prepared import exported
-from hgorun.observers.kkl_map import left_inverse, of_linear_plant
+from hgorun.observers.kkl_map import Escaped, _steps, left_inverse, of_linear_plant
 from hgorun.result.result import Result
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation import prepare
@@ -224,3 +224,12 @@ def test_what_cannot_be_observed_is_still_told_apart() -> None:
         of_linear_plant(turn.T @ A @ turn, C @ turn, values)
     A[0, 3:] = 1e-3
     assert of_linear_plant(turn.T @ A @ turn, C @ turn, values).shape == (26, 6)
+
+
+def test_an_orbit_that_leaves_its_reach_has_escaped_there() -> None:
+    """x' = x^2 from 1 is 1/(1 - t): from 2 on, a hundred reaches away at the latest just before t = 1."""
+    start = np.array([1.0])
+    with pytest.raises(Escaped) as caught:
+        list(_steps(lambda s, x: x**2, start, 2.0, start[None], np.array([0.01])))
+    assert np.array_equal(caught.value.x, start)
+    assert 0 < caught.value.after < 1

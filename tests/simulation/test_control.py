@@ -16,6 +16,8 @@ from scipy.linalg import expm
 
 from hgorun import Experiment, Result, simulate
 from hgorun.errors import ConfigError
+from hgorun.result.status import Verdict
+from hgorun.simulation.control import _when
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.steps import part_of_difference, uneven_steps
 
@@ -404,3 +406,22 @@ def test_steps_that_are_compared_are_others(ratio: float) -> None:
     for order in (1, 2, 4):
         parts = [part_of_difference(np.array([n]), ratio, order) for n in (1, 2, 3, 10, 1000)]
         assert max(parts) < 3.5
+
+
+def test_an_observer_of_which_nothing_is_said_is_never_lost_and_one_without_a_time_always() -> None:
+    assert _when(None) == np.inf
+    assert _when(Verdict("diverged", 2.5)) == 2.5
+    assert _when(Verdict("failed")) == -np.inf
+
+
+def test_a_bound_that_is_given_decides_who_has_diverged() -> None:
+    """Without a correction the estimate is 2 e^t, and passes 5 at ln 2.5."""
+    plant = inline({"x1": "x1"}, "x1", start=1.0)
+    result = simulate(
+        experiment(
+            plant, {"A": {"type": "shgo", "theta": 1e-9, "initial": {"x1": 2}}}, end=3.0, solver={"divergence": 5}
+        )
+    )
+    verdict = result.observers["A"].verdict
+    assert verdict.status == "diverged"
+    assert verdict.at == pytest.approx(np.log(2.5), abs=0.1)
