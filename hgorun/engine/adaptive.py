@@ -11,6 +11,7 @@ the step that it must not ask for).
 from __future__ import annotations
 
 from hgorun.engine.allowance import note_sizes, rounding, tolerances
+from hgorun.engine.flag import guard
 from hgorun.engine.layout import (
     DONE,
     HISTORY_TOO_SHORT,
@@ -21,7 +22,7 @@ from hgorun.engine.layout import (
 )
 from hgorun.engine.module import move
 from hgorun.engine.step_control import APART, GROW, block_errors, factor, fit, smallest_step
-from hgorun.engine.stepper import Stepper, guard
+from hgorun.engine.stepper import Stepper
 from hgorun.native.ir import hexadecimal
 
 

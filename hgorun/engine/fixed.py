@@ -7,9 +7,10 @@ gives the output points in between and the history for continuous delays.
 
 from __future__ import annotations
 
+from hgorun.engine.flag import guard
 from hgorun.engine.layout import DONE, HISTORY_TOO_SHORT, PLANT_DIVERGED, WORD
 from hgorun.engine.module import counts, move
-from hgorun.engine.stepper import Stepper, guard
+from hgorun.engine.stepper import Stepper
 
 
 def add_fixed(s: Stepper) -> None:

@@ -10,11 +10,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 from hgorun.engine.emit import Emitted
+from hgorun.engine.flag import guard
 from hgorun.engine.lane_tables import add_act_of, add_enter, add_rows_of, own
 from hgorun.engine.layout import WORD, HybridSystem
 from hgorun.engine.methods import Method, Rosenbrock
 from hgorun.engine.module import Module, move
-from hgorun.engine.stepper import advanced, guard
+from hgorun.engine.sums import advanced
 from hgorun.native.ir import hexadecimal
 
 _REGIMES = 4  # each of them is in the code of every stage

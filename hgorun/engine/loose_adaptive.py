@@ -11,11 +11,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from hgorun.engine.allowance import note_sizes, rounding, tolerances
+from hgorun.engine.flag import guard
 from hgorun.engine.lane_tables import add_act_of, add_enter, add_rows_of, own
 from hgorun.engine.layout import WORD, HybridSystem
 from hgorun.engine.module import Module, lent, move
 from hgorun.engine.step_control import APART, GROW, block_errors, factor, fit, smallest_step
-from hgorun.engine.stepper import Stepper, guard
+from hgorun.engine.stepper import Stepper
 from hgorun.native.ir import Function, hexadecimal
 
 _REGIMES = 8  # each of them has a step of its own that is compiled

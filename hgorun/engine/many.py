@@ -8,12 +8,12 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hgorun.engine.generate import generate, generate_loose
 from hgorun.engine.lane_tables import OWN, TABLES
 from hgorun.engine.layout import ACTION_WORDS, HybridSystem
 from hgorun.engine.members import INPUTS, JOB, OUTPUTS, PLACE
 from hgorun.engine.memory import Memory, Start, Tolerance
 from hgorun.engine.plan import Floats, Plan
-from hgorun.engine.program import generate, generate_loose
 from hgorun.native.compiler import NativeModule, address_of, vector_doubles
 from hgorun.symbolic.instructions import calls_of_state
 from hgorun.symbolic.interpreter import CALLS

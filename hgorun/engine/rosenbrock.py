@@ -14,7 +14,8 @@ from hgorun.engine.layout import WORD
 from hgorun.engine.linearised import linearised
 from hgorun.engine.methods import Rosenbrock
 from hgorun.engine.module import Module, move
-from hgorun.engine.stepper import Stepper, weighted
+from hgorun.engine.stepper import Stepper
+from hgorun.engine.sums import weighted
 from hgorun.native.ir import hexadecimal
 
 _TOGETHER, _UNROLLED = 4, 8  # states in a vector; vectors that are not in a loop

@@ -6,7 +6,8 @@ from hgorun.engine.emit import Emitted
 from hgorun.engine.history import History
 from hgorun.engine.methods import Method, Row
 from hgorun.engine.module import Module
-from hgorun.engine.stepper import Stepper, advanced, weighted
+from hgorun.engine.stepper import Stepper
+from hgorun.engine.sums import advanced, weighted
 
 
 class RungeKutta(Stepper):

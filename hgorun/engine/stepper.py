@@ -14,52 +14,6 @@ from hgorun.engine.moments import Moments
 from hgorun.native.ir import Function
 
 
-def weighted(f: Function, weights: tuple[float, ...], slopes: list[str], place: str | int) -> str:
-    """sum_j weights[j] slopes[j] of one state; weights of one cost no multiplication."""
-    total = ""
-    for weight, slope in zip(weights, slopes, strict=False):
-        if weight != 0.0:
-            term = f.load(f.at(slope, place), f.real)
-            if not total:
-                total = term if weight == 1.0 else f.mul(f.constant(weight), term)
-            else:
-                total = f.add(total, term) if weight == 1.0 else f.fma(f.constant(weight), term, total)
-    return total
-
-
-def advanced(f: Function, factor: str, weights: tuple[float, ...], slopes: list[str], z: str, place: int) -> str:
-    """z + factor sum_j weights[j] slopes[j] of one state."""
-    return f.fma(factor, weighted(f, weights, slopes, place), f.load(f.at(z, place), f.real))
-
-
-def guard(f: Function, m: Module, t: str, z: str, lost: str) -> None:
-    """Grow the largest |x| so far and mask what has left the bound; leave to ``lost`` with the plant."""
-    s, lanes = m.system, m.lanes
-    largest_at = f.word("%ctx", WORD["largest"], "ptr")
-    largest = f.load(largest_at, f.real)
-    sizes = [f.intrinsic("fabs", f.load(f.at(z, i * lanes), f.real)) for i in range(s.states)]
-    for i in range(s.plant_states):
-        largest = f.select(f.compare("ogt", sizes[i], largest), sizes[i], largest)
-    f.store(largest, largest_at, f.real)
-    bound = f.add(
-        f.splat(f.word("%ctx", WORD["bound_offset"], "double")),
-        f.mul(f.splat(f.word("%ctx", WORD["bound_factor"], "double")), largest),
-    )
-    limit = f.constant(1e300)
-    bad = [f.compare("ugt", sizes[i], limit) for i in range(s.plant_states)]
-    bad += [f.compare("ugt", sizes[i], bound) for start, stop, _ in s.blocks for i in range(start, stop)]
-    while len(bad) > 1:  # a tree: short chains of dependence
-        pairs = [f.let(f"or {f.mask} {a}, {b}") for a, b in zip(bad[::2], bad[1::2], strict=False)]
-        bad = pairs + bad[len(bad) - len(bad) % 2 :]
-    with f.when(f.any(bad[0])):
-        bounds = f.slot("double", lanes)
-        f.store(bound, bounds, f.real)
-        masked = lent(f, z, s.states)
-        verdict = f.call("flag", f"ptr %ctx, {m.time} {t}, ptr {masked}, ptr {bounds}", "i64")
-        move(f, masked, z, s.states)
-        f.leave_if(f.test("eq", verdict, "1"), lost)
-
-
 class Stepper(Moments, ABC):
     """The state of a loop over steps: its arrays, and the code that advances them; a kind of method completes it.
 

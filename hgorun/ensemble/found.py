@@ -111,7 +111,7 @@ class Block:
         self.rtol[i] = np.nan if how.rtol is None else how.rtol
         self.evaluations[i] = how.evaluations or 0
         if not callable(how.error):  # else it takes a second pass
-            self.integration_error[i] = [how.error.get(label, np.nan) for label in (PLANT, *self.observers)]
+            self.integration_error[i] = [how.error.relative.get(label, np.nan) for label in (PLANT, *self.observers)]
 
     def record_many(
         self,

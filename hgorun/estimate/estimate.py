@@ -15,7 +15,7 @@ from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
-from hgorun.result.data import Integration, Measurements
+from hgorun.result.data import Integration, IntegrationError, Measurements
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
@@ -130,7 +130,9 @@ def result_of(
             step=found.carried.step,
             rtol=None,
             evaluations=found.carried.evaluations,
-            error={b.label: float(e) for b, e in zip(run.observers, found.carried.error, strict=True)},
+            error=IntegrationError(
+                {b.label: float(e) for b, e in zip(run.observers, found.carried.error, strict=True)}
+            ),
         ),
         measures=model.measures,
         remarks=(*_remarks(prepared, recording, found), *_shut_out(prepared, found)),

@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.engine.live import LiveState
 from hgorun.engine.plan import Floats, Integers
-from hgorun.engine.session import without
+from hgorun.engine.turns import without
 from hgorun.estimate import notes
 from hgorun.estimate.action_rows import ActionRows
 from hgorun.estimate.event import Event

@@ -16,7 +16,8 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Integers, Plan
-from hgorun.engine.session import Session, in_turns, with_stops, without
+from hgorun.engine.session import Session
+from hgorun.engine.turns import in_turns, with_stops, without
 from hgorun.estimate.entering import Entering, innovations_of, needed_until, where_entering
 from hgorun.estimate.gate import Gate, Known, Variances
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -25,13 +25,15 @@ from hgorun.simulation.checks import check_corrections, check_jumps, check_punct
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.plant_alone import plant_kinks
-from hgorun.simulation.preparation import check_limit, in_groups, numbers_of, treatments_of
+from hgorun.simulation.preparation import check_limit, numbers_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.start import check_start
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.tables import build_plan
 from hgorun.simulation.tabulated import Stretchwise
+from hgorun.simulation.timeline import Stepping
+from hgorun.simulation.treatments import in_groups, treatments_of
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.plant import PlantModel
@@ -121,15 +123,9 @@ class PreparedEstimate:
     def plan(self, grid: Floats, step: float, uneven: float | None = None, shared: Stretchwise | None = None) -> Plan:
         """The tables of a run; arguments as of :func:`~hgorun.simulation.tables.build_plan`."""
         return build_plan(
-            self.run.schedule,
-            self.run.heard,
-            grid,
+            replace(self.run.timeline, grid=grid),
             self.run.structure.system,
-            always_slope=bool(METHODS[self.method].error),
-            longest=step,
-            reach=0.0,
-            origin=self.run.origin,
-            uneven=uneven,
+            Stepping(longest=step, always_slope=bool(METHODS[self.method].error), uneven=uneven),
             inputs=self.inputs,
             samples=[one.values for one in self.samples],
             in_parts=not self.gated,

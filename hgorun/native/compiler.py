@@ -18,6 +18,7 @@ import stat
 import sys
 import tempfile
 from collections.abc import Callable
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -29,6 +30,7 @@ import numpy as np
 _FORMAT = "2"
 _LARGE = 4_000_000  # characters of IR: the code is the same, and takes half the time or less
 _ALLOWED, _LARGEST = 2**28, 2**26  # bytes of all entries, and of one
+_UNLISTED, _GRAIN = 2**24, 2**10  # bytes that are written before entries are listed again, and that are counted as one
 
 
 class NativeModule:
@@ -158,15 +160,33 @@ def _own_file(path: Path) -> bytes:
     return content
 
 
-def _prune(folder: Path) -> None:
+def _make_room(folder: Path, size: int) -> None:
+    """Keep the cache to its size once an entry has been written.
+
+    To list thousands of entries takes longer than to compile one. So every process appends to a file, a byte for each
+    KiB that it has written; whoever finds it full removes it, and lists. What others write meanwhile counts anew.
+    """
+    tally = folder / ".written"
+    with open(tally, "ab", buffering=0) as file:  # each appends in one piece
+        file.write(bytes(-(-size // _GRAIN)))
+        written = file.tell() * _GRAIN
+    if written >= _UNLISTED:
+        tally.unlink(missing_ok=True)
+        _prune(folder, _ALLOWED - _UNLISTED)
+
+
+def _prune(folder: Path, allowed: int) -> None:
     """Leave out the entries that were used longest ago, once all take more than is allowed."""
+    entries = []
     with os.scandir(folder) as found:
-        entries = [(entry.stat(follow_symlinks=False), entry.path) for entry in found]
+        for entry in found:
+            with suppress(FileNotFoundError):  # another process prunes, too
+                entries.append((entry.stat(follow_symlinks=False), entry.path))
     left = sum(status.st_size for status, _ in entries)
     for status, path in sorted(entries, key=lambda entry: entry[0].st_mtime):
-        if left <= _ALLOWED:
+        if left <= allowed:
             return
-        os.unlink(path)
+        Path(path).unlink(missing_ok=True)
         left -= status.st_size
 
 
@@ -194,9 +214,9 @@ def _write_cache(key: str, image: bytes) -> None:
             with os.fdopen(handle, "wb") as file:
                 file.write(hashlib.sha256(image).digest() + image)
             os.replace(name, folder / f"{key}.o")
-            _prune(folder)
         except BaseException:
             Path(name).unlink(missing_ok=True)
             raise
+        _make_room(folder, len(image))
     except OSError:
         return

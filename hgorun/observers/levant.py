@@ -107,9 +107,10 @@ class LevantObserver(Switching, LevantDifferentiator, ContinuousObserver[Derivat
 
     ``discretisation: explicit`` integrates the equations by the solver; they are discontinuous, so take
     ``method: euler`` with a fixed step (the papers use 50 us) and expect chattering of the size k_(n-1)
-    step. ``implicit`` makes one implicit Euler step at each sample, with sign(0) = [-1, 1]: it does not
-    chatter, whatever G and the period; it needs samples, and without noise z_i comes to rest on the i-th
-    backward difference quotient of the output, which is y^(i) up to the order of the period.
+    step. ``implicit`` makes one implicit Euler step at each sample after the first, where z(0) stands, with
+    sign(0) = [-1, 1]: it does not chatter, whatever G and the period; it needs samples, and without noise z_i
+    comes to rest on the i-th backward difference quotient of the output, which is y^(i) up to the order of
+    the period.
 
     Meiners and Adamy print order 1 of it (n = 2), which is right.
     """

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -72,6 +72,30 @@ class DesignNumbers:
 PLANT = "plant"  # beside the labels of observers, none of which is called so
 
 
+@dataclass(frozen=True, eq=False)
+class IntegrationError:
+    """How far the numbers of a run may be from those of the exact solution of its equations.
+
+    Attributes
+    ----------
+    relative : mapping of str to float
+        For ``plant`` and every observer.
+    unresolved : mapping
+        ``{label: {metric: states}}``: the times that the integration does not resolve, since the estimate is less
+        certain than the bound that its error settles below.
+    """
+
+    relative: Mapping[str, float]
+    unresolved: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
+
+    def without(self, labels: Collection[str]) -> IntegrationError:
+        """Of the others."""
+        return IntegrationError(
+            {label: error for label, error in self.relative.items() if label not in labels},
+            {label: of for label, of in self.unresolved.items() if label not in labels},
+        )
+
+
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Integration:
     """How the equations were integrated, and how far that may be from their solution.
@@ -86,8 +110,8 @@ class Integration:
         The relative tolerance, where errors control the steps.
     evaluations : int or None
         Of the right-hand side, over all passes but that which is made for the estimate alone.
-    error : mapping of str to float, or callable
-        For ``plant`` and every observer the estimated error, or what makes it when it is asked for.
+    error : IntegrationError or callable
+        The estimated error, or what makes it when it is asked for.
     longest_gap : float or None
         The longest time between two events, at which steps end; None where that is not known, as of files.
     """
@@ -96,7 +120,7 @@ class Integration:
     step: float | None
     rtol: float | None
     evaluations: int | None
-    error: Mapping[str, float] | Callable[[], Mapping[str, float]] = field(repr=False)
+    error: IntegrationError | Callable[[], IntegrationError] = field(repr=False)
     longest_gap: float | None = None
 
     def told(self) -> dict[str, str | float | int | None]:
@@ -200,6 +224,15 @@ class ResultData:
         For an observer the largest of its metrics, each relative to its own size, or to 1e-6 of the largest value of
         the state; for the plant that of its states, relative to their largest values.
         """
+        return None if self._errors is None else self._errors.relative
+
+    @property
+    def unresolved(self) -> Mapping[str, Mapping[str, tuple[str, ...]]]:
+        """The times among the metrics that the integration does not resolve: ``{label: {metric: states}}``."""
+        return {} if self._errors is None else self._errors.unresolved
+
+    @cached_property
+    def _errors(self) -> IntegrationError | None:
         if self.integration is None:
             return None
         error = self.integration.error

@@ -13,7 +13,7 @@ from hgorun.config.kinds import kind_of_file
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
 from hgorun.result.closed_file import read_closed
-from hgorun.result.data import DesignNumbers, Integration, Measurements
+from hgorun.result.data import DesignNumbers, Integration, IntegrationError, Measurements
 from hgorun.result.forms import RESULT, not_this
 from hgorun.result.observer import MAPS, Coordinates, ObserverResult
 from hgorun.result.recorded_file import RecordedFile
@@ -168,7 +168,17 @@ class _Reader(StoredFile):
             return None
         error = self.entries("integration_error", lambda _, value: is_number(value), "a number")
         told = self.entries("integration", _is_told, "a name or a number") if "integration" in self.file.attrs else {}
-        return Integration(error=error, **{name: told.get(name) for name in ("method", "step", "rtol", "evaluations")})
+        return Integration(
+            error=IntegrationError(error, self._unresolved()),
+            **{name: told.get(name) for name in ("method", "step", "rtol", "evaluations")},
+        )
+
+    def _unresolved(self) -> dict[str, dict[str, tuple[str, ...]]]:
+        """Which times the integration did not resolve; files of older versions do not say."""
+        if "unresolved" not in self.file.attrs:
+            return {}
+        found = self.entries("unresolved", _are_named, "metrics with lists of states")
+        return {label: {metric: tuple(states) for metric, states in of.items()} for label, of in found.items()}
 
     def design(self) -> DesignNumbers | None:
         """The numbers that it was made with; files of older versions do not say."""
@@ -248,6 +258,13 @@ class _Reader(StoredFile):
     def internal(self, name: str, nt: int) -> np.ndarray:
         """A state of any shape, along time."""
         return self.numbers(name, nt, *[None] * (len(self.data(name).shape or ()) - 1))
+
+
+def _are_named(_: str, value: Any) -> bool:
+    """Of times that are not resolved: metrics, each with states."""
+    return isinstance(value, dict) and all(
+        isinstance(states, list) and all(isinstance(state, str) for state in states) for states in value.values()
+    )
 
 
 def _is_told(key: str, value: Any) -> bool:

@@ -240,6 +240,8 @@ def _root_attributes(result: ResultData) -> dict[str, Any]:
     }
     if result.integration is not None and result.integration_error is not None:
         found["integration_error"] = json.dumps(dict(result.integration_error))
+        if result.unresolved:
+            found["unresolved"] = json.dumps(result.unresolved)
         found["integration"] = json.dumps(result.integration.told())
     if result.kind != "simulation":
         found["kind"] = result.kind

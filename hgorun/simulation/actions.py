@@ -9,8 +9,8 @@ import numpy as np
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE, HybridSystem
 from hgorun.measurement.channels import Channel
-from hgorun.measurement.late import HeardOtherwise, Order
-from hgorun.measurement.schedule import nearest_event
+from hgorun.measurement.late import HeardOtherwise
+from hgorun.measurement.schedule import Schedule, nearest_event
 from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.replay import ROUND, Replay, Replayed
@@ -29,8 +29,6 @@ class Actions:
 
     Parameters
     ----------
-    acting : ndarray of int, optional
-        The events at which a controller acts.
     kept : int
         Tables that are kept, in case that they are asked for once more.
 
@@ -46,14 +44,13 @@ class Actions:
 
     def __init__(
         self,
-        events: np.ndarray,
+        schedule: Schedule,
         channels: Sequence[Channel],
         system: HybridSystem,
         inputs: RecordedInputs | None,
-        order: Order | None = None,
-        acting: np.ndarray | None = None,
         kept: int = 1,
     ) -> None:
+        events, order, acting = schedule.events, schedule.order, schedule.acting
         layout = system.held
         rebase = system.has_alpha and not system.compares_with_past
         kinds: list[Kind] = []

@@ -91,7 +91,7 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     _search(search, run)
     unseen = _followed(search)
     found = search.best
-    if found is None or not found.error.get(PLANT, 0.0) <= run.solver.accuracy:
+    if found is None or not found.error.relative.get(PLANT, 0.0) <= run.solver.accuracy:
         escape = escaped(run)
         if escape is not None:
             raise escape
@@ -104,9 +104,9 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
         step=None if tolerance else how.step,
         rtol=tolerance.rtol if tolerance else None,
         evaluations=search.budget.spent,
-        error={label: error for label, error in found.error.items() if label not in found.finished.verdicts},
+        error=found.error.without(found.finished.verdicts),
     )
-    late = {label: error for label, error in found.error.items() if not error <= run.solver.accuracy}
+    late = {label: error for label, error in found.error.relative.items() if not error <= run.solver.accuracy}
     verdicts = {label: _doubt(error, run, search.budget.spent) for label, error in late.items()}
     verdicts |= _not_seen(run, how, found.finished.raw) | unseen | _lost(run, found.finished, progress)
     observers = tuple(verdicts.get(b.label, v) for b, v in zip(run.observers, known.verdicts, strict=True))

@@ -12,12 +12,12 @@ bound say nothing of when, so that not the jump counts but how far the errors ar
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.result.data import PLANT
+from hgorun.result.data import PLANT, IntegrationError
 from hgorun.result.metrics.base import all_metrics, largest
 from hgorun.result.metrics.sizes import PEAK
 from hgorun.simulation.measured import Measured
@@ -46,9 +46,36 @@ class Estimate:
     metrics: Mapping[str, np.ndarray]
 
 
-def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str, float]:
+@dataclass(frozen=True, eq=False, repr=False)
+class Differences:
+    """How far two passes are apart.
+
+    Attributes
+    ----------
+    relative : mapping of str to float
+        For the plant and every observer.
+    uncertain : mapping
+        ``{label: {metric: ndarray of shape (n,)}}``: where the passes have two settling times, how far their errors are
+        apart, over the bound that they settle below; else 0.
+    """
+
+    relative: Mapping[str, float]
+    uncertain: Mapping[str, Mapping[str, np.ndarray]]
+
+    def error(self, part: float, labels: Collection[str], states: Sequence[str]) -> IntegrationError:
+        """The error of the first pass, which is that part of the difference, for some labels."""
+        unresolved: dict[str, dict[str, tuple[str, ...]]] = {}
+        for label, of in self.uncertain.items():
+            for metric, over in of.items():
+                which = tuple(state for state, value in zip(states, part * over, strict=True) if value > 1)
+                if which and label in labels:
+                    unresolved.setdefault(label, {})[metric] = which
+        return IntegrationError({label: part * self.relative[label] for label in labels}, unresolved)
+
+
+def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> Differences:
     """The relative difference of two passes, for the plant and for every observer; infinite where one alone is lost."""
-    found = {PLANT: float(plant_difference(fine.x, coarse.x))}
+    found, uncertain = {PLANT: float(plant_difference(fine.x, coarse.x))}, {}
     for j, block in enumerate(run.observers):
         if not _same_end(run, fine.lost(j), coarse.lost(j)):
             found[block.label] = np.inf
@@ -62,7 +89,8 @@ def differences(run: PreparedRun, fine: Measured, coarse: Measured) -> dict[str,
             for one in (fine, coarse)
         )
         found[block.label] = float(_of_observer(run, fine, coarse, j, ours, theirs))
-    return found
+        uncertain[block.label] = _uncertain_times(run, ours, theirs)
+    return Differences(found, uncertain)
 
 
 def _of_observer(
@@ -176,9 +204,8 @@ def _times(
     run: PreparedRun, fine: Estimate, coarse: Estimate, name: str, size: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How far settling times are apart, relative to what, and of which states it counts; shapes (n, ...)."""
-    a, b, peak = fine.metrics[name], coarse.metrics[name], fine.metrics[PEAK.name]
-    bound = run.experiment.blocks.metrics.settling * peak
-    gap = np.maximum(np.abs(a - b) - run.experiment.metric_step * (1 + 1e-6), 0.0)
+    a, peak = fine.metrics[name], fine.metrics[PEAK.name]
+    bound, gap = _bound(run, fine), _gap_of_times(run, fine, coarse, name)
     value = np.maximum(np.abs(a - run.time.start), _FLOOR * run.span)
     counts = bound > run.solver.accuracy * _FLOOR * size
     if np.any(counts & (gap > 0)):
@@ -187,3 +214,32 @@ def _times(
         gap = np.where(apart, errors, gap)
         value = np.where(apart, np.maximum(peak, _FLOOR * size), value)
     return gap, value, counts
+
+
+def _bound(run: PreparedRun, fine: Estimate) -> np.ndarray:
+    """What errors settle below, shape (n, ...)."""
+    return np.asarray(run.experiment.blocks.metrics.settling * fine.metrics[PEAK.name])
+
+
+def _gap_of_times(run: PreparedRun, fine: Estimate, coarse: Estimate, name: str) -> np.ndarray:
+    """How far settling times are apart, but for a step of their grid, shape (n, ...)."""
+    with np.errstate(invalid="ignore"):  # two that are infinite are not apart
+        apart = np.abs(fine.metrics[name] - coarse.metrics[name])
+    return np.asarray(np.maximum(apart - run.experiment.metric_step * (1 + 1e-6), 0.0))
+
+
+def _uncertain_times(run: PreparedRun, fine: Estimate, coarse: Estimate) -> dict[str, np.ndarray]:
+    """See :class:`Differences`; infinite where the bound is smaller than the errors allowed."""
+    known, found = all_metrics(closed=True), {}
+    for name in fine.metrics:
+        if known[name].unit != "time":
+            continue
+        gap = _gap_of_times(run, fine, coarse, name)
+        if np.any(gap > 0):
+            bound, size = _bound(run, fine), size_of(fine.x)
+            with np.errstate(divide="ignore", invalid="ignore"):
+                over = np.where(
+                    bound > run.solver.accuracy * _FLOOR * size, _gap_of_errors(fine, coarse) / bound, np.inf
+                )
+            found[name] = np.where(gap > 0, over, 0.0)
+    return found

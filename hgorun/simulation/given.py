@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -10,7 +9,7 @@ import numpy as np
 
 from hgorun.errors import SimulationError
 from hgorun.observers.base import ContinuousObserver
-from hgorun.result.data import PLANT
+from hgorun.result.data import PLANT, IntegrationError
 from hgorun.simulation.confirmation import ended
 from hgorun.simulation.error_estimate import differences
 from hgorun.simulation.experiment import Experiment
@@ -50,42 +49,41 @@ class LaterEstimate:
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
 
-    def __call__(self) -> Mapping[str, float]:
+    def __call__(self) -> IntegrationError:
         run = prepare(self.run) if isinstance(self.run, Experiment) else self.run
         how = as_given(run)
         if not _integrates(run):
-            return dict.fromkeys(self._labels(run), 0.0)
+            return IntegrationError(dict.fromkeys(self._labels(run), 0.0))
         how = replace(how, bounded=False)  # the others come back from wherever they are
         return self._adaptive(run, how) if how.tolerance else self._fixed(run, how)
 
-    def _adaptive(self, run: PreparedRun, how: Pass) -> Mapping[str, float]:
+    def _adaptive(self, run: PreparedRun, how: Pass) -> IntegrationError:
         assert how.tolerance is not None
         factor = 1 / _LOOSER if self.finer else _LOOSER
         given = how.tolerance
         control = replace(given, rtol=factor * given.rtol, atol=None if given.atol is None else factor * given.atol)
         return self._error(run, replace(how, tolerance=control))
 
-    def _fixed(self, run: PreparedRun, how: Pass) -> Mapping[str, float]:
+    def _fixed(self, run: PreparedRun, how: Pass) -> IntegrationError:
         if not self.finer:
             work = float(fixed_steps(run, how.step).total) * run.structure.system.states
             fewest = float(np.clip(_CHEAP / work, _FEWEST, _UNEVEN))
             for ratio in dict.fromkeys((fewest, _UNEVEN)):
                 errors = self._error(run, replace(how, uneven=ratio))
-                if max(errors.values()) <= _PLAIN:
+                if max(errors.relative.values()) <= _PLAIN:
                     return errors
-            if np.isfinite(max(errors.values())):
+            if np.isfinite(max(errors.relative.values())):
                 return errors
         return self._error(run, replace(how, uneven=_MORE))
 
-    def _error(self, run: PreparedRun, other: Pass) -> Mapping[str, float]:
+    def _error(self, run: PreparedRun, other: Pass) -> IntegrationError:
         """From the second pass; infinite where it cannot be finished."""
         try:
             beside = measured(run, *ended(run, integrate(run, other)))
         except SimulationError:
-            return dict.fromkeys(self._labels(run), np.inf)
+            return IntegrationError(dict.fromkeys(self._labels(run), np.inf))
         part = 1.0 if other.tolerance else part_of_error(run, other)
-        gaps = differences(run, self.found, beside)
-        return {label: part * gaps[label] for label in self._labels(run)}
+        return differences(run, self.found, beside).error(part, self._labels(run), run.plant.model.states)
 
     def _labels(self, run: PreparedRun) -> list[str]:
         """Of what there are errors: of the plant, and of observers that have numbers and a limit."""

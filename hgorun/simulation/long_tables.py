@@ -13,22 +13,27 @@ from hgorun.engine.plan import Following, Kept, PartNumbers, Plan, Segments
 from hgorun.measurement.channels import joined
 from hgorun.measurement.long import LongSchedule, Part
 from hgorun.simulation.steps import counted_steps, steps_of_a_piece
-from hgorun.simulation.tabulated import Tabulated, all_steps
+from hgorun.simulation.tabulated import Tabulated
+from hgorun.simulation.timeline import Stepping, Timeline
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class LongTables:
     """The tables of a run that is too long for them, part by part.
 
-    Parameters are those of :func:`~hgorun.simulation.tables.build_plan`.
+    Attributes
+    ----------
+    schedule : LongSchedule
+    grid : ndarray
+        Output times.
+    system : HybridSystem
+    stepping : Stepping
     """
 
     schedule: LongSchedule
     grid: np.ndarray
     system: HybridSystem
-    always_slope: bool
-    longest: float
-    uneven: float | None
+    stepping: Stepping
 
     def plan(self, origin: float) -> Plan:
         """The plan of all parts, with the first of them."""
@@ -49,7 +54,7 @@ class LongTables:
             following=Following(
                 lambda: islice(self.parts(), 1, None),
                 left,
-                left + counted_steps(self.schedule, self.longest).segments - len(first.counts),
+                left + counted_steps(self.schedule, self.stepping.longest).segments - len(first.counts),
                 self.schedule.time.end,
             ),
             numbers=numbers,
@@ -58,7 +63,7 @@ class LongTables:
 
     @property
     def _steps(self) -> int:
-        return all_steps(self.schedule, self.longest, self.uneven)
+        return self.stepping.total(self.schedule)
 
     @property
     def _kept(self) -> list[int]:
@@ -69,9 +74,9 @@ class LongTables:
         """The segments of the whole run, with the numbers of what is measured in them."""
         places, piece = np.cumsum([0, *self._kept]).tolist(), steps_of_a_piece(self._steps)
         tables: Tabulated | None = None
-        given = self.grid, self.system, self.always_slope, self.longest, self.uneven
         for part in self.schedule.parts():
-            tables = Tabulated(part.schedule, part.channels, *given, None, piece, tables)
+            timeline = Timeline(schedule=part.schedule, channels=part.channels, grid=self.grid)
+            tables = Tabulated(timeline, self.system, self.stepping, piece=piece, before=tables)
             segments = tables.segments(0, part.schedule.size - (not part.last))
             measured = [channel.gain_and_bias for channel in part.channels]
             changes = [channel.held_changes[1] for channel in part.channels]

@@ -17,6 +17,7 @@ from hgorun.simulation.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.steps import StepCounts, counted_steps, part_of_difference
 from hgorun.simulation.tables import build_plan
+from hgorun.simulation.timeline import Stepping
 
 _DEFAULT_RTOL = 1e-8
 _FIRST = 1e-4  # of the run: the first step where errors control them and none is given
@@ -130,15 +131,13 @@ def plan_of(run: PreparedRun, how: Pass, *, in_parts: bool = False) -> tuple[Pla
     adaptive = how.tolerance is not None
     check_steps(run, how.step, adaptive=adaptive)
     plan = build_plan(
-        run.schedule,
-        run.heard,
-        run.grid,
+        run.timeline,
         run.structure.system,
-        always_slope=bool(METHODS[how.method].error),
-        longest=np.inf if adaptive else longest_step(run, how.step),
-        reach=run.reach,
-        origin=run.origin,
-        uneven=how.uneven,
+        Stepping(
+            longest=np.inf if adaptive else longest_step(run, how.step),
+            always_slope=bool(METHODS[how.method].error),
+            uneven=how.uneven,
+        ),
         in_parts=in_parts,
     )
     divergence = run.solver.divergence

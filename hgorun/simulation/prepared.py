@@ -18,6 +18,7 @@ from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.plant_alone import PlantRun
 from hgorun.simulation.structure import Structure
+from hgorun.simulation.timeline import Timeline
 from hgorun.symbolic.forms import Form
 
 
@@ -128,6 +129,13 @@ class PreparedRun:
     def grid(self) -> np.ndarray:
         """The finer of output and metric grid."""
         return self.experiment.grid[0]
+
+    @property
+    def timeline(self) -> Timeline:
+        """When everything happens."""
+        return Timeline(
+            schedule=self.schedule, channels=self.heard, grid=self.grid, origin=self.origin, reach=self.reach
+        )
 
     def looked_at(self, every: int) -> PreparedRun:
         """The same run with output at every so many points of the metrics' grid alone."""

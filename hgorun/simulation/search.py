@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -11,6 +11,7 @@ from hgorun.config.models import Method
 from hgorun.engine.memory import Raw, Tolerance
 from hgorun.engine.program import TooManySteps
 from hgorun.errors import PlantDiverged, SimulationError
+from hgorun.result.data import IntegrationError
 from hgorun.result.status import Verdict
 from hgorun.simulation.between_steps import may_jump, missed
 from hgorun.simulation.checks import longest_step
@@ -78,12 +79,12 @@ class Attempt:
     """A pass, and how far it may be from the exact solution."""
 
     finished: Finished
-    error: Mapping[str, float]
+    error: IntegrationError
 
     @property
     def worst(self) -> float:
         """The largest error."""
-        return max(self.error.values())
+        return max(self.error.relative.values())
 
 
 @dataclass(kw_only=True, eq=False, repr=False)
@@ -173,10 +174,13 @@ class Search:
             self.lost = error if isinstance(error, PlantDiverged) else None
             return np.inf
         self.lost = None
-        part = part_of_error(self.run, other)
-        errors = {label: part * gap for label, gap in differences(self.run, finished.measured, beside.measured).items()}
-        self.best = Attempt(finished, errors)
+        self.best = self._attempt(finished, beside, part_of_error(self.run, other))
         return self.best.worst
+
+    def _attempt(self, finished: Finished, beside: Finished, part: float = 1.0) -> Attempt:
+        """A pass, with that part of its difference to another one as its error."""
+        gaps = differences(self.run, finished.measured, beside.measured)
+        return Attempt(finished, gaps.error(part, tuple(gaps.relative), self.run.plant.model.states))
 
     def across(self, method: Method, limit: float) -> bool:
         """Where controlled steps give up an observer whose equations jump: with fixed steps, which cross a jump.
@@ -205,7 +209,7 @@ class Search:
                 finer = self.budget.carry_out(to_tolerance(self.run, method, tolerance, self.budget.steps(method)))
             except (SimulationError, TooManySteps):
                 return False
-            self.best = Attempt(finer, differences(self.run, finer.measured, before.measured))
+            self.best = self._attempt(finer, before)
             before = finer
             if self.enough():
                 return True

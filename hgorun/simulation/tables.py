@@ -11,28 +11,22 @@ from hgorun.engine.layout import HybridSystem
 from hgorun.engine.plan import Plan
 from hgorun.measurement.channels import Channel, joined
 from hgorun.measurement.late import HeardOtherwise
-from hgorun.measurement.long import AnySchedule, LongSchedule
-from hgorun.measurement.schedule import Schedule
+from hgorun.measurement.long import LongSchedule
 from hgorun.memo import Memo, same
 from hgorun.simulation.long_tables import LongTables
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.tabulated import Stretchwise, Tables, Tabulated, long_from
+from hgorun.simulation.timeline import Stepping, Timeline
 
 _KEPT = 500_000  # actions and segments of tables that are kept in memory
 _TABLES: Memo[Tables] = Memo(16, lambda tables: len(tables.segments.actions) + len(tables.segments.counts) < _KEPT)
 
 
 def build_plan(
-    schedule: AnySchedule,
-    channels: Sequence[Channel],
-    grid: np.ndarray,
+    timeline: Timeline,
     system: HybridSystem,
+    stepping: Stepping,
     *,
-    always_slope: bool,
-    longest: float,
-    reach: float,
-    origin: float = 0.0,
-    uneven: float | None = None,
     inputs: RecordedInputs | None = None,
     samples: Sequence[np.ndarray] | None = None,
     in_parts: bool = False,
@@ -42,37 +36,24 @@ def build_plan(
 
     Parameters
     ----------
-    schedule : Schedule or LongSchedule
-    channels : sequence of Channel
-    grid : ndarray
-        Output times.
+    timeline : Timeline
     system : HybridSystem
         What the plan is for.
-    always_slope : bool
-        The method needs the slope at the end of every segment.
-    longest : float
-        No step is longer; infinity for adaptive steps, where a segment is one piece.
-    reach : float
-        The longest continuous delay.
-    origin : float
-        The start of the run on the configuration's clock.
-    uneven : float, optional
-        For a run that is compared with one of even steps: so many steps for each of its steps, not even.
+    stepping : Stepping
     inputs : RecordedInputs, optional
         Where the system takes its inputs from the tables.
     samples : sequence of ndarray, shape (Nk,) each, optional
-        What arrives of every output, where it is recorded: the system's own outputs are zero then. The channels of
-        the outputs come first.
+        What arrives of every output, where it is recorded: the system's own outputs are zero then.
     in_parts : bool
         A plan of many events may be given part by part, so that its tables need not fit into memory.
     shared : Stretchwise, optional
         What this run shares with the one before.
     """
+    schedule, channels = timeline.schedule, timeline.channels
     if in_parts and isinstance(schedule, LongSchedule) and not system.remembers:
-        return LongTables(schedule, grid, system, always_slope, longest, uneven).plan(origin)
-    key = schedule, system, same(grid), always_slope, longest, uneven, None if inputs is None else same(inputs)
-    events = schedule if isinstance(schedule, Schedule) else schedule.whole
-    tabulated = partial(Tabulated, events, channels, grid, system, always_slope, longest, uneven, inputs)
+        return LongTables(schedule, timeline.grid, system, stepping).plan(timeline.origin)
+    key = schedule, system, same(timeline.grid), stepping, None if inputs is None else same(inputs)
+    tabulated = partial(Tabulated, timeline, system, stepping, inputs)
     if shared is not None:
         tabulated = partial(tabulated, before=shared.last, kept=shared.KEPT)
     following = None
@@ -96,13 +77,13 @@ def build_plan(
         spans=tables.segments.spans,
         counts=tables.segments.counts,
         actions=tables.segments.actions,
-        grid=grid,
+        grid=timeline.grid,
         slots=tables.slots,
         gain=gain,
         bias=bias,
         holds=_together(holds),
-        reach=reach,
-        origin=origin,
+        reach=timeline.reach,
+        origin=timeline.origin,
         snapshots=tables.snapshots,
         following=following,
     )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,14 +10,12 @@ import numpy as np
 
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.plan import Following, Segments
-from hgorun.measurement.channels import Channel
-from hgorun.measurement.long import AnySchedule
-from hgorun.measurement.schedule import Schedule
 from hgorun.native.places import places_in
 from hgorun.simulation.actions import Actions
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.segment_rows import segment_rows
-from hgorun.simulation.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
+from hgorun.simulation.steps import count_steps, in_pieces, steps_of_a_piece, unevenly
+from hgorun.simulation.timeline import Stepping, Timeline
 
 _PART_EVENTS = 1 << 14  # of a part: its tables stay in the processor's cache
 
@@ -66,30 +64,40 @@ class Stretchwise:
 class Tabulated:
     """The tables of a run, of as many of its events as are asked for.
 
-    Parameters are those of :func:`~hgorun.simulation.tables.build_plan`.
+    Parameters
+    ----------
+    timeline : Timeline
+    system : HybridSystem
+    stepping : Stepping
+    inputs : RecordedInputs, optional
+        As those of :func:`~hgorun.simulation.tables.build_plan`.
+    piece : int, optional
+        Steps of a piece, where they are counted for more than these events.
+    before : Tabulated, optional
+        Of other events, whose tables are taken over as far as the same happens.
+    kept : int
+        Parts whose tables are kept.
     """
 
     def __init__(
         self,
-        schedule: Schedule,
-        channels: Sequence[Channel],
-        grid: np.ndarray,
+        timeline: Timeline,
         system: HybridSystem,
-        always_slope: bool,
-        longest: float,
-        uneven: float | None,
-        inputs: RecordedInputs | None,
+        stepping: Stepping,
+        inputs: RecordedInputs | None = None,
+        *,
         piece: int | None = None,
         before: Tabulated | None = None,
         kept: int = 1,
     ) -> None:
-        self.schedule, self.grid, self.longest, self.uneven = schedule, grid, longest, uneven
-        self.always_slope = system.remembers or always_slope
+        self.schedule, self.grid, self.stepping = timeline.events, timeline.grid, stepping
+        self.always_slope = system.remembers or stepping.always_slope
+        schedule = self.schedule
         self.actions: Actions
         if before is not None and schedule.alike is not None and schedule.alike == before.schedule.alike:
             self.actions = before.actions
         else:
-            self.actions = Actions(schedule.events, channels, system, inputs, schedule.order, schedule.acting, kept)
+            self.actions = Actions(schedule, timeline.channels, system, inputs, kept)
             if before is not None:
                 self.actions.take_from(before.actions)
         self._piece = piece
@@ -99,7 +107,7 @@ class Tabulated:
     @cached_property
     def steps(self) -> int:
         """All steps of the run."""
-        return all_steps(self.schedule, self.longest, self.uneven)
+        return self.stepping.total(self.schedule)
 
     @cached_property
     def piece(self) -> int:
@@ -136,8 +144,8 @@ class Tabulated:
         last = stop == self.order.size
         tabulated = self._in_order if self.schedule.order is None else self._in_any_order
         spans, counts = tabulated(first, stop - 1 if last else stop, places)
-        if self.uneven is not None:
-            spans, counts = unevenly(spans, counts, self.uneven)
+        if self.stepping.uneven is not None:
+            spans, counts = unevenly(spans, counts, self.stepping.uneven)
         if self.steps - self.order.size + 2 > piece:  # so many may be in one, if each of the others has one
             spans, counts = in_pieces(spans, counts, piece)
         if last:
@@ -150,14 +158,15 @@ class Tabulated:
         """Spans and counts from event ``first`` to ``stop`` of a run that never goes back in time."""
         events, inward = (of[first : stop + 1] for of in (self.schedule.events, self.schedule.inward))
         variant = self.schedule.variant[first:stop]
-        return segment_rows(events, inward, variant, places, self.grid, self.longest, always_slope=self.always_slope)
+        longest = self.stepping.longest
+        return segment_rows(events, inward, variant, places, self.grid, longest, always_slope=self.always_slope)
 
     def _in_any_order(self, first: int, stop: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The same of a run that late samples take back."""
         events, inward, variant = self.schedule.events, self.schedule.inward, self.schedule.variant
         left = self.order[first:stop]
         right = left + 1
-        steps = count_steps(events[right] - events[left], self.longest)
+        steps = count_steps(events[right] - events[left], self.stepping.longest)
         slope = 1 if self.always_slope else rows_in_last_steps(events[left], events[right], steps, self.grid)
         inside = events[left] + inward[left], events[right] - inward[right]
         spans = _columns(float, events[left], events[right], *inside)
@@ -172,12 +181,6 @@ def _columns(kind: type[np.generic] | type[float], *columns: np.ndarray | int) -
     for i, column in enumerate(columns):
         table[:, i] = column
     return table
-
-
-def all_steps(schedule: AnySchedule, longest: float, uneven: float | None) -> int:
-    """Steps of a run."""
-    counted = counted_steps(schedule, longest)
-    return counted.total if uneven is None else counted.uneven(uneven)
 
 
 def rows_in_last_steps(start: np.ndarray, end: np.ndarray, steps: np.ndarray, grid: np.ndarray) -> np.ndarray:

@@ -15,7 +15,7 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Place, Source
 from hgorun.errors import ConfigError, Problem
 from hgorun.noise.base import RandomNoise
-from hgorun.result.quantities import Quantity
+from hgorun.result.quantity import Quantity
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.sentences import Sentence, read_sentence
 from hgorun.study.split import OF_THE_FILE, split

@@ -10,7 +10,7 @@ from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.tables.layout import number
-from hgorun.tables.rows import NEVER, metrics_of, rows_of, states_of
+from hgorun.tables.rows import NEVER, Row, metrics_of, rows_of, states_of
 from hgorun.tables.typeset import latex_words, symbol
 
 NEEDS = r"% needs \usepackage{booktabs}"
@@ -44,7 +44,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         of_columns = [unit_of(metric, s, units) for metric in block for s in states]
         lines += [*([r"\midrule"] if block is not blocks[0] else []), *latex_head(block, states, padding, of_columns)]
         numbers = {
-            (metric, s): [None if row.never(metric, s) else row.value(metric, s) for row in rows]
+            (metric, s): [None if _undecided(row, metric, s) else row.value(metric, s) for row in rows]
             for metric in block
             for s in states
         }
@@ -53,11 +53,8 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
             for column, values in numbers.items()
             for run in {row.run for row in rows}
         }
-        for i, row in enumerate(rows):
-            cells = [
-                NEVER if row.never(*column) else _latex_number(values[i], best[column, row.run])
-                for column, values in numbers.items()
-            ]
+        for row in rows:
+            cells = [_cell(row, *column, best[column, row.run]) for column in numbers]
             lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
     notes = [f"{row.text} {row.status}" for row in rows if row.observer.status != "ok"]
     for name, texts in stated.items():
@@ -105,6 +102,19 @@ def latex_unit(unit: str) -> str:
 def latex_number(text: str) -> str:
     """A number as it is printed, its power of ten as mathematics."""
     return re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", text)
+
+
+def _undecided(row: Row, metric: str, state: str) -> bool:
+    """Of what no best one is told: times that do not come, or are not resolved."""
+    return row.never(metric, state) or row.unresolved(metric, state)
+
+
+def _cell(row: Row, metric: str, state: str, best: str | None) -> str:
+    if row.never(metric, state):
+        return NEVER
+    if row.unresolved(metric, state):
+        return rf"$\sim {latex_number(number(row.value(metric, state)))}$"
+    return _latex_number(row.value(metric, state), best)
 
 
 def _best(metric: str, values: Sequence[float | None]) -> str | None:

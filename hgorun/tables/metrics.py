@@ -12,14 +12,14 @@ from hgorun.errors import called
 from hgorun.files import json_value
 from hgorun.result.metrics.base import Metric, all_metrics, unit_of
 from hgorun.result.metrics.smoothness import HF
-from hgorun.result.quantities import without_mean
+from hgorun.result.quantity_values import without_mean
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.result.status import Verdict
 from hgorun.tables.axis_names import bracketed
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.loops import loop_blocks, loop_numbers
-from hgorun.tables.rows import Row, metrics_of, rows_of, states_of
+from hgorun.tables.rows import UNRESOLVED, Row, metrics_of, rows_of, states_of
 from hgorun.tables.scores import scores_of
 from hgorun.tables.typeset import printable, time_unit
 
@@ -44,11 +44,12 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         ``{"name", "file", "status", "observers": {label: {"status", "status_at", "reason",
         metric: {state: number}}}}``, ``integration_error`` and ``remarks`` where there are any, ``plant`` with its
         status where that is not ok, ``units`` where some are known: ``{"time" or name: unit}``, and
-        ``coordinates`` of an observer, where it has a choice of them: ``{"map", "chains": {output: length}}``. Numbers
-        that are not finite are text, a time or reason that is not known is null. A closed loop has ``closed_loop``:
-        ``{label: {"effort": {input: number}, "peak_input": {input: number}, "cost": number}}``, with the label
-        ``plant`` for state feedback. An estimate of recorded data has ``kind``, and its observers have ``scores``:
-        ``{score: {output, state or gain: number}}``.
+        ``coordinates`` of an observer, where it has a choice of them: ``{"map", "chains": {output: length}}``, and
+        ``unresolved``, where errors are less certain than the bound that they settle below: ``{metric: [state]}``.
+        Numbers that are not finite are text, a time or reason that is not known is null. A closed loop has
+        ``closed_loop``: ``{label: {"effort": {input: number}, "peak_input": {input: number}, "cost": number}}``, with
+        the label ``plant`` for state feedback. An estimate of recorded data has ``kind``, and its observers have
+        ``scores``: ``{score: {output, state or gain: number}}``.
     """
     observers: dict[str, dict[str, Any]] = {
         label: _said(result.observers[label].verdict) | metrics for label, metrics in result.metrics().items()
@@ -58,6 +59,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
             observers[label]["scores"] = {name: dict(values) for name, values in o.assessed.scores.items()}
         if o.coordinates is not None:
             observers[label]["coordinates"] = {"map": o.coordinates.map, "chains": dict(o.coordinates.chains)}
+    for label, unresolved in result.unresolved.items():
+        observers[label]["unresolved"] = {metric: list(states) for metric, states in unresolved.items()}
     for label, values in (predicted or {}).items():
         observers[label]["predicted"] = values
     found: dict[str, Any] = {
@@ -129,6 +132,8 @@ def text(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
     lines += ["", *wrapped(still)] if still else []
     noisy = _noisy(rows)
     lines += ["", *wrapped(noisy)] if noisy else []
+    unresolved = _unresolved(rows)
+    lines += ["", *wrapped(unresolved)] if unresolved else []
     for run, result in zip(runs, results, strict=True):
         if result.closed_loop:
             lines += ["", *wrapped(run)] if len(runs) > 1 else []
@@ -199,6 +204,13 @@ def _noisy(rows: Sequence[Row]) -> str:
     )
     why = "never, where noise lifts the error above that part of its peak again and again"
     return f"{', '.join(map(printable, found))}: {why}" if found else ""
+
+
+def _unresolved(rows: Sequence[Row]) -> str:
+    """What the mark of times means that the integration does not resolve; nothing where there are none."""
+    found = any(row.unresolved(m, s) for row in rows for m in row.observer.metrics for s in row.result.states)
+    why = "the integration does not tell when, being less accurate than the bound that the error settles below"
+    return f"{UNRESOLVED}: {why}" if found else ""
 
 
 def _units(result: Result) -> str:

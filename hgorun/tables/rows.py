@@ -17,6 +17,7 @@ from hgorun.tables.layout import number
 from hgorun.tables.typeset import time_unit
 
 NEVER = "never"
+UNRESOLVED = "~"  # before a time that the integration does not resolve
 
 
 @dataclass(frozen=True)
@@ -53,6 +54,10 @@ class Row:
         sup, fast, peak = (np.array(np.nan if value is None else value) for value in found)
         return bool(lifted_by_noise(sup, fast, peak, part))
 
+    def unresolved(self, metric: str, state: str) -> bool:
+        """Whether it is a time that the integration does not resolve, nor is told never to come."""
+        return state in self.result.unresolved.get(self.label, {}).get(metric, ()) and not self.never(metric, state)
+
     def without_motion(self, metric: str, state: str) -> bool:
         """Whether a ratio has no value, since what the state itself does is nothing."""
         return self._without_motion(all_metrics(closed=True).get(metric), self.value(metric, state))
@@ -66,7 +71,8 @@ class Row:
         known, value = all_metrics(closed=True).get(metric), self.value(metric, state)
         if self._never(known, value, state):
             return NEVER
-        return number(None if self._without_motion(known, value) else value)
+        shown = number(None if self._without_motion(known, value) else value)
+        return UNRESOLVED + shown if self.unresolved(metric, state) else shown
 
     @property
     def status(self) -> str:

@@ -37,6 +37,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 from hgorun.simulation.structure import parameter_values, structure_of
 from hgorun.simulation.tables import build_plan
+from hgorun.simulation.timeline import Stepping, Timeline
 from hgorun.simulation.truth import Recording
 from hgorun.testing.cases import Subject
 
@@ -104,13 +105,9 @@ class Native:
         for i, _, value, _ in (one for some in found.samples for one in some):
             y[i].append(value)
         self.plan = build_plan(
-            run.schedule,
-            run.channels,
-            np.array([0.0, run.span]),
+            Timeline(schedule=run.schedule, channels=run.channels, grid=np.array([0.0, run.span]), reach=run.reach),
             self.structure.system,
-            always_slope=False,
-            longest=run.step,
-            reach=run.reach,
+            Stepping(longest=run.step),
             samples=[np.array(one) for one in y],
         )
         has_alpha = self.structure.system.has_alpha

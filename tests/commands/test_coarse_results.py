@@ -9,6 +9,7 @@ from examples import VAN_DER_POL, experiment
 
 import hgorun
 from hgorun.commands.remarks import coarse
+from hgorun.result.data import IntegrationError
 from hgorun.result.result import Result
 
 
@@ -19,7 +20,7 @@ def _result(measurement: dict[str, object] | None = None, **solver: object) -> R
 
 def _with_error(result: Result, error: float) -> Result:
     assert result.integration is not None
-    return replace(result, integration=replace(result.integration, error={"S": error}))
+    return replace(result, integration=replace(result.integration, error=IntegrationError({"S": error})))
 
 
 @pytest.fixture(scope="module")

@@ -153,9 +153,9 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
     sizes: list[int] = []
 
     class CountedActions(Actions):
-        def __init__(self, events: np.ndarray, *others: Any) -> None:
-            sizes.append(events.size)
-            super().__init__(events, *others)
+        def __init__(self, of: schedule.Schedule, *others: Any) -> None:
+            sizes.append(of.events.size)
+            super().__init__(of, *others)
 
     short.setattr(stretches, "build_schedule", counting)
     short.setattr(tabulated, "_PART_EVENTS", 8)

@@ -18,6 +18,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.structure import parameter_values, structure_of
 from hgorun.simulation.tables import build_plan
+from hgorun.simulation.timeline import Stepping, Timeline
 from hgorun.simulation.truth import Recording
 
 PLANT = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, "a", inputs={"u": "0.3"})
@@ -43,9 +44,12 @@ def recorded(run: PreparedRun, values: np.ndarray | None, inputs: RecordedInputs
     structure = structure_of([truth], [designs], run.experiment.stretches, run.schedule.variants, run.plant.everything)
     samples = None if run.channels[0].stretches[0].continuous else [np.asarray(values)]
     plan = build_plan(
-        run.schedule, run.channels, run.schedule.events, structure.system, always_slope=False, longest=run.step,
-        reach=run.reach, inputs=inputs, samples=samples,
-    )  # fmt: skip
+        Timeline(schedule=run.schedule, channels=run.channels, grid=run.schedule.events, reach=run.reach),
+        structure.system,
+        Stepping(longest=run.step),
+        inputs=inputs,
+        samples=samples,
+    )
     if samples is None:
         holds = plan.holds.copy()
         holds[: len(values)] = values  # type: ignore[arg-type]  # noise held on an output that is zero

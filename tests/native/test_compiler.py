@@ -46,20 +46,20 @@ def test_a_second_time_nothing_is_compiled(folder: Path, compiled: list[str]) ->
     modules = [NativeModule(IR, ("number",)) for _ in range(2)]  # two of them live side by side
     assert [number(m) for m in modules] == [42.0, 42.0]
     assert compiled == [IR]
-    assert [path.suffix for path in folder.iterdir()] == [".o"]
+    assert sorted(path.suffix or path.name for path in folder.iterdir()) == [".o", ".written"]
     assert folder.stat().st_mode & 0o077 == 0
 
 
 def test_other_code_is_another_entry(folder: Path, compiled: list[str]) -> None:
     other = IR.replace("42.0", "43.0")
     assert [number(NativeModule(ir, ("number",))) for ir in (IR, other)] == [42.0, 43.0]
-    assert len(list(folder.iterdir())) == 2
+    assert len(list(folder.glob("*.o"))) == 2
 
 
 @pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: b"\0" + data[1:], lambda data: b""])
 def test_a_damaged_entry_is_compiled_again(folder: Path, compiled: list[str], damage: object) -> None:
     NativeModule(IR, ("number",))
-    (entry,) = folder.iterdir()
+    (entry,) = folder.glob("*.o")
     whole = entry.read_bytes()
     entry.write_bytes(damage(whole))  # type: ignore[operator]  # a function
     assert number(NativeModule(IR, ("number",))) == 42.0
@@ -69,7 +69,7 @@ def test_a_damaged_entry_is_compiled_again(folder: Path, compiled: list[str], da
 
 def test_rubbish_with_the_right_digest_is_compiled_again(folder: Path, compiled: list[str]) -> None:
     NativeModule(IR, ("number",))
-    (entry,) = folder.iterdir()
+    (entry,) = folder.glob("*.o")
     whole, rubbish = entry.read_bytes(), b"not an object file"
     entry.write_bytes(hashlib.sha256(rubbish).digest() + rubbish)
     assert number(NativeModule(IR, ("number",))) == 42.0
@@ -80,7 +80,7 @@ def test_rubbish_with_the_right_digest_is_compiled_again(folder: Path, compiled:
 @pytest.mark.parametrize("kind", ["link", "pipe"])
 def test_only_files_are_entries(kind: str, folder: Path, compiled: list[str], tmp_path: Path) -> None:
     NativeModule(IR, ("number",))
-    (entry,) = folder.iterdir()
+    (entry,) = folder.glob("*.o")
     entry.rename(tmp_path / "elsewhere")
     entry.symlink_to(tmp_path / "elsewhere") if kind == "link" else os.mkfifo(entry)
     assert number(NativeModule(IR, ("number",))) == 42.0
@@ -91,14 +91,50 @@ def test_only_files_are_entries(kind: str, folder: Path, compiled: list[str], tm
 
 def test_entries_used_longest_ago_make_room(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     NativeModule(IR, ("number",))
-    (first,) = folder.iterdir()
+    (first,) = folder.glob("*.o")
     os.utime(first, (1, 1))
     other = folder / "other.o"
     other.write_bytes(bytes(100))
     monkeypatch.setattr("hgorun.native.compiler._ALLOWED", first.stat().st_size + 200)
+    monkeypatch.setattr("hgorun.native.compiler._UNLISTED", 0)
     NativeModule(IR.replace("42", "43"), ("number",))
     assert not first.exists()
     assert other.exists()
+
+
+def test_entries_are_listed_once_enough_has_been_written_by_whoever_wrote_it(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    listed: list[int] = []
+    monkeypatch.setattr("hgorun.native.compiler._prune", lambda folder, allowed: listed.append(allowed))
+
+    def write(number: int) -> list[int]:
+        NativeModule(IR.replace("42", str(number)), ("number",))
+        return listed
+
+    assert write(43) == []
+    with (folder / ".written").open("ab") as tally:  # another process: 16 MiB less what is written here
+        tally.write(bytes(2**14 - 2))
+    assert write(44) == [2**28 - 2**24]  # room for what is written until the next time
+    assert write(45) == [2**28 - 2**24]
+    assert not listed[1:]
+
+
+def test_entries_that_others_remove_meanwhile_are_passed_over(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder.mkdir(mode=0o700)
+    entries = [folder / f"{name}.o" for name in "abc"]
+    for i, entry in enumerate(entries):
+        entry.write_bytes(bytes(100))
+        os.utime(entry, (i, i))
+    original = Path.unlink
+
+    def late(path: Path, missing_ok: bool = False) -> None:
+        original(path)  # another process has been quicker
+        original(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", late)
+    compiler._prune(folder, 150)
+    assert [entry.exists() for entry in entries] == [False, False, True]
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="modes are POSIX's")
@@ -111,7 +147,7 @@ def test_a_folder_that_others_can_write_is_neither_read_nor_written(
     assert number(NativeModule(IR, ("number",))) == 42.0
     assert len(compiled) == 2
     NativeModule(IR.replace("42.0", "44.0"), ("number",))
-    assert len(list(folder.iterdir())) == 1
+    assert len(list(folder.glob("*.o"))) == 1
 
 
 def test_without_a_cache_it_runs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -148,7 +184,7 @@ def test_code_for_another_processor_is_another_entry(
     for processor in ("generic", "", "generic"):
         monkeypatch.setenv("HGORUN_CPU", processor)
         assert number(NativeModule(IR, ("number",))) == 42.0
-    assert len(compiled) == len(list(folder.iterdir())) == 2
+    assert len(compiled) == len(list(folder.glob("*.o"))) == 2
 
 
 def test_the_address_of_an_array_is_that_of_its_first_number() -> None:

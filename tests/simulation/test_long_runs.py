@@ -76,7 +76,7 @@ def test_a_long_run_tells_its_progress(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_what_happens_together_is_as_if_it_were_sorted(case: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Samples that arrive when they are taken, and whatever else: one table."""
     run = prepared(**CASES[case])
-    kinds = actions.Actions(run.schedule.events, run.channels, run.structure.system, None)
+    kinds = actions.Actions(run.timeline.events, run.channels, run.structure.system, None)
     ranges = [(0, run.schedule.events.size), (1, 9), (3, 3), (run.schedule.events.size - 2, run.schedule.events.size)]
     found = [kinds.at(*one) for one in ranges]
     monkeypatch.setattr(actions, "_alike", lambda found: False)

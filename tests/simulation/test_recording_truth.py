@@ -17,6 +17,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.structure import parameter_values, structure_of
 from hgorun.simulation.tables import build_plan
+from hgorun.simulation.timeline import Stepping, Timeline
 from hgorun.simulation.truth import Recording, SimulatedPlant
 
 POLES: Block = {"theta": 2, "poles": -1}
@@ -49,9 +50,12 @@ def recorded(run: PreparedRun, inputs: RecordedInputs | None = None) -> np.ndarr
     structure = structure_of([truth], [designs], run.experiment.stretches, schedule.variants, run.plant.everything)
     assert structure.system.plant_states == 0
     plan = build_plan(
-        schedule, run.channels, run.grid, structure.system, always_slope=False, longest=run.step, reach=0.0,
-        inputs=inputs, samples=samples,
-    )  # fmt: skip
+        Timeline(schedule=schedule, channels=run.channels, grid=run.grid),
+        structure.system,
+        Stepping(longest=run.step),
+        inputs=inputs,
+        samples=samples,
+    )
     p = parameter_values(run.plant.everything, run.experiment.stretches, designs)
     z0 = [d.initial(run.plant, has_alpha=structure.system.has_alpha, recorded=run.recorded) for d in designs]
     program = structure.program(run.solver.given_method)
@@ -120,7 +124,8 @@ def test_groups_with_plants_of_their_own() -> None:
     channels = [*run.channels, *run.channels]
     schedule = build_schedule(channels, run.time, np.zeros(0), run.step)
     structure = structure_of([truth, truth], [[d] for d in designs], stretches, schedule.variants, run.plant.everything)
-    plan = build_plan(schedule, channels, run.grid, structure.system, always_slope=False, longest=run.step, reach=0.0)
+    timeline = Timeline(schedule=schedule, channels=channels, grid=run.grid)
+    plan = build_plan(timeline, structure.system, Stepping(longest=run.step))
     x0 = run.plant.initial
     first, second = (d.initial(run.plant, has_alpha=True, recorded=run.recorded) for d in designs)
     z0 = np.concatenate([x0, first, x0, second, [0.0]])

@@ -16,7 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun import Result
-from hgorun.result.data import Integration
+from hgorun.result.data import Integration, IntegrationError
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.status import OK, Verdict
 from hgorun.tables import metrics as tables
@@ -184,7 +184,9 @@ def test_json_holds_the_metrics(result: Result) -> None:
 def test_numbers_that_are_not_finite_are_text_in_json(result: Result) -> None:
     odd = with_metrics(result, A={"rmse": [math.inf, -math.inf], "hf": [math.nan, 1.0]})
     errors = {"plant": 0.0, "A": math.inf}
-    odd = replace(odd, integration=Integration(method="rk4", step=0.1, rtol=None, evaluations=1, error=errors))
+    odd = replace(
+        odd, integration=Integration(method="rk4", step=0.1, rtol=None, evaluations=1, error=IntegrationError(errors))
+    )
 
     def refuse(constant: str) -> None:
         raise AssertionError(constant)

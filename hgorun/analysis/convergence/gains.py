@@ -1,4 +1,4 @@
-"""The error's matrix at theta = 1, its poles, and the Lyapunov matrix P that shows its decay.
+"""The error's matrices at theta = 1 of every observer that has constant ones.
 
 In z = (xhat - x, filters) with the plant's nonlinearity phi, noise v and disturbance eps, every observer of
 constant gain here has, after a scaling zbar_i = theta^(-s_i) z_i,
@@ -17,11 +17,11 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from hgorun.analysis.chains import on_chains, outputs_of_chains
-from hgorun.analysis.reasons import CORRECTED, RECALLS, NoValue, Outcome, outcome
-from hgorun.config.reads import Reads
-from hgorun.errors import Problem
-from hgorun.memo import Memo, same
+from hgorun.analysis.chains import on_chains
+from hgorun.analysis.convergence.chain_matrices import chain_matrices
+from hgorun.analysis.convergence.lyapunov import Lyapunov
+from hgorun.analysis.reasons import CORRECTED, RECALLS, NoValue
+from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver
 from hgorun.observers.capabilities import HighGain, NotLinear, SettlingGain
 from hgorun.observers.constant_gain import PlacedGain
@@ -29,21 +29,9 @@ from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.forward_differences import ForwardDifferences
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.observers.riccati import RiccatiGain
-from hgorun.simulation.design import Design
-from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form
-from hgorun.symbolic.parameters import Parameters
-from hgorun.symbolic.plant import PlantModel
-from hgorun.symbolic.triangular import TriangularForm
 
-_ELSEWHERE = 2.0  # another theta, whose powers are read off
 _LYAPUNOV: Memo[Lyapunov] = Memo(256)  # by matrix and poles: what is found of one is kept with it
-_LINEAR: Memo[Outcome[tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]]] = Memo(256)  # by observer and chains
-_FORMS: Memo[Form] = Memo(64)  # of chains
-_EQUATIONS: Memo[list[_Equations]] = Memo(64)  # of a structure: those that differ in keys that equations read
-_BUCKET = 16
-MU = 1.0  # of P A~ + A~^T P = -2 mu I
 
 
 @dataclass(frozen=True)
@@ -101,73 +89,6 @@ class ErrorDynamics:
         return np.asarray(float(theta) ** -self.powers.astype(float))
 
 
-@dataclass(frozen=True)
-class Lyapunov:
-    """What P A~ + A~^T P = -2 mu I with mu = 1 says of a matrix A~.
-
-    beta = mu/(2 lambda_max(P)) and chi = cond(P), (3.23) and (3.35) of Robles Magdaleno 2023. With
-    V = zbar^T P zbar and |Phi~| <= c |zbar|
-
-        V' <= -2 theta mu |zbar|^2 + 2 |P zbar| |Phi~| <= -2 (theta mu - c lambda_max(P)) |zbar|^2
-        (sqrt V)' <= -(2 beta theta - c) sqrt V
-
-    and |zbar(t)| <= sqrt(chi) exp(-(2 beta theta - c) t) |zbar(0)|. The thesis keeps half of the decay for Phi~:
-    c <= beta theta leaves exp(-beta theta t). It has chi for sqrt(chi) from (3.44) on, which is true, too.
-    """
-
-    A: np.ndarray
-    known: np.ndarray | None = None
-
-    @cached_property
-    def poles(self) -> np.ndarray:
-        """Eigenvalues, by real part, then imaginary part."""
-        values = np.linalg.eigvals(self.A) if self.known is None else self.known
-        return np.asarray(values[np.lexsort((values.imag, values.real.round(9)))])
-
-    @property
-    def hurwitz(self) -> bool:
-        return bool(np.max(self.poles.real) < 0)
-
-    @cached_property
-    def P(self) -> np.ndarray:
-        """The solution, symmetric and positive definite.
-
-        Raises
-        ------
-        NoValue
-            When A~ is not Hurwitz, or too near to it for double precision.
-        """
-        from scipy.linalg import solve_continuous_lyapunov
-
-        if not self.hurwitz:
-            raise NoValue("the error's matrix is not Hurwitz: no P exists")
-        right = -2 * MU * np.eye(len(self.A))
-        P = solve_continuous_lyapunov(self.A.T, right)
-        P = 0.5 * (P + P.T)
-        for _ in range(2):  # refined: its condition number is high for long filters
-            rest = right - (P @ self.A + self.A.T @ P)
-            P = P + solve_continuous_lyapunov(self.A.T, 0.5 * (rest + rest.T))
-            P = 0.5 * (P + P.T)
-        off = np.max(np.abs(P @ self.A + self.A.T @ P - right))
-        if not (np.all(np.isfinite(P)) and off < 1e-3 and np.min(np.linalg.eigvalsh(P)) > 0):
-            raise NoValue("the Lyapunov equation of the error's matrix has no solution in double precision")
-        return np.asarray(P)
-
-    @cached_property
-    def eigenvalues(self) -> tuple[float, float]:
-        """(smallest, largest) of P."""
-        values = np.linalg.eigvalsh(self.P)
-        return float(values[0]), float(values[-1])
-
-    @property
-    def beta(self) -> float:
-        return MU / (2 * self.eigenvalues[1])
-
-    @property
-    def chi(self) -> float:
-        return self.eigenvalues[1] / self.eigenvalues[0]
-
-
 def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
     """The error's matrices at theta = 1 on the chains that an observer sees in the plant.
 
@@ -186,9 +107,7 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
     if "gain" in observer.roles(form).values() and not isinstance(observer, SettlingGain):
         raise NoValue("its gain follows the plant and comes to rest on no chain: there is no constant matrix")
     observer = on_chains(observer, form.plant.outputs)
-    A, E, flux, powers = _LINEAR.get(
-        (type(observer), repr(_plain(observer, 1.0)), chains), lambda: outcome(lambda: _scaled(observer, chains))
-    ).value
+    A, E, flux, powers = chain_matrices(observer, chains)
     return ErrorDynamics(A, -E, flux, powers, sum(chains), _asked_for(observer, A))
 
 
@@ -251,129 +170,3 @@ def _extended(observer: LinearExtendedStateObserver, form: Form) -> ErrorDynamic
     G = observer.gain(n + 1)
     A = np.eye(n + 1, k=1) - np.outer(G, np.eye(n + 1)[0])
     return ErrorDynamics(A, G[:, None], np.eye(n + 1, k=1)[:1], np.arange(n + 1), n, _asked_for(observer, A))
-
-
-def _chain_model(chains: tuple[int, ...]) -> PlantModel:
-    """Chains of integrators."""
-    n = sum(chains)
-    states = tuple(f"x{i + 1}" for i in range(n))
-    x = ca.vertcat(*[ca.SX.sym(name) for name in states])
-    heads = np.cumsum([0, *chains])[:-1]
-    shift = ca.diagcat(*[ca.DM(np.eye(length, k=1)) for length in chains])
-    y = ca.vertcat(*[x[int(i)] for i in heads])
-    return PlantModel(
-        states=states,
-        outputs=outputs_of_chains(len(chains)),
-        inputs=(),
-        parameters=(),
-        t=ca.SX.sym("t"),
-        x=x,
-        u=ca.SX(0, 1),
-        p=ca.SX(0, 1),
-        dynamics=shift @ x,
-        output=y,
-    )
-
-
-def _plain(observer: AnyObserver, theta: float) -> AnyObserver:
-    """An observer with another theta, and without what makes no difference on chains."""
-    neutral: dict[str, object] = {"saturation": {}, "clip_estimate": None, "coordinates": "original", "initial": {}}
-    if isinstance(observer, HighGain):
-        return observer.with_theta(theta).model_copy(update=neutral)
-    return observer.model_copy(update={"theta": theta, **neutral})
-
-
-def _scaled(observer: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A, E and the flux of an observer on chains at theta = 1, and its powers of theta."""
-    at_one, other = (_linear(_plain(observer, theta), chains) for theta in (1.0, _ELSEWHERE))
-    A, E, flux = at_one
-    return A, E, flux, _powers(A, other[0], chains)
-
-
-@dataclass(frozen=True, eq=False)
-class _Equations:
-    """Of observers on chains that differ in numbers only: what there is of their equations where no error is."""
-
-    form: Form
-    reads: Reads[AnyObserver]
-    block: ObserverBlock
-    derivatives: ca.Function
-
-
-def _linear(plain: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A, E and the flux of an observer on chains."""
-    form = _FORMS.get((chains, isinstance(plain, RiccatiGain)), lambda: _form(plain, chains))
-    try:
-        design = Design.of("observer", plain, form)
-    except Problem as problem:  # its keys name the plant's own states or outputs
-        raise NoValue(f"the observer does not take chains of integrators: {problem.message}") from problem
-    known = _EQUATIONS.get((same(form), type(plain), design.structure), list)
-    equations = next((one for one in known if one.reads.hold_for(plain)), None)
-    if equations is None:
-        equations = _derived(design, form, len(chains))
-        known.append(equations)
-        del known[:-_BUCKET]
-    found = equations.derivatives(design.numbers, _settled(plain, equations), np.zeros(len(chains)))
-    A0, E, H, F0, F1 = (np.asarray(v.full()) for v in found)
-    return A0 + E @ H, E, F0 + F1 @ H
-
-
-def _form(plain: AnyObserver, chains: tuple[int, ...]) -> Form:
-    model = _chain_model(chains)
-    if isinstance(plain, RiccatiGain):
-        return TriangularForm(model, model, tuple(range(model.n)), (0,))
-    return CanonicalForm(model, chains, model.x, ca.SX.eye(model.n), identity=True)
-
-
-def _derived(design: Design, form: Form, outputs: int) -> _Equations:
-    model, parameters, reads = form.plant, Parameters(), Reads(design.observer)
-    block = ObserverBlock.place(design, 0, False, parameters, reads.watched)
-    z, e = ca.SX.sym("z", block.end), ca.SX.sym("e", outputs)
-    copy = block.copy(model.t, model.u, model.p)
-    s = block.symbols(z)
-    derivatives, correction = block.equations(copy, s, e)
-    roles = reads.watched.roles(form)
-    names = [name for name in block.states if roles.get(name) != "gain"]
-    moving = [block.states[name] for name in names]
-    rate = ca.vertcat(*[state.flat(derivatives[name]) for name, state in zip(names, moving, strict=True)])
-    xi = ca.vertcat(*[z[state.start : state.start + state.size] for state in moving])
-    H = ca.jacobian(copy.output(s.xhat), xi)
-    flux = H @ rate + correction
-    parts = [ca.jacobian(rate, xi), ca.jacobian(rate, e), H, ca.jacobian(flux, xi), ca.jacobian(flux, e)]
-    values = ca.Function("linear", [parameters.symbol, z, e], [ca.densify(part) for part in parts])
-    return _Equations(form, reads, block, values)
-
-
-def _settled(observer: AnyObserver, equations: _Equations) -> np.ndarray:
-    """No error, and the matrices of a time-varying gain where they settle on chains of integrators."""
-    z = np.zeros(equations.block.end)
-    matrices = observer.settled(equations.form) if isinstance(observer, SettlingGain) else {}
-    for name, values in matrices.items():
-        if name in equations.block.states:
-            state = equations.block.states[name]
-            z[state.start : state.start + state.size] = state.numbers(values)
-    return z
-
-
-def _powers(A: np.ndarray, other: np.ndarray, chains: tuple[int, ...]) -> np.ndarray:
-    """s, from A(theta)_ij = theta^(1 + s_i - s_j) A(1)_ij, s known along the chains."""
-    tiny = 1e-9 * np.max(np.abs(A))
-    linked = np.abs(A) > tiny
-    with np.errstate(divide="ignore", invalid="ignore"):
-        differences = np.log(other / A) / np.log(_ELSEWHERE) - 1  # s_i - s_j
-    known = dict(enumerate(position for length in chains for position in range(length)))
-    waiting = list(known)
-    while waiting:
-        i = waiting.pop()
-        for j in range(len(A)):
-            for step in ([-differences[i, j]] if linked[i, j] else []) + ([differences[j, i]] if linked[j, i] else []):
-                if (
-                    not np.isfinite(step)
-                    or abs(step - round(step)) > 1e-6
-                    or known.get(j, known[i] + round(step)) != (known[i] + round(step))
-                ):
-                    raise NoValue("no scaling with powers of theta makes the error's matrix theta times another")
-                if j not in known:
-                    known[j] = known[i] + round(step)
-                    waiting.append(j)
-    return np.array([known.get(i, 0) for i in range(len(A))])

@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.analysis.convergence.charts import Chart
-from hgorun.analysis.convergence.segments import along
+from hgorun.analysis.convergence.segments import Trajectories, along
 from hgorun.memo import Memo, same
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
@@ -87,12 +87,8 @@ class Lipschitz:
 
 def lipschitz(
     run: PreparedRun,
-    chart: Chart,
+    trajectories: Trajectories,
     saturation: dict[str, tuple[float, float]],
-    result: Result,
-    label: str,
-    truth: np.ndarray,
-    estimate: np.ndarray,
     met: np.ndarray,
     reach: np.ndarray | None = None,
 ) -> Lipschitz:
@@ -102,28 +98,18 @@ def lipschitz(
     ----------
     saturation : mapping
         Bounds on the arguments of phi, in the chart's coordinates.
-    truth, estimate : ndarray, shape (Nt, n)
-        z of the simulated truth and estimate.
     met : ndarray, shape (n, n)
-        The largest slopes on both, of :func:`slopes_met`.
+        The largest slopes on both trajectories, of :func:`slopes_met`.
     reach : ndarray, shape (n,), optional
         How far the estimate may be from the truth, where the run's grid is too coarse to show it.
     """
-    known = np.isfinite(result.observers[label].xhat).all(axis=1) & np.isfinite(estimate).all(axis=1)
-    points = [truth, estimate if known.all() else estimate[known]]
-    where = "simulated truth and estimate, 5 % wider"
-    if reach is not None:
-        points = [truth - reach, truth + reach]
-        where = "simulated truth and the transient that is bounded, since the output grid misses its peak"
-    columns = [np.concatenate([part[:, i] for part in points]) for i in range(truth.shape[1])]
-    low, high = np.array([np.min(v) for v in columns]), np.array([np.max(v) for v in columns])
-    slack = _MARGIN * (high - low)
-    low, high = low - slack, high + slack
+    chart = trajectories.chart
+    low, high, where = _around(trajectories, reach)
     remarks = []
     limited = {name: bounds for name, bounds in saturation.items() if name in chart.names}
     for name, (below, above) in limited.items():
         i = chart.names.index(name)
-        if np.min(truth[:, i]) < below or np.max(truth[:, i]) > above:
+        if np.min(trajectories.z[:, i]) < below or np.max(trajectories.z[:, i]) > above:
             remarks.append(
                 f"{name} leaves the saturation [{below:g}, {above:g}]: the observer's copy is another plant there"
             )
@@ -139,7 +125,7 @@ def lipschitz(
         if np.all(np.isfinite(bounds)):
             slopes, reached, kind = bounds, np.maximum(inside, reached), "interval over box"
     if kind == "trajectory":
-        bounds = along(chart, result, label, truth, estimate)
+        bounds = along(trajectories)
         if np.all(np.isfinite(bounds)):
             # a mean slope may be less than the largest one met: the larger is the safe one
             slopes, kind = np.maximum(bounds, reached), "interval along run"
@@ -152,6 +138,21 @@ def lipschitz(
         remarks.append("phi is switched (sign, floor, a comparison): its slopes say nothing of its jumps")
     triangle = ~above_
     return Lipschitz(slopes * triangle, reached * triangle, kind, region, box, chart.positions, tuple(remarks))
+
+
+def _around(trajectories: Trajectories, reach: np.ndarray | None) -> tuple[np.ndarray, np.ndarray, str]:
+    """A box around both trajectories: its lower and upper bounds, shape (n,) each, and where it comes from."""
+    truth, estimate = trajectories.z, trajectories.zhat
+    known = np.isfinite(trajectories.xhat).all(axis=1) & np.isfinite(estimate).all(axis=1)
+    points = [truth, estimate if known.all() else estimate[known]]
+    where = "simulated truth and estimate, 5 % wider"
+    if reach is not None:
+        points = [truth - reach, truth + reach]
+        where = "simulated truth and the transient that is bounded, since the output grid misses its peak"
+    columns = [np.concatenate([part[:, i] for part in points]) for i in range(truth.shape[1])]
+    low, high = np.array([np.min(v) for v in columns]), np.array([np.max(v) for v in columns])
+    slack = _MARGIN * (high - low)
+    return low - slack, high + slack, where
 
 
 def slopes_met(chart: Chart, result: Result, trajectory: np.ndarray) -> np.ndarray:

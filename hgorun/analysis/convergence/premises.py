@@ -12,6 +12,7 @@ from hgorun.analysis.convergence.bounds import Halanay
 from hgorun.analysis.convergence.charts import Chart, chart_of
 from hgorun.analysis.convergence.gains import ErrorDynamics, error_dynamics
 from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz, slopes_met
+from hgorun.analysis.convergence.segments import Trajectories
 from hgorun.analysis.convergence.signals import Amplitudes, amplitudes
 from hgorun.analysis.reasons import RECALLS, NoValue, Outcome, outcome, require_innovation
 from hgorun.analysis.subject import Subject, once
@@ -96,8 +97,15 @@ def premises_of(subject: Subject) -> Premises:
     bounded = dynamics is not None and dynamics.lyapunov.hurwitz and constant
     reach = _reach(dynamics, start, theta, a) if dynamics is not None and bounded and is_coarse(subject) else None
     met = np.maximum(_met_by_truth(subject, chart), slopes_met(chart, subject.result, subject.found.xhat))
-    estimate = estimate_of(subject, chart)
-    slopes = lipschitz(subject.run, chart, saturation, subject.result, subject.label, truth, estimate, met, reach)
+    trajectories = Trajectories(
+        chart=chart,
+        time=subject.result.time,
+        x=subject.result.x,
+        xhat=subject.found.xhat,
+        z=truth,
+        zhat=estimate_of(subject, chart),
+    )
+    slopes = lipschitz(subject.run, trajectories, saturation, met, reach)
     return Premises(theta=theta, chart=chart, lipschitz=slopes, amplitudes=a, reach=reach, start=start)
 
 

@@ -7,12 +7,13 @@ or not z can be inverted.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from hgorun.analysis.convergence.charts import Chart
 from hgorun.memo import Memo, same
 from hgorun.native.boxes import LEAST
-from hgorun.result.result import Result
 from hgorun.symbolic.enclosures import Enclosure
 
 _PIECES = 600  # of a run, at most
@@ -26,24 +27,40 @@ _TRUTHS: Memo[Box] = Memo(4)  # all observers of a run have the same truth
 _INPUTS: Memo[Box] = Memo(16)  # functions of time alone: those of other runs of a plant, too
 
 
-def along(chart: Chart, result: Result, label: str, truth: np.ndarray, estimate: np.ndarray) -> np.ndarray:
-    """M over all pieces, shape (n, n); infinite where there is no bound.
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
+class Trajectories:
+    """The simulated truth and an estimate of it, in the plant's coordinates and in those of a chart.
 
-    Parameters
+    Attributes
     ----------
-    truth, estimate : ndarray, shape (Nt, n)
-        z of the simulated truth and estimate.
+    chart : Chart
+    time : ndarray, shape (Nt,)
+    x, xhat : ndarray, shape (Nt, n)
+    z, zhat : ndarray, shape (Nt, n)
+        The same in the chart's coordinates.
     """
-    x, xhat = (truth, estimate) if chart.straight else (result.x, result.observers[label].xhat)
+
+    chart: Chart
+    time: np.ndarray
+    x: np.ndarray
+    xhat: np.ndarray
+    z: np.ndarray
+    zhat: np.ndarray
+
+
+def along(trajectories: Trajectories) -> np.ndarray:
+    """M over all pieces, shape (n, n); infinite where there is no bound."""
+    chart, time = trajectories.chart, trajectories.time
+    x, xhat = (trajectories.z, trajectories.zhat) if chart.straight else (trajectories.x, trajectories.xhat)
     sound = np.isfinite(x), np.isfinite(xhat)
     lost = [np.argmin(np.all(known, axis=1)) for known in sound if not known.all()]
     count = int(min(lost, default=len(x)))  # until the first that is not a number
     if count < 2:
         return np.full((len(chart.names),) * 2, np.inf)
     starts = np.arange(0, count - 1, -(-(count - 1) // _PIECES))
-    truth_of = (same(result.x), same(chart), count)
+    truth_of = (same(trajectories.x), same(chart), count)
     ends = _TRUTHS.get(truth_of, lambda: _pieces(x[:count], starts)), _pieces(xhat[:count], starts)
-    edges = np.append(result.time[starts], result.time[count - 1])[:, None]
+    edges = np.append(time[starts], time[count - 1])[:, None]
     inputs = _INPUTS.get((same(chart.inputs), edges.tobytes()), lambda: chart.inputs.each(edges[:-1], edges[1:]))
     common = np.hstack([inputs[0], edges[:-1]]).T, np.hstack([inputs[1], edges[1:]]).T
     compiled = chart.along_segments.compiled(len(chart.names), _PARTS) if starts.size >= LEAST else None

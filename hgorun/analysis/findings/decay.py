@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hgorun.analysis.convergence.gains import MU
+from hgorun.analysis.convergence.lyapunov import MU
 from hgorun.analysis.convergence.premises import dynamics_of, theta_of
 from hgorun.analysis.finding import finding
 from hgorun.analysis.subject import Subject

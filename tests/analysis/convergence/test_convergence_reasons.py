@@ -10,7 +10,8 @@ import pytest
 from examples import Block, chain, experiment, inline
 
 from hgorun.analysis.convergence.charts import chart_of
-from hgorun.analysis.convergence.gains import Lyapunov, error_dynamics
+from hgorun.analysis.convergence.gains import error_dynamics
+from hgorun.analysis.convergence.lyapunov import Lyapunov
 from hgorun.analysis.convergence.segments import _divided
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Findings, analyze

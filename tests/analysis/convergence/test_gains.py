@@ -9,8 +9,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun import Experiment
-from hgorun.analysis.convergence import gains
-from hgorun.analysis.convergence.gains import ErrorDynamics, Lyapunov, error_dynamics
+from hgorun.analysis.convergence import chain_matrices
+from hgorun.analysis.convergence.gains import ErrorDynamics, error_dynamics
+from hgorun.analysis.convergence.lyapunov import Lyapunov
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.reasons import NoValue
 from hgorun.memo import Memo
@@ -194,15 +195,15 @@ def test_no_lyapunov_matrix_without_decay() -> None:
 
 def test_equations_are_derived_once_for_all_poles_and_theta(monkeypatch: pytest.MonkeyPatch) -> None:
     """But not for another order."""
-    derived, real = list[object](), gains._derived
+    derived, real = list[object](), chain_matrices._derived
 
-    def counted(design: Design, form: Form, outputs: int) -> gains._Equations:
+    def counted(design: Design, form: Form, outputs: int) -> chain_matrices._Equations:
         derived.append(design)
         return real(design, form, outputs)
 
-    monkeypatch.setattr(gains, "_derived", counted)
+    monkeypatch.setattr(chain_matrices, "_derived", counted)
     for name in ("_EQUATIONS", "_LINEAR"):
-        monkeypatch.setattr(gains, name, Memo[Any](8))
+        monkeypatch.setattr(chain_matrices, name, Memo[Any](8))
     for poles in ([-1, -2, -3], [-2, -0.5, -4]):
         found = dynamics(3, type="shgo", theta=7, poles=poles)
         assert np.allclose(np.poly(found.A), np.poly(np.array(poles, dtype=float)), rtol=1e-12)

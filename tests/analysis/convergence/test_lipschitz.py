@@ -10,7 +10,7 @@ from examples import experiment, said
 from hgorun import Experiment
 from hgorun.analysis.convergence.charts import Chart, chart_of
 from hgorun.analysis.convergence.lipschitz import Lipschitz, lipschitz, slopes_met
-from hgorun.analysis.convergence.segments import along, compile_slopes
+from hgorun.analysis.convergence.segments import Trajectories, along, compile_slopes
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Findings, analyze
 from hgorun.memo import Memo
@@ -32,12 +32,17 @@ def inline(n: int, **dynamics: str) -> dict[str, Any]:
     return {"states": list(initial), "dynamics": dynamics, "output": "x1", "initial": initial}
 
 
+def trajectories_of(chart: Chart, result: Result) -> Trajectories:
+    """Of the only observer."""
+    x, xhat = result.x, result.observers["observer"].xhat
+    return Trajectories(chart=chart, time=result.time, x=x, xhat=xhat, z=chart.image(x), zhat=chart.image(xhat))
+
+
 def of_run(run: PreparedRun, chart: Chart, saturation: dict[str, tuple[float, float]], result: Result) -> Lipschitz:
     """The bounds of the only observer."""
-    trajectories = result.x, result.observers["observer"].xhat
-    truth, estimate = (chart.image(one) for one in trajectories)
-    met = np.maximum(*(slopes_met(chart, result, one) for one in trajectories))
-    return lipschitz(run, chart, saturation, result, "observer", truth, estimate, met)
+    of = trajectories_of(chart, result)
+    met = np.maximum(*(slopes_met(chart, result, one) for one in (of.x, of.xhat)))
+    return lipschitz(run, of, saturation, met)
 
 
 def test_each_slope_and_its_norms() -> None:
@@ -123,10 +128,10 @@ def test_compiled_slopes_are_the_same(dynamics: str, compiled: bool, monkeypatch
     run = prepare(Experiment({"time": TIME, "plant": plant, "observers": {"observer": {"type": "shgo", "theta": 4}}}))
     result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
-    of = chart, result, "observer", result.x, result.observers["observer"].xhat
-    expected, box = along(*of), of_run(run, chart, {}, result)
+    of = trajectories_of(chart, result)
+    expected, box = along(of), of_run(run, chart, {}, result)
     assert compile_slopes(chart) == compiled
-    np.testing.assert_array_equal(along(*of), expected)
+    np.testing.assert_array_equal(along(of), expected)
     np.testing.assert_array_equal(of_run(run, chart, {}, result).slopes, box.slopes)
     assert not compile_slopes(chart)
 
@@ -145,7 +150,7 @@ def test_slopes_between_truth_and_estimate_agree_with_the_box() -> None:
     result = simulate_prepared(run)
     chart = chart_of(run.observers[0].form, run.plant)
     box = of_run(run, chart, {}, result)
-    own = along(chart, result, "observer", result.x, result.observers["observer"].xhat)
+    own = along(trajectories_of(chart, result))
     assert box.kind == "interval over box"
     assert np.all(own <= box.slopes + 1e-9)
     met = np.array([[0.5, 0], [1, 0.3]])
