@@ -37,7 +37,6 @@ NEEDED_BY_OTHERS = (
     "hgorun.native.functions.power",
     "hgorun.observers.kalman",
     "hgorun.observers.levant",
-    "hgorun.observers.longer_chains",
     "hgorun.observers.red",
     "hgorun.result.columns",
     "hgorun.result.reading",
