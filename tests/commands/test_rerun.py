@@ -22,8 +22,8 @@ from numpy._core._multiarray_umath import (  # type: ignore[import-not-found]  #
 )
 
 import hgorun
-from hgorun.commands.options import Rerun
 from hgorun.commands.rerun import rerun
+from hgorun.commands.run_options import Rerun
 from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,23 @@ def test_a_settling_time_that_noise_decides_is_never(file: Path) -> None:
     shown = dict(zip(live.begun["picture"]["columns"], live.begun["picture"]["rows"][1]["cells"], strict=True))
     assert row.noisy("settling", "x2")
     assert shown["settling x2"] == ["never", repr(row.value("settling", "x2"))]
+
+
+def test_bounds_that_will_not_take_long_come_with_the_curves(file: Path) -> None:
+    """Once it is known how long they take: in one message, and otherwise after the curves, with the same numbers."""
+    told = {}
+    for patience in (0.0, math.inf):
+        live = Live(file, patience=patience)
+        live.worker.finish()
+        before = len(live.paper.told)
+        with_curves = live.set("measurement.noise.0.std", 0.02, final=False)["theories"]
+        assert len(with_curves) == (2 if patience else 0)
+        live.worker.finish()
+        messages = [one for one in live.paper.told[before:] if one.get("theories") and "drawn" in one["theories"][0]]
+        assert len(messages) == 1
+        told[patience] = live.theory()
+        assert [one["drawn"] for one in told[patience].values()] == ["decay", "decay"]
+    assert told[0.0] == told[math.inf]
 
 
 def test_observers_that_are_off_are_left_out(file: Path) -> None:

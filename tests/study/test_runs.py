@@ -10,7 +10,8 @@ import hgorun
 from hgorun.noise.sinusoids import Sinusoids
 from hgorun.observers.fhgo2 import FilteredObserver2
 from hgorun.observers.shgo import StandardObserver
-from hgorun.result.quantities import Quantity, measure_quantity
+from hgorun.result.quantities import measure_quantity
+from hgorun.result.quantity import Quantity
 from hgorun.study.check import check
 from hgorun.study.measured import values_of
 
