@@ -159,7 +159,7 @@ def test_who_keeps_the_estimate_with_no_value_says_so(tmp_path: Path) -> None:
     wild = {"S": {"group": "g", "knob": {"range": {"log": [400, 4000]}}, "block": {"type": "shgo"}}}
     path = written(tmp_path, observers=wild, scenarios=["sampled"])
     (entry,) = load_benchmark(path).entries(tmp_path / "entries")
-    assert entry.refused == "failed: loses the estimate with each of 4 values of theta between 800 and 8e+03"
+    assert entry.refused == "failed: diverges with each of 4 values of theta between 800 and 8e+03"
 
 
 def test_a_contestant_may_be_made_for_some_scenarios(tmp_path: Path) -> None:
