@@ -41,6 +41,7 @@ class Table:
 
 
 def metrics_table(result: Result) -> Table:
+    """Metrics of all observers, without what follows from the error of the integration: that takes a run more."""
     rows = rows_of([result])
     known = all_metrics(closed=True)
     columns = [(metric, state) for metric in metrics_of(rows) for state in result.states]
@@ -52,7 +53,10 @@ def metrics_table(result: Result) -> Table:
                 label=row.label,
                 status=row.status,
                 reason=row.observer.reason or "",
-                cells=tuple(_cell(row.value(metric, state), row.text_of(metric, state)) for metric, state in columns),
+                cells=tuple(
+                    _cell(row.value(metric, state), row.text_of(metric, state, marked=False))
+                    for metric, state in columns
+                ),
             )
             for row in rows
         ),

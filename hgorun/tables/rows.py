@@ -66,13 +66,13 @@ class Row:
         lost = self.observer.status in ("diverged", "undefined")
         return known is not None and known.ideal != 0 and value == math.inf and not lost
 
-    def text_of(self, metric: str, state: str) -> str:
-        """What a table shows."""
+    def text_of(self, metric: str, state: str, *, marked: bool = True) -> str:
+        """What a table shows; a time that is not resolved is not marked as that where a pass more takes too long."""
         known, value = all_metrics(closed=True).get(metric), self.value(metric, state)
         if self._never(known, value, state):
             return NEVER
         shown = number(None if self._without_motion(known, value) else value)
-        return UNRESOLVED + shown if self.unresolved(metric, state) else shown
+        return UNRESOLVED + shown if marked and self.unresolved(metric, state) else shown
 
     @property
     def status(self) -> str:

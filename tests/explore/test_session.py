@@ -155,6 +155,20 @@ def test_bounds_that_will_not_take_long_come_with_the_curves(file: Path) -> None
     assert told[0.0] == told[math.inf]
 
 
+def test_no_error_of_the_integration_is_asked_for(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """That of given steps takes a run more."""
+    asked: list[Result] = []
+
+    def noted(result: Result) -> dict[str, object]:
+        asked.append(result)
+        return {}
+
+    for name in ("unresolved", "integration_error"):
+        monkeypatch.setattr(Result, name, property(noted))
+    Live(file).set("observers.S.theta", 3.2)
+    assert asked == []
+
+
 def test_observers_that_are_off_are_left_out(file: Path) -> None:
     live = Live(file)
     live.set("observers.S.theta", 4.0)
