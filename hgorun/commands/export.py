@@ -9,8 +9,8 @@ from pathlib import Path
 from shlex import quote
 
 from hgorun.commands.inputs import configuration
-from hgorun.commands.options import Export
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable
+from hgorun.commands.run_options import Export
 from hgorun.config.nearest import meant
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError, SimulationError

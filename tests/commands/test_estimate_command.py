@@ -218,6 +218,7 @@ def test_a_stream_does_not_go_on_with_another_std_or_gate(
         assert not code or f"state: the checkpoint was made with {name} {{a: {first}}}, and this" in err
 
 
+@pytest.mark.costly
 def test_a_file_that_is_held_out_has_the_columns_that_the_reference_names_there(shell: Shell) -> None:
     (shell.folder / "laboratory.csv").write_text("drawn,phi\n2.05,0.88\n3.05,0.09\n4.05,-0.79\n")
     of_laboratory = "data.reference={a: {file: laboratory.csv, column: phi, time: drawn}}"
@@ -482,6 +483,7 @@ tune: {{gains: {{observers.o.theta: {{log: [0.3, 8]}}}}, minimise: "{goal}", bud
 """
 
 
+@pytest.mark.costly
 def test_gains_are_found_on_a_recording(shell: Shell) -> None:
     file = shell.folder / "pendulum.yaml"
     file.write_text(CONFIG + TUNE.format(goal="holdout_rmse(*, a)"))

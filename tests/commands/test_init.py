@@ -126,6 +126,7 @@ def test_an_observer_that_loses_its_numbers_is_refused_and_nothing_is_written(sh
     assert (code, "observers for this plant are" in err) == (2, True)
 
 
+@pytest.mark.costly
 def test_an_estimate_that_does_not_follow_is_refused(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trial, "FOLLOWS", 1e-9)
     monkeypatch.setattr(init, "FOLLOWS", 1e-9)

@@ -205,6 +205,7 @@ def test_a_number_of_the_command_line_has_its_limits(shell: Shell, arguments: tu
     assert shell(*arguments) == (2, "", f"hgorun: {words}\n")
 
 
+@pytest.mark.costly
 def test_an_unknown_figure_is_told_with_those_that_there_are(shell: Shell) -> None:
     code, _, err = shell("figures", "lee9")
     assert code == 2

@@ -65,6 +65,7 @@ def test_file_line_key_and_what_would_be_right(shell: Shell, right: str, wrong: 
     assert said in err
 
 
+@pytest.mark.costly
 def test_samples_that_change_places_are_told(shell: Shell) -> None:
     for jitter, told in ((0.05, False), (0.06, True)):  # neighbours keep their order up to half a period
         (shell.folder / "c.yaml").write_text(CONFIG.replace("period: 0.1", f"period: 0.1, jitter: {jitter}"))

@@ -241,6 +241,7 @@ def test_names_that_cannot_be_used(name: str, words: str) -> None:
     assert str(caught.value).isprintable()
 
 
+@pytest.mark.costly
 @given(st.text("abxt_1é. λ", max_size=5) | st.sampled_from(PIECES))
 @settings(max_examples=200)
 def test_a_name_that_passes_is_an_expression_of_itself(name: str) -> None:
