@@ -309,6 +309,7 @@ def test_samples_beyond_the_axes_are_told(file: Path) -> None:
     assert panel.beyond[-1] in live.begun["picture"]["said"]
 
 
+@pytest.mark.costly
 def test_the_bounds_come_after_the_curves(file: Path) -> None:
     """Those that are known already come with them."""
     live = Live(file)
@@ -320,6 +321,7 @@ def test_the_bounds_come_after_the_curves(file: Path) -> None:
     assert [one["label"] for told in live.paper.told[before : before + 1] for one in told["theories"]] == ["S"]
 
 
+@pytest.mark.costly
 def test_bounds_have_the_names_of_their_equations(tmp_path: Path) -> None:
     """Two integrators: nothing but a late output keeps a theorem from holding."""
     (tmp_path / "a.yaml").write_text(CHAIN)

@@ -128,7 +128,6 @@ def test_a_claim_on_values_and_seeds_has_a_number_a_seed(tmp_path: Path) -> None
         assert found == pytest.approx(expected)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_member_that_fails_says_where(tmp_path: Path) -> None:
     path = written(tmp_path, BASE.replace("n: 2,", "n: 2, phi: x1**3 + x1,"))
