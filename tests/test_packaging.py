@@ -41,6 +41,8 @@ NEEDED_BY_OTHERS = (
     "hgorun.result.columns",
     "hgorun.result.reading",
     "hgorun.simulation.control",
+    "hgorun.simulation.escape",
+    "hgorun.simulation.why_diverged",
     "hgorun.symbolic.enclosures",
     "hgorun.tables.latex",
     "numpy.ma",
