@@ -344,6 +344,7 @@ def test_objects_may_have_further_keys_and_null_is_a_missing_sample() -> None:
     ("text", "message"),
     [
         ("time,y\n", "standard input:1: expected the header t,signal,y"),
+        ("t;signal;y\n", "found 't;signal;y'; cells are separated by commas, and decimals have a point"),
         ("t,signal,y\n0.1,a,0.1\n0.05,a,1\n", "standard input:3: t = 0.05 is before 0.1"),
         ("t,signal,y\n0.1,b,0.1\n", "standard input:2: no output is called 'b'"),
         ("t,signal,y\n0.1,a\n", "standard input:2: expected 3 cells, found 2"),
