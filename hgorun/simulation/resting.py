@@ -15,6 +15,10 @@ _STILL = 1e-3  # of its size, by which a gain may still move in the time of the 
 _ACCURACY = 1e-6
 
 
+class Unsettled(Exception):
+    """A gain has not come to rest."""
+
+
 def at_rest(run: PreparedRun, block: ObserverBlock, gains: Sequence[str], t: float, p: Floats, z: Floats) -> Floats:
     """The states with the gain that an estimate leads to which stands still for the time of the run.
 
@@ -28,7 +32,7 @@ def at_rest(run: PreparedRun, block: ObserverBlock, gains: Sequence[str], t: flo
 
     Raises
     ------
-    ValueError
+    Unsettled
         Where it has not come to rest by then.
     """
     from scipy.integrate import solve_ivp  # only where an estimate is lost
@@ -47,7 +51,7 @@ def at_rest(run: PreparedRun, block: ObserverBlock, gains: Sequence[str], t: flo
         gain = found.y[:, -1]
         still = np.max(np.abs(moved(0.0, gain))) * run.span <= _STILL * np.max(np.abs(gain))
     if not (found.success and still):
-        raise ValueError("the gain does not come to rest")
+        raise Unsettled
     there = z.copy()
     there[places] = gain
     return there

@@ -20,7 +20,7 @@ from hgorun.simulation.design import Design
 from hgorun.simulation.monodromy import exponentials, monodromy, on_their_way
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.resting import at_rest
+from hgorun.simulation.resting import Unsettled, at_rest
 from hgorun.simulation.slopes import at_truth, slopes
 from hgorun.simulation.structure import parameter_values
 from hgorun.symbolic.evaluate import Floats, evaluate
@@ -92,7 +92,7 @@ def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
         gains = _Gain.of(observer, block, error)
         told = (_limits(run, error, gains[i:], timing, len(gains) > 1) for i in range(len(gains)))
         return next(filter(None, told), None)
-    except (HgorunError, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no such observer
+    except (HgorunError, Unsettled, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no observer
         return None
 
 
@@ -206,7 +206,8 @@ class _Error:
         Raises
         ------
         ValueError
-            Where the observer's coordinates do not exist, or its gain does not rest.
+            Where the observer's coordinates do not exist.
+        Unsettled
         """
         run, times = self.run, self.run.grid[self._rows]
         z = np.stack([at_truth(run, block, x) for x in self._x])
