@@ -7,14 +7,14 @@ from examples import experiment, inline
 from hgorun.ensemble.units import units_of
 
 KNOWN = {"x1": "m", "x2": "m/s"}
-GAUSSIAN, MULTIPLICATIVE = [{"type": "gaussian", "std": 0.1}], {"mode": "multiplicative"}
+GAUSSIAN = [{"type": "gaussian", "std": 0.1}]
 
 
 def found(path: str, **measurement: object) -> str | None:
     base = experiment(
         inline({"x1": "x2", "x2": "-x1"}, "x1", units=KNOWN),
         {"S": {"type": "shgo", "theta": 1, "initial": {"x2": 1}}},
-        measurement={"noise": GAUSSIAN, **measurement},
+        measurement={"sampling": {"period": 0.1}, "noise": GAUSSIAN, **measurement},
     )
     return units_of(base, [path]).get(path)
 
