@@ -43,6 +43,7 @@ ENSEMBLE = ("config/sweeps.py", "ensemble")
 FIGURE = (
     "ensemble/collected.py",
     "ensemble/fronts.py",
+    "ensemble/inference.py",
     "ensemble/points.py",
     "ensemble/statistics.py",
     "figures",

@@ -45,15 +45,16 @@ def _is_tried(item: pytest.Item) -> bool:
     return (crc32(_test(item).encode()) + sum(places.values())) % marker.args[0] == 0
 
 
-def in_turn(items: Iterable[pytest.Item], turn: int) -> list[pytest.Item]:
+def in_turn(items: Iterable[pytest.Item], turn: int, *, few: bool = False) -> list[pytest.Item]:
     """Of the cases of slow and costly tests every one of ``TURNS``: others in the next turn, all in as many turns.
 
     Tests begin at different cases. What is marked ``measured`` is tried in every turn: floors of coverage need it.
+    With ``few`` so is what is chosen by its file, which takes a turn itself.
     """
     kept, tried = [], dict[str, int]()
     for item in items:
         test = _test(item)
-        if not takes_turns(item):
+        if not takes_turns(item) or (few and not item.nodeid.startswith(ALL_OF)):
             kept.append(item)
             continue
         case = tried[test] = tried.get(test, -1) + 1

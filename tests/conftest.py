@@ -35,7 +35,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 
 def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--one-case", action="store_true", help="of each test that has several cases, the last one only")
-    parser.addoption("--turn", type=int, help="of slow tests a part of the cases, others with another number")
+    parser.addoption("--turn", type=int, help="of slow and costly tests a part, others with another number")
     parser.addoption("--few", action="store_true", help="of files that do not use libraries directly, two tests")
 
 
@@ -51,8 +51,8 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
     """Other versions of Python or of libraries are found out by calls, of which many tests make the same."""
     kept, turn = items if ALL_CASES else one_in(items), config.getoption("--turn")
-    if turn is not None and not ALL_CASES and not config.getoption("--few"):
-        kept = in_turn(kept, turn)
+    if turn is not None and not ALL_CASES:
+        kept = in_turn(kept, turn, few=config.getoption("--few"))
     if config.getoption("--one-case"):
         kept = one_case(kept)
     if config.getoption("--few"):

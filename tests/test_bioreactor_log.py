@@ -115,6 +115,7 @@ def test_the_right_kinetics(estimate: Estimate) -> None:
         assert truth_in_band(found, label)[0] == pytest.approx(inside, abs=0.6)
 
 
+@pytest.mark.costly
 def test_the_stuck_sensor(estimate: Estimate) -> None:
     report = ("--set", "data.faults.stuck=report")
     runs = [estimate(command, *more)[0] for command in (ONLINE, RIGHT) for more in ((), report)]
@@ -133,6 +134,7 @@ def test_with_the_laboratory_samples(estimate: Estimate) -> None:
         assert np.all(np.abs(K - 2.2) < 0.3)
 
 
+@pytest.mark.costly
 def test_samples_that_correct_the_substrate_alone_are_forgotten(estimate: Estimate) -> None:
     plant = yaml.safe_load((FOLDER / "online.yaml").read_text(encoding="utf-8"))["plant"] | {"output": ["X", "S"]}
     changes = [f"plant={json.dumps(plant)}"]

@@ -95,6 +95,13 @@ def test_in_so_many_turns_every_case_of_a_slow_or_costly_test_is_tried_once() ->
     assert names(in_turn(given, 7 + TURNS)) == turns[0]
 
 
+def test_with_few_costly_tests_take_turns_where_their_file_takes_none() -> None:
+    """Else a test and its file would have to meet, which most never do."""
+    given = [cast(pytest.Item, Marked(f"tests/{room}/test_a.py::t", "costly")) for room in ("study", "result")]
+    turns = [names(in_turn(given, turn, few=True)) for turn in range(TURNS)]
+    assert sorted(turns, key=len) == [[given[0].nodeid]] * (TURNS - 1) + [names(given)]
+
+
 def test_files_that_use_no_library_directly_take_turns_and_the_others_do_not_wait() -> None:
     files = [f"tests/study/test_{k}.py" for k in range(40)]
     went = [[file for file in files if not waits(file, turn)] for turn in range(TURNS)]

@@ -36,6 +36,7 @@ def test_recovery(row: tuple[str, ...]) -> None:
     assert [of["recovery"]["x1"] for of in found.values()] == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.costly
 def test_the_example_of_the_page_runs() -> None:
     (text,) = [block for block in re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL) if "controller:" in block]
     config = yaml.safe_load(text)

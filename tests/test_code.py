@@ -156,6 +156,7 @@ def changes(study: Study, package: Path, file: str, text: str) -> list[str | Non
     return [state.difference(old, new) for old, new in zip(before, ingredients(), strict=True)]
 
 
+@pytest.mark.costly
 def test_an_edit_makes_stale_what_follows_from_it(package: Path, tmp_path: Path) -> None:
     (tmp_path / "study.yaml").write_text(STUDY)
     study = load_study(tmp_path / "study.yaml")
@@ -181,3 +182,10 @@ def test_the_first_thing_that_differs_is_named() -> None:
     assert state.difference(old, config | {"engine": "x", "hgorun": "0.2.0"}) == "hgorun 0.1.0 -> 0.2.0"
     assert state.difference(old, old | {"configuration of run two": "x"}) == "configuration of run two changed"
     assert state.difference({}, old) == "hgorun unknown -> 0.1.0"
+
+
+def test_a_module_of_another_distribution_is_not_beside_though_it_lies_there() -> None:
+    assert subject._beside("numpy", "numpy")
+    assert not subject._beside("numpy", "scipy")
+    assert not subject._beside("json", "scipy")
+    assert not subject._beside("hgorun", "numpy")

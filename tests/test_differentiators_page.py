@@ -33,6 +33,7 @@ def test_the_file_is_whole(study: hgorun.Study) -> None:
     check(study)
 
 
+@pytest.mark.costly
 def test_numbers_of_the_page() -> None:
     """Over four of the fifty seeds."""
     noisy = hgorun.load(FILE, run="one")

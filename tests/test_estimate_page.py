@@ -18,6 +18,7 @@ from shell import Shell
 PAGE = (Path(__file__).parents[1] / "docs" / "estimate.md").read_text(encoding="utf-8")
 
 
+@pytest.mark.costly
 def test_the_commands_and_the_code_of_the_page_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -49,6 +49,7 @@ def test_ethanol_from_glucose(
     assert errors["KB"] == pytest.approx(1.17, abs=0.01)
 
 
+@pytest.mark.costly
 def test_ethanol_between_laboratory_samples(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

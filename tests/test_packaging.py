@@ -35,9 +35,14 @@ NEEDED_BY_OTHERS = (
     "hgorun.engine.rosenbrock",
     "hgorun.figures.scaling",
     "hgorun.native.functions.power",
+    "hgorun.observers.kalman",
+    "hgorun.observers.levant",
+    "hgorun.observers.red",
     "hgorun.result.columns",
     "hgorun.result.reading",
     "hgorun.simulation.control",
+    "hgorun.simulation.escape",
+    "hgorun.simulation.why_diverged",
     "hgorun.symbolic.enclosures",
     "hgorun.tables.latex",
     "numpy.ma",
@@ -87,15 +92,16 @@ def test_the_citation_has_what_the_format_requires() -> None:
     assert len(citation["references"]) == 5
 
 
+@pytest.mark.costly
 def test_import_costs_nothing() -> None:
     assert imported("import hgorun", HEAVY) == set()
 
 
+@pytest.mark.costly
 def test_the_command_line_costs_nothing_before_a_command_runs() -> None:
     assert imported("import hgorun.cli", HEAVY) == set()
 
 
-@pytest.mark.measured("command line")
 @pytest.mark.costly
 @pytest.mark.parametrize(
     "program",

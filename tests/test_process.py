@@ -44,6 +44,8 @@ def shell(
     return subprocess.run(["bash", "-c", line], cwd=folder, capture_output=True, text=True, env={**base, **environment})
 
 
+@pytest.mark.measured("--help")
+@pytest.mark.costly
 @pytest.mark.parametrize("command", ["simulate c.yaml --json", "list plants", "--help"])
 def test_a_full_disk_under_stdout_is_one_line(command: str, folder: Path) -> None:
     done = shell(folder, f"$HGORUN {command} > /dev/full")
@@ -51,6 +53,7 @@ def test_a_full_disk_under_stdout_is_one_line(command: str, folder: Path) -> Non
     assert done.stderr == "hgorun: No space left on device: the output is incomplete\n"
 
 
+@pytest.mark.costly
 def test_a_reader_that_leaves_is_no_error(folder: Path) -> None:
     done = shell(folder, "$HGORUN schema | head -n 1 > /dev/null; exit ${PIPESTATUS[0]}")
     assert (done.returncode, done.stderr) == (141, "")

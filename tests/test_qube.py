@@ -81,6 +81,7 @@ def swinging(path: Path, omega_0: float, d: float, angle: float) -> None:
     path.write_text("\n".join(["time,angle,velocity", *rows]) + "\n")
 
 
+@pytest.mark.costly
 def test_a_plain_pendulum_of_which_the_model_is_found(shell: Shell) -> None:
     for name, angle in (("one", 2.5), ("two", -1.5), ("left_out", 2.0)):
         swinging(shell.folder / f"{name}.csv", 6.3, 0.25, angle)

@@ -26,6 +26,7 @@ def block(language: str, containing: str) -> str:
     return str(found[0])
 
 
+@pytest.mark.costly
 def test_the_example_prints_what_the_readme_says(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -26,6 +26,7 @@ def blocks(language: str) -> list[str]:
     return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
 
+@pytest.mark.costly
 def test_the_commands_of_the_page_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -41,6 +42,7 @@ def test_the_commands_of_the_page_run(
         exec(compile(code, "sweeps.md", "exec"), {})
 
 
+@pytest.mark.costly
 def test_files_that_are_right_fit_the_schema() -> None:
     import jsonschema
 

@@ -127,7 +127,7 @@ class Trial:
         if not np.isfinite(rough).any():
             low, high = scan.ends
             where = f"of {self.contestant.knob.key} between {low:.3g} and {high:.3g}"
-            raise HgorunError(f"loses the estimate with each of {rough.size} values {where}")
+            raise HgorunError(f"diverges with each of {rough.size} values {where}")
         search = Search(scan, lambda values: self._errors(whole, values, tuning, threads))
         value = search.around(float(places[np.argmin(rough)]), 1 / (tries.coarse - 1), tries.fine)
         best = np.array([value])

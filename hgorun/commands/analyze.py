@@ -9,10 +9,10 @@ from pathlib import Path
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.inputs import configuration
-from hgorun.commands.options import Analyze
 from hgorun.commands.outputs import RESULTS, formats, refuse_other_kinds, refuse_unwritable, there, written
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
+from hgorun.commands.run_options import Analyze
 from hgorun.errors import ConfigError
 from hgorun.figures.page import Page
 from hgorun.simulation.simulate import prepare

@@ -122,7 +122,7 @@ class Schema:
 class Doctor:
     """Check the installation: versions, extras, speed, numbers.
 
-    A self-test compares a simulation with its solution in closed form. Exit code 1: its numbers are wrong.
+    A self-test compares a simulation with its solution in closed form. If its numbers are wrong, the exit code is 1.
     """
 
     prune: Annotated[bool, typer.Option("--prune", help="Empty the cache of compiled code.")] = False

@@ -13,8 +13,8 @@ from typing import Any
 from hgorun.commands.citations import Entry, cited_in, known
 from hgorun.commands.described import reference_of
 from hgorun.commands.inputs import configuration, is_result
-from hgorun.commands.options import Cite
 from hgorun.commands.outputs import refuse_other_kinds, there, written
+from hgorun.commands.run_options import Cite
 from hgorun.config.reading import read_source
 from hgorun.config.tuning import TuneFile
 from hgorun.config.validation import validate

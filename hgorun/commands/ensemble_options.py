@@ -26,9 +26,9 @@ Threads = Annotated[
 class Sweep(Printing):
     """Run the members of a sweep into results/NAME.sweep.h5.
 
-    Run again, it continues with the members that are missing. Members that fail are told
-    at the end; only where all of them do, the exit code is 1. Of a configuration it takes
-    the runs with seeds or vary.
+    Run again, it continues with the members that are missing. Members that fail are reported
+    at the end; the exit code is 1 only if all of them fail. Of a configuration, the runs
+    with seeds or vary are taken.
     """
 
     file: Annotated[

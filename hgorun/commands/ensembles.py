@@ -12,7 +12,6 @@ from typing import Any
 from hgorun.commands.drawn import tell_drawn
 from hgorun.commands.ensemble_options import Compare, OfEnsembles, Report
 from hgorun.commands.inputs import refuse_name_of_another_thing
-from hgorun.commands.options import Simulate
 from hgorun.commands.outputs import (
     DRAWING_SUFFIXES,
     NOT_OK,
@@ -23,6 +22,7 @@ from hgorun.commands.outputs import (
     there,
     written,
 )
+from hgorun.commands.run_options import Simulate
 from hgorun.config.expressions import nearest
 from hgorun.config.nearest import meant
 from hgorun.ensemble.collected import Collected, levels

@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from hgorun.commands.exported_samples import export_samples
 from hgorun.commands.inputs import configuration
 from hgorun.commands.mqtt_address import is_address
-from hgorun.commands.options import Estimate
 from hgorun.commands.outputs import (
     NOT_OK,
     RESULT_SUFFIXES,
@@ -23,6 +22,7 @@ from hgorun.commands.outputs import (
     there,
     written,
 )
+from hgorun.commands.run_options import Estimate
 from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source

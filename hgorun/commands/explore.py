@@ -11,8 +11,8 @@ from html import escape
 from pathlib import Path
 
 from hgorun.commands.inputs import configuration
-from hgorun.commands.options import Explore
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
+from hgorun.commands.run_options import Explore
 from hgorun.config.reading import read_source
 from hgorun.errors import HgorunError
 from hgorun.explore.bench import Bench

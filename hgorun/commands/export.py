@@ -9,14 +9,16 @@ from pathlib import Path
 from shlex import quote
 
 from hgorun.commands.inputs import configuration
-from hgorun.commands.options import Export
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable
+from hgorun.commands.run_options import Export
 from hgorun.config.nearest import meant
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.export.c_code import Real
+from hgorun.export.c_cost import costs
 from hgorun.export.c_files import c_files
-from hgorun.export.c_header import LARGE, bytes_of, costs
+from hgorun.export.c_header import LARGE
+from hgorun.export.c_memory import bytes_of
 from hgorun.export.c_source import Source
 from hgorun.export.fmu_templates import VERSIONS, Version
 from hgorun.export.observer import Exported

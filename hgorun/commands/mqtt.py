@@ -13,7 +13,7 @@ from typing import Protocol
 
 from hgorun.commands.mqtt_address import Address, Credentials, client_id_of, require_topic
 from hgorun.commands.mqtt_session import Message, Session
-from hgorun.commands.options import Estimate
+from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_lines import Block, JsonForm, Sample
 from hgorun.commands.stream_progress import Redelivered
 from hgorun.commands.stream_samples import (

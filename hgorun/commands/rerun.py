@@ -7,10 +7,10 @@ from dataclasses import replace
 from pathlib import Path
 
 from hgorun.commands.inputs import refuse_name_of_another_thing
-from hgorun.commands.options import Rerun
 from hgorun.commands.outputs import RESULT_SUFFIXES, refuse_other_kinds, refuse_unwritable
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
+from hgorun.commands.run_options import Rerun
 from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers

@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hgorun.commands.inputs import configuration
-from hgorun.commands.options import Simulate
 from hgorun.commands.outputs import (
     NOT_OK,
     RESULT_SUFFIXES,
@@ -20,6 +19,7 @@ from hgorun.commands.outputs import (
 )
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import experiments_of, print_json
+from hgorun.commands.run_options import Simulate
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers, write_text
 from hgorun.progress import shown

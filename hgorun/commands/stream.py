@@ -6,7 +6,7 @@ import sys
 import time as clock
 from collections.abc import Iterator
 
-from hgorun.commands.options import Estimate
+from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_lines import Block, CsvForm, JsonForm, Sample, Samples, read
 from hgorun.commands.stream_progress import InOrder
 from hgorun.commands.stream_samples import REMEMBERED, Grid, OneByOne, Stream, Writer, refuse_results, tell_outliers

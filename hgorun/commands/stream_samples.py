@@ -11,7 +11,7 @@ from typing import TextIO
 
 import numpy as np
 
-from hgorun.commands.options import Estimate
+from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_lines import INPUT, Sample
 from hgorun.commands.stream_progress import Progress
 from hgorun.config.data import Data

@@ -101,13 +101,15 @@ def _no_number(text: str, decimal: str, thousands: str | None, key: str, column:
         return f"{said}; write 1 for true and 0 for false"
     if _DATE_OR_TIME.fullmatch(text):
         return said + form_hint(text, key, column)
-    if len(text) <= _WORD and text.isprintable() and _is_word(text):
+    if key != "time" and is_word(text):
         return f"{said}; if it means a missing value: csv: {{missing: [{json.dumps(text, ensure_ascii=False)}]}}"
     return said
 
 
-def _is_word(text: str) -> bool:
+def is_word(text: str) -> bool:
     """Whether a text may mean that there is no value: not one that is a number with something else."""
+    if len(text) > _WORD or not text.isprintable():
+        return False
     if not any(char.isnumeric() for char in text):
         return True
     return _LETTERS.search(text) is not None and not _BEGINS_AS_NUMBER.match(text)

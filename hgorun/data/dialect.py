@@ -20,6 +20,7 @@ _SEPARATORS = ("\t", ";", "|", ",")
 SPACES = " "
 """A separator of any number of spaces and tabs."""
 _LOOKED_AT = 200  # rows that decide how numbers are written
+_FEW = 8  # columns whose names a message writes
 
 _NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[-+]?\d*,\d*(?:[eE][-+]?\d+)?", re.ASCII)
@@ -95,7 +96,10 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
     if all(_is_value(name) for name in names):
         above = _in_comment(comments, header.number, separator, len(names), told.comment)
         if above is None:
-            message = f"expected a line with the names of the columns, found numbers: {header.text[:60]}"
+            message = (
+                f"expected a line with the names of the columns, found numbers: {header.text[:60]}; write such a line "
+                f"above them{_such_as(len(names), separator)}: columns are taken by their names, not by their places"
+            )
             raise ConfigError(message, file=str(path), line=header.number)
         names, body = above, rows
     missing = missing_texts(told)
@@ -125,6 +129,13 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
         missing_numbers=missing_numbers(told, decimal),
         thousands=told.thousands,
     )
+
+
+def _such_as(columns: int, separator: str) -> str:
+    """Names of that many columns, as an example; of a table that is too wide none."""
+    if columns > _FEW or not separator.isprintable():
+        return f", of {columns} names"
+    return ", such as " + separator.join(["t", *(f"y{i}" for i in range(1, columns))])
 
 
 def cells(line: str, separator: str) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hgorun.data.cells import Cells
+from hgorun.data.cells import Cells, Flags, is_word
 from hgorun.data.comments import is_comment
 from hgorun.data.dialect import SPACES, Dialect
 from hgorun.data.text import Block
@@ -55,7 +55,8 @@ class Rows:
         plan = list(zip(self._places, self._readers, strict=True))
         for line, cells in self._cells(blocks):
             if len(cells) != width or (width > names and cells[-1].strip()):
-                raise self._error(line, f"{_cells(len(cells))}, where the header has {names}{self._commas(cells)}")
+                what = self._commas(cells) or (self._no_sample(cells[0]) if len(cells) < names else "")
+                raise self._error(line, f"{_cells(len(cells))}, where the header has {names}{what}")
             try:
                 yield (line, *(read(cells[place]) for place, read in plan))
             except ValueError:
@@ -68,13 +69,20 @@ class Rows:
             return ""
         return "; decimal commas in a file separated by commas: separate by ; or put such numbers in quotes"
 
+    def _no_sample(self, cell: str) -> str:
+        """What to do with a line that begins with a word, as one of totals below a table does."""
+        if not is_word(cell.strip()):
+            return ""
+        return f"; a line that is no sample, such as a total, is removed, or begins with {self._dialect.comment}"
+
     def _first_wrong(self, line: int, row: Sequence[str]) -> ConfigError:
         """What is wrong in a row, with the name of its column."""
         for cells, place, read in zip(self._wanted, self._places, self._readers, strict=True):
             try:
                 read(row[place])
             except ValueError as error:
-                return self._error(line, str(error), cells.column)
+                when = not isinstance(cells, Flags) and cells.key == "time"
+                return self._error(line, str(error) + (self._no_sample(row[place]) if when else ""), cells.column)
         raise AssertionError("a row was refused and read")
 
     def _cells(self, blocks: Iterator[Block]) -> Iterator[tuple[int, list[str]]]:

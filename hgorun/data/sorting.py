@@ -85,7 +85,9 @@ class Sorting:
             missing = np.isnan(samples.values)
             samples = self._kept(samples, missing, "missing", "the value is missing", refuse)
         if not faults.ascending(samples.taken) and (unstamped := np.isnan(samples.taken)).any():
-            raise self._refused(samples, int(unstamped.argmax()), "a value without time stamp", "it cannot be placed")
+            raise self._refused(
+                samples, int(unstamped.argmax()), "a value without time stamp", "it cannot be placed: remove that row"
+            )
         if samples.late:
             unknown = np.isnan(samples.available)
             samples = self._kept(samples, unknown, "unknown", "the time when it was known is missing", refuse)

@@ -74,6 +74,12 @@ class Segments:
         count = max(int(np.searchsorted(self.spans[:, 0], t, side="left")), 1)
         return replace(self, spans=self.spans[:count], counts=self.counts[:count])
 
+    def ended_by(self, t: float) -> Segments:
+        """The segments with ends no later than a time."""
+        spans = self.spans.copy()
+        spans[:, [1, 3]] = np.minimum(spans[:, [1, 3]], t)
+        return replace(self, spans=spans)
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Following:
@@ -168,6 +174,10 @@ class Plan:
 
             plan = replace(plan, following=replace(following, parts=begun_parts))
         return plan, only
+
+    def ended_by(self, t: float) -> Plan:
+        """The same with ends of segments no later than a time: what happens there does, and no step is made."""
+        return self._each(lambda part: part.ended_by(t))
 
     def _each(self, change: Callable[[Segments], Segments]) -> Plan:
         """The same with every part changed."""

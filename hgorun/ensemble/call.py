@@ -18,8 +18,8 @@ from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
 from hgorun.errors import ConfigError
-from hgorun.simulation.blocks import plain
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.resolved import plain
 
 
 def sweep(

@@ -21,7 +21,8 @@ from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.chance import generator
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.quantities import Quantity, kinds, of_loops, read_quantity
+from hgorun.result.quantities import kinds, of_loops, read_quantity
+from hgorun.result.quantity import Quantity
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats
+from hgorun.ensemble.inference import holm, interval, mean_of, paired
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.metrics.settling import SETTLING, lifted_by_noise
 
 QUANTILES = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
-LEVEL = 0.95  # of the intervals
 SIGNIFICANT = 0.05  # a Holm-adjusted p below it
 
 
@@ -213,49 +213,10 @@ def quantiles(values: Floats, sound: NDArray[np.bool_], at: Iterable[float]) -> 
     return found
 
 
-def interval(mean: Floats | float, sem: Floats | float, n: NDArray[np.int64] | int) -> tuple[Any, Any]:
-    """The interval of a mean by Student's t; NaN where the standard error is."""
-    from scipy.special import stdtrit  # scipy.stats takes a second to import
-
-    half = stdtrit(np.maximum(np.asarray(n) - 1, 1), (1 + LEVEL) / 2) * sem
-    return mean - half, mean + half
-
-
-def holm(p: Sequence[float]) -> list[float]:
-    """The p values of several tests, adjusted so that they can be read as those of one.
-
-    References
-    ----------
-    S. Holm, "A simple sequentially rejective multiple test procedure", Scand. J. Statist. 6 (1979) 65-70.
-    """
-    order = np.argsort(p, kind="stable")
-    adjusted = np.full(len(p), np.nan)
-    largest, left = 0.0, int(np.sum(~np.isnan(p)))
-    for place in order[:left]:  # NaN is sorted last
-        largest = max(largest, min(left * float(p[place]), 1.0))
-        adjusted[place] = largest
-        left -= 1
-    return [float(value) for value in adjusted]
-
-
-def _mean(values: Floats, sound: NDArray[np.bool_]) -> tuple[Floats, Floats, NDArray[np.int64]]:
-    """Mean, standard error and number of what is sound, along the first axis."""
-    n = np.sum(np.broadcast_to(sound, values.shape), axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        used = np.where(sound, values, 0.0)
-        mean = np.where(n > 0, np.sum(used, axis=0) / n, np.nan)
-        least = np.min(np.where(sound, values, np.inf), axis=0, initial=np.inf)
-        largest = np.max(np.where(sound, values, -np.inf), axis=0, initial=-np.inf)
-        mean = np.where((n > 0) & (least == largest), least, mean)  # without chance there is no rounding, either
-        squares = np.sum(np.where(sound, (values - mean) ** 2, 0.0), axis=0)
-        sem = np.where(n > 1, np.sqrt(squares / (n - 1) / n), np.nan)
-    return mean, sem, n
-
-
 def _summaries(values: Floats, sound: NDArray[np.bool_], *, chance: bool) -> list[list[Summary]]:
     """For every observer and state; values of shape (N, m, n), sound (N, m); intervals only of independent draws."""
     with_state = sound[:, :, None]
-    mean, sem, n = _mean(values, with_state)
+    mean, sem, n = mean_of(values, with_state)
     sem = sem if chance else np.full_like(sem, np.nan)
     low, high = interval(mean, sem, n)
     spread = dict(zip(QUANTILES, quantiles(values, with_state, QUANTILES.values()), strict=True))
@@ -279,24 +240,8 @@ def _differences(members: Collected, metrics: Sequence[str]) -> Iterator[Differe
     for metric, (j, state) in product(metrics, enumerate(members.states)):
         values = members.metrics[metric][:, :, j]
         tests = [
-            _paired(values[:, a], values[:, b], members.sound[:, a] & members.sound[:, b], chance=members.independent)
+            paired(values[:, a], values[:, b], members.sound[:, a] & members.sound[:, b], chance=members.independent)
             for a, b in pairs
         ]
         for (a, b), (n, mean, ci95, p), adjusted in zip(pairs, tests, holm([p for *_, p in tests]), strict=True):
             yield Difference(members.observers[a], members.observers[b], metric, state, n, mean, ci95, p, adjusted)
-
-
-def _paired(
-    a: Floats, b: Floats, sound: NDArray[np.bool_], *, chance: bool
-) -> tuple[int, float, tuple[float, float], float]:
-    """Number, mean, interval and p of a - b; the latter two only where chance alone tells members apart."""
-    from scipy.special import stdtr
-
-    with np.errstate(invalid="ignore"):
-        found = _mean(a - b, sound)
-    mean, sem, n = float(found[0]), float(found[1]) if chance else float("nan"), int(found[2])
-    low, high = interval(mean, sem, n)
-    if not np.isfinite(sem):
-        return n, mean, (float(low), float(high)), float("nan")
-    p = 2 * float(stdtr(n - 1, -abs(mean) / sem)) if sem > 0 else float(mean == 0)
-    return n, mean, (float(low), float(high)), p

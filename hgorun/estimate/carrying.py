@@ -34,7 +34,8 @@ class Carried:
     step : float
         The longest step.
     error : ndarray, shape (m,)
-        Of every observer's estimate: largest error of the integration relative to the largest value of the state.
+        Of every observer's estimate: largest error of the integration relative to the largest value of the state; nan
+        where it was not asked for.
     evaluations : int
         Of the right-hand side, over all passes.
     xhat : list of ndarray or None
@@ -50,7 +51,13 @@ class Carried:
     xhat: list[Floats] | None = None
 
 
-def carry_out(prepared: PreparedEstimate, grid: Floats, progress: Callable[[float], None] | None = None) -> Carried:
+def carry_out(
+    prepared: PreparedEstimate,
+    grid: Floats,
+    progress: Callable[[float], None] | None = None,
+    *,
+    with_error: bool = True,
+) -> Carried:
     """Carry out a run.
 
     A given step is taken as it is. An automatic one is halved until a second pass with other steps gives the same
@@ -60,8 +67,14 @@ def carry_out(prepared: PreparedEstimate, grid: Floats, progress: Callable[[floa
     ----------
     grid : ndarray
         Where estimates are wanted, counted from the start of the run.
+    with_error : bool
+        Whether the error is wanted of a given step, too, which takes a pass more.
     """
     solver, step, spent = prepared.run.solver, prepared.run.step, 0
+    if not (with_error or solver.controlled):
+        raw, used, offered = one_pass(prepared, grid, step, progress=progress)
+        unknown = np.full(len(prepared.run.observers), np.nan)
+        return Carried(raw, used, offered, step, unknown, raw.tries * len(METHODS[prepared.method].c))
     for _ in range(HALVINGS):
         beside, tries = _other_estimates(prepared, grid, step, progress)  # first: little is left of it
         raw, used, offered = one_pass(prepared, grid, step, progress=progress)

@@ -73,7 +73,8 @@ def errors(cases: Sequence[Case], goal: Goal, gains: Mapping[str, float], *, rep
     for case in cases:
         try:
             prepared = case.with_gains(gains)
-            evaluated = evaluate_run(prepared, case.samples.report if report else case.samples.search, {})
+            compared = case.samples.report if report else case.samples.search
+            evaluated = evaluate_run(prepared, compared, {}, with_error=False)
         except HgorunError:
             return None
         of_outputs = _errors(prepared, evaluated, goal, report)

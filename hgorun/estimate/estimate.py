@@ -68,9 +68,10 @@ def estimate_prepared(
     held_out: Mapping[str, Signal],
     *,
     sensitivity: bool = False,
+    with_error: bool = True,
 ) -> Result:
-    """Carry a prepared estimate out; see :func:`estimate`."""
-    found = evaluate_run(prepared, held_out, recording.reference)
+    """Carry a prepared estimate out; see :func:`estimate`, and of the error of given steps :func:`evaluate_run`."""
+    found = evaluate_run(prepared, held_out, recording.reference, with_error=with_error)
     assessed = [assess(prepared, found, j) for j in range(len(prepared.run.observers))]
     result = result_of(prepared, recording, found, assessed, _recorded(prepared, found))
     if not sensitivity:

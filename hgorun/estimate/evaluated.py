@@ -89,7 +89,11 @@ class Evaluated:
 
 
 def evaluate_run(
-    prepared: PreparedEstimate, held_out: Mapping[str, Signal], reference: Mapping[str, Signal]
+    prepared: PreparedEstimate,
+    held_out: Mapping[str, Signal],
+    reference: Mapping[str, Signal],
+    *,
+    with_error: bool = True,
 ) -> Evaluated:
     """Carry a run out and compare it with what was not used in it.
 
@@ -99,6 +103,8 @@ def evaluate_run(
         By output.
     reference : mapping of str to Signal
         By state or output.
+    with_error : bool
+        Whether the error of the integration is wanted where nothing depends on it: the step is given.
     """
     experiment = prepared.experiment
     origin, end = experiment.origin, experiment.time.end
@@ -112,7 +118,7 @@ def evaluate_run(
     covariances = prepared.covariances()
     before = [_judged(one) for one in prepared.samples] if any(covariances) else []
     times = distinct(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
-    carried = carry_out(prepared, times)
+    carried = carry_out(prepared, times, with_error=with_error)
     everywhere = estimates(prepared, times, carried.raw) if carried.xhat is None else carried.xhat
     # where nothing is compared in between, no copies are made
     on_grid = slice(None) if times.size == shown.size else np.searchsorted(times, shown)

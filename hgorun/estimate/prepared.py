@@ -25,7 +25,7 @@ from hgorun.simulation.checks import check_corrections, check_jumps, check_punct
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.plant_alone import plant_kinks
-from hgorun.simulation.preparation import check_limit, in_groups, numbers_of, treatments_of
+from hgorun.simulation.preparation import check_limit, numbers_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.start import check_start
@@ -33,6 +33,7 @@ from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.tables import build_plan
 from hgorun.simulation.tabulated import Stretchwise
 from hgorun.simulation.timeline import Stepping
+from hgorun.simulation.treatments import in_groups, treatments_of
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.plant import PlantModel

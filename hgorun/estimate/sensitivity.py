@@ -68,7 +68,7 @@ def _sizes(
     changes = {f"observers.{label}.{key}": factor * value for label, (key, value) in chosen.items()}
     try:
         other = prepare_estimate(prepared.experiment.varied(changes), recording)
-        found = evaluate_run(other, held_out, {})
+        found = evaluate_run(other, held_out, {}, with_error=False)
     except HgorunError:  # the gain cannot be that
         return {}
     return {b.label: size_of(scores_of(other, found, j)) for j, b in enumerate(other.run.observers)}

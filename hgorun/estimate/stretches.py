@@ -16,7 +16,7 @@ from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.samples import Samples
 from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tolerances, variants_of
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.observers.kalman import KalmanFilter
+from hgorun.observers.capabilities import KnownCovariance
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.steps import count_steps
@@ -187,7 +187,7 @@ def is_plain(experiment: Experiment, recording: Recording) -> bool:
     outputs = recording.outputs.values()
     in_order = all(one.available is one.taken and _ascending(one.taken) for one in outputs)
     blocks = experiment.observers.values()
-    simple = not any(isinstance(o, SampledObserver | CorrectedObserver | KalmanFilter) for o in blocks)
+    simple = not any(isinstance(o, SampledObserver | CorrectedObserver | KnownCovariance) for o in blocks)
     return in_order and simple and bool(blocks) and not any(one.gate is not None for one in outputs)
 
 

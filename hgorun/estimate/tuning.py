@@ -79,7 +79,9 @@ class Trials:
             Where all that were tried lose the estimate.
         """
         if not np.isfinite(self.least):
-            raise HgorunError(f"{self.goal}: {len(self.tried)} gains were tried, and all of them lose the estimate")
+            raise HgorunError(
+                f"{self.goal}: {len(self.tried)} gains were tried, and the observer diverges with all of them"
+            )
         return self.at(np.array(self.first))
 
 

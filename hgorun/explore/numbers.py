@@ -10,6 +10,7 @@ from hgorun.result.metrics.base import all_metrics
 from hgorun.result.result import Result
 from hgorun.tables.layout import number
 from hgorun.tables.rows import metrics_of, rows_of
+from hgorun.tables.scores import score_text
 
 
 @dataclass(frozen=True)
@@ -70,7 +71,10 @@ def scores_table(result: Result) -> Table:
                 label=row.label,
                 status=row.status,
                 reason=row.observer.reason or "",
-                cells=tuple(_cell(scores[row.label].get(score, {}).get(of)) for score, of in columns),
+                cells=tuple(
+                    _cell(value := scores[row.label].get(score, {}).get(of), score_text(score, value))
+                    for score, of in columns
+                ),
             )
             for row in rows_of([result])
         ),

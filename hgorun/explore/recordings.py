@@ -22,7 +22,7 @@ from hgorun.explore.knobs import Knob
 from hgorun.explore.recorded_knobs import knobs_of
 from hgorun.explore.state import State
 from hgorun.memo import Memo
-from hgorun.simulation.blocks import as_yaml, changed
+from hgorun.simulation.resolved import as_yaml, changed
 
 Samples = tuple[Recording, Mapping[str, Signal]]  # what observers get, and what is held out between
 
@@ -81,7 +81,7 @@ class RecordedBench(Bench):
 
         def carried_out(progress: Progress) -> Shown:
             with experiment.located():
-                result = estimate_prepared(prepared, *samples)
+                result = estimate_prepared(prepared, *samples, with_error=False)  # which the page does not show
             return Estimated(state, said, experiment, result, prepared, samples)
 
         return Ready(prepared.run.structure.compiled, carried_out)
@@ -90,7 +90,7 @@ class RecordedBench(Bench):
         """With how much the scores depend on each gain: two more runs for each of them."""
         assert isinstance(shown, Estimated)
         with shown.experiment.located():
-            result = estimate_prepared(shown.prepared, *shown.samples, sensitivity=True)
+            result = estimate_prepared(shown.prepared, *shown.samples, sensitivity=True, with_error=False)
         return Shown(shown.state, shown.said, shown.experiment, result)
 
     def text(self, shown: Shown, target: Path) -> str:

@@ -3,50 +3,28 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any, Protocol
+from time import perf_counter
+from typing import Any
 
 from hgorun.config.expressions import nearest
-from hgorun.errors import ConfigError, HgorunError, printable
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.explore.bench import Bench, Shown
 from hgorun.explore.keeping import Keeper, command
-from hgorun.explore.numbers import promised_cells
-from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of, words_of
-from hgorun.explore.promises import AT_ONCE as QUICK
+from hgorun.explore.picture import Bound, Picture, bounds_of, picture_of
 from hgorun.explore.promises import LATER as SLOW
 from hgorun.explore.promises import Promise
 from hgorun.explore.state import History, State
+from hgorun.explore.telling import Page, Theory, Told, told_of_limits, told_of_picture, told_of_theories
 from hgorun.explore.worker import AT_ONCE, LATER, SOON, Job, Worker
 
-Told = dict[str, Any]  # what goes to the page, as JSON
 _OUR_FAULT = "this could not be computed, by a fault of hgorun that the terminal shows: the values before are shown"
 
 
 class Superseded(Exception):
     """What is being computed is no longer wanted."""
-
-
-class Page(Protocol):
-    """What is drawn on, by the server's own thread alone. What has been drawn is seen with what is told next."""
-
-    def draw(self, picture: Picture, bounds: Mapping[str, list[Bound]]) -> None:
-        """Show a run, and with it what the theory bounds of some of its observers; an empty list: nothing."""
-
-    def draw_bounds(self, bounds: Mapping[str, list[Bound]]) -> None:
-        """Show what the theory bounds of observers."""
-
-    def tell(self, told: Told) -> None:
-        """Give numbers and messages to the page."""
-
-
-@dataclass(frozen=True, eq=False)
-class Theory:
-    """What is said of an observer, and what is drawn of that."""
-
-    label: str
-    promise: Promise
-    bounds: list[Bound]
 
 
 @dataclass(eq=False)
@@ -63,6 +41,8 @@ class Session:
     page : Page
     query : str
         Of the address that it was opened with.
+    patience : float
+        Seconds that curves wait for bounds, so that a browser draws both at once: a frame of its own takes it longer.
     """
 
     bench: Bench
@@ -71,12 +51,14 @@ class Session:
     post: Callable[[Job], None]
     page: Page
     query: str = ""
+    patience: float = 0.02
     history: History = field(default_factory=lambda: History(State()))
     closed: bool = False
     _shown: Shown | None = None
     _latest: int = 0  # of the questions
     _wanted: int = 0  # the latest question that something is computed for
     _drawn: int = 0  # the question whose run is shown
+    _pace: float = math.inf  # seconds that the bounds of an observer took last
 
     def close(self) -> None:
         """The page is gone: what is still asked for is not computed."""
@@ -160,7 +142,7 @@ class Session:
                     self.post(lambda: self._tell(number, busy="compiling new equations"))
                 shown = ready.carry_out(go_on)
                 picture = picture_of(shown)
-                theories = self._known(shown)
+                theories = self._with_curves(shown, go_on)
             except Superseded:
                 return
             except HgorunError as problem:
@@ -178,17 +160,28 @@ class Session:
         self._drawn = max(self._drawn, number)  # what is shown stays
         self._tell(number, error=words)
 
-    def _known(self, shown: Shown) -> list[Theory]:
-        """The bounds that come with the curves: those that need not be computed. The others follow."""
-        labels = shown.result.observers if self.bench.theory else ()
-        return [self._theory(shown, label) for label in labels if self.bench.known(shown, label)]
+    def _with_curves(self, shown: Shown, go_on: Callable[[], None]) -> list[Theory]:
+        """The bounds that come with the curves: those that are known, or will be soon. The others follow."""
+        labels = tuple(shown.result.observers) if self.bench.theory else ()
+        known = [label for label in labels if self.bench.known(shown, label)]
+        if len(labels) > len(known) and (len(labels) - len(known)) * self._pace > self.patience:
+            return [self._theory(shown, label) for label in known]
+        found = []
+        for label in labels:
+            go_on()
+            found.append(self._theory(shown, label))
+        return found
 
     def _theory(self, shown: Shown, label: str) -> Theory:
-        promise, observer = self.bench.promise(shown, label), shown.result.observers[label]
+        observer, known, begun = shown.result.observers[label], self.bench.known(shown, label), perf_counter()
+        promise = self.bench.promise(shown, label)
         if observer.lost and promise.transient is not None:
             unit = shown.result.units.get("time", "")
             promise = replace(promise, transient=None, reason=f"it is lost: {observer.verdict.text(unit)}")
-        return Theory(label, promise, bounds_of(label, promise, shown.result))
+        found = Theory(label, promise, bounds_of(label, promise, shown.result))
+        if not known:
+            self._pace = perf_counter() - begun
+        return found
 
     def _arrived(
         self,
@@ -204,7 +197,12 @@ class Session:
         self.history, self._shown, self._drawn = history, shown, number
         gone: dict[str, list[Bound]] = {label: [] for label in self.bench.labels if label not in shown.result.observers}
         self.page.draw(picture, {**gone, **{one.label: one.bounds for one in theories}})
-        self._tell(number, error=error, picture=_as_json(picture), theories=_told(theories, shown))
+        self._tell(
+            number,
+            error=error,
+            picture=told_of_picture(picture),
+            theories=told_of_theories(theories, shown.result.states),
+        )
         told = {one.label for one in theories}
         if self.bench.theory:
             further = [label for label in shown.result.observers if label not in told]
@@ -231,7 +229,7 @@ class Session:
     def _promised(self, shown: Shown, theories: list[Theory]) -> None:
         if not self._stale(shown):
             self.page.draw_bounds({one.label: one.bounds for one in theories})
-            self._tell(self._latest, theories=_told(theories, shown))
+            self._tell(self._latest, theories=told_of_theories(theories, shown.result.states))
 
     def _limit(self, shown: Shown, label: str, names: tuple[str, ...], found: Promise) -> None:
         """What takes longer, one by one: while a slider is held there is no end to what is asked, and it waits."""
@@ -248,7 +246,7 @@ class Session:
 
     def _limited(self, shown: Shown, label: str, promise: Promise) -> None:
         if not self._stale(shown):
-            self._tell(self._latest, theories=[_theory(label, promise)])
+            self._tell(self._latest, theories=[told_of_limits(label, promise)])
 
     def _finish(self, shown: Shown) -> None:
         """Numbers of the run that take longer, likewise."""
@@ -258,7 +256,7 @@ class Session:
 
     def _finished(self, shown: Shown, picture: Picture) -> None:
         if not self._stale(shown):
-            self._tell(self._latest, picture=_as_json(picture), further=True)
+            self._tell(self._latest, picture=told_of_picture(picture), further=True)
 
     def _look_ahead(self, shown: Shown) -> None:
         """Be ready for what may be asked next, a little at a time: what is asked meanwhile waits for that."""
@@ -294,44 +292,3 @@ class Session:
             **more,
         }
         self.page.tell(told)
-
-
-def _as_json(picture: Picture) -> Told:
-    table = picture.table
-    beyond = [words for panel in (*picture.panels, *picture.innovations) for words in panel.beyond]
-    return {
-        "status": picture.status,
-        "said": [*picture.said, *beyond],
-        "columns": table.columns,
-        "meanings": table.meanings,
-        "rows": [
-            {
-                "label": row.label,
-                "status": row.status,
-                "reason": row.reason,
-                "cells": [[cell.text, cell.digits] for cell in row.cells],
-            }
-            for row in table.rows
-        ],
-    }
-
-
-def _told(theories: list[Theory], shown: Shown) -> list[Told]:
-    return [_theory(one.label, one.promise, one.bounds, shown.result.states) for one in theories]
-
-
-def _theory(label: str, promise: Promise, bounds: list[Bound] | None = None, states: tuple[str, ...] = ()) -> Told:
-    """What is told of an observer's theory; ``bounds`` are None where they have been told before."""
-    cells = promised_cells({label: promise}, (*QUICK, *SLOW))[label]
-    found: Told = {
-        "label": label,
-        "cells": {name: {state: [cell.text, cell.digits] for state, cell in of.items()} for name, of in cells.items()},
-        "reasons": {name: printable(reason) for name, reason in promise.reasons.items()},
-    }
-    if bounds is not None:
-        names = tuple(bound.name for bound in bounds)
-        kind = "" if not bounds else "bound" if bounds[0].holds else "decay"
-        others = [] if names == tuple(states) else names  # coordinates that have figures of their own
-        words = printable(words_of(promise))
-        found |= {"drawn": kind, "words": words, "reason": printable(promise.reason), "others": others}
-    return found

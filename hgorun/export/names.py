@@ -1,4 +1,4 @@
-"""Names of observers as other languages have them."""
+"""Names and text of a configuration as C can hold them."""
 
 from __future__ import annotations
 
@@ -12,3 +12,9 @@ def identifier(label: str) -> str:
     'FHGO_r_2'
     """
     return re.sub(r"\W", "_", label, flags=re.ASCII)
+
+
+def plain(text: str) -> str:
+    """Text as a comment of C may hold it."""
+    shown = "".join(char if char.isprintable() else "?" for char in text)
+    return shown.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")

@@ -20,7 +20,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Mapping
 from inspect import isabstract
-from typing import Any, ClassVar, Generic, TypeAlias, TypeGuard
+from typing import Any, ClassVar, Generic, Self, TypeAlias, TypeGuard
 
 import casadi as ca
 import numpy as np
@@ -78,6 +78,11 @@ class Observer(Keys, Generic[FormT, CopyT]):
     }
     # the class of plants: a function that gives a plant's form, and refuses other plants
     form: ClassVar[FormFinder] = canonical_form
+
+    # Parameters are types of methods, which only type checkers ask for, and not of keys. Pydantic would derive a
+    # class with all keys for each combination, and build what checks them: a tenth of a short run.
+    def __class_getitem__(cls, parameters: object) -> type[Self]:
+        return cls
 
     @abstractmethod
     def design(self, form: FormT) -> Mapping[str, np.ndarray]:

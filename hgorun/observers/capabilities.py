@@ -236,6 +236,19 @@ class NoiseInformed(Block):
         return copied
 
 
+class KnownCovariance(Block):
+    """The state ``P`` is the covariance of the error of xhat, in the coordinates where the observer computes."""
+
+
+class EvenSamples(Block):
+    """Derivatives that are right where the samples are even."""
+
+    @property
+    @abstractmethod
+    def even_only(self) -> bool:
+        """Whether those from the second on are not, on other samples, with the keys that are given."""
+
+
 class OnePeriod(Block):
     """A step from sample to sample that is that of one period: no sample can be left out."""
 

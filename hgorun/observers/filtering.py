@@ -14,7 +14,7 @@ from hgorun.observers.base import Role, observer
 from hgorun.observers.capabilities import SlidingMode, Switching
 from hgorun.observers.red import LAMBDA, Explicit, drift, nonrecursive
 from hgorun.observers.roots import signed_powers
-from hgorun.observers.stepped import SteppedDifferentiator
+from hgorun.observers.stepped_differentiator import SteppedDifferentiator
 from hgorun.symbolic.derivatives import DerivativeForm
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols

@@ -13,7 +13,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import observer
 from hgorun.observers.capabilities import SlidingMode, Switching
 from hgorun.observers.red import LAMBDA, Explicit, drift
-from hgorun.observers.stepped import SteppedDifferentiator
+from hgorun.observers.stepped_differentiator import SteppedDifferentiator
 from hgorun.symbolic.derivatives import DerivativeForm
 from hgorun.symbolic.symbols import Symbols
 

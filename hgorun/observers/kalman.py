@@ -14,7 +14,7 @@ from hgorun.config.nearest import among
 from hgorun.config.types import Name, NonNegative, Number, Positive, describe
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import NoiseInformed
+from hgorun.observers.capabilities import KnownCovariance, NoiseInformed
 from hgorun.observers.gaussian import spread_along
 from hgorun.observers.riccati import require_positive_definite
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -114,7 +114,7 @@ def require_covariance(rows: Sequence[Sequence[float]], n: int, instead: str) ->
     return Q
 
 
-class KalmanFilter(NoiseInformed, ContinuousObserver[Form, ModelCopy]):
+class KalmanFilter(KnownCovariance, NoiseInformed, ContinuousObserver[Form, ModelCopy]):
     """The keys of a Kalman filter, and P between samples.
 
     F = df/dx and H = dh/dx are those of the filter's own copy of the plant, saturation and all. The noise of the

@@ -12,10 +12,10 @@ from pydantic import Field
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Role, observer
-from hgorun.observers.capabilities import SlidingMode, Switching
+from hgorun.observers.capabilities import EvenSamples, SlidingMode, Switching
 from hgorun.observers.levant import implicit_step
 from hgorun.observers.roots import signed_powers
-from hgorun.observers.stepped import SteppedDifferentiator
+from hgorun.observers.stepped_differentiator import SteppedDifferentiator
 from hgorun.symbolic.derivatives import DerivativeForm
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
@@ -27,7 +27,7 @@ Discretisation = Literal["implicit"] | Explicit
 
 
 @observer("red")
-class RobustExactDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
+class RobustExactDifferentiator(EvenSamples, SlidingMode, Switching, SteppedDifferentiator):
     """Levant's robust exact differentiator as a recursion of samples, for lower triangular plants with one output.
 
     Of order n, for n + 1 states and n derivatives, n <= 12. With s = z_0 - y, and |s|^a short for |s|^a sign(s),
@@ -80,6 +80,10 @@ class RobustExactDifferentiator(SlidingMode, Switching, SteppedDifferentiator):
     @property
     def implicit(self) -> bool:
         return self.discretisation == "implicit"
+
+    @property
+    def even_only(self) -> bool:
+        return self.implicit
 
     @property
     def switches(self) -> bool:

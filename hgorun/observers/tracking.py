@@ -12,7 +12,7 @@ from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import observer
 from hgorun.observers.capabilities import NotLinear, Punctual
-from hgorun.observers.stepped import SteppedDifferentiator
+from hgorun.observers.stepped_differentiator import SteppedDifferentiator
 from hgorun.symbolic.derivatives import DerivativeForm
 from hgorun.symbolic.symbols import Symbols
 

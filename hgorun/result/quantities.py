@@ -14,46 +14,25 @@ from typing import Any, Literal
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest, parse
-from hgorun.result.closed import ClosedLoop
 from hgorun.result.data import PLANT
-from hgorun.result.measure import measure
-from hgorun.result.metrics.base import METRICS, all_metrics
-from hgorun.result.metrics.smoothness import HF, nothing_moves
+from hgorun.result.metrics.base import all_metrics
+from hgorun.result.quantity import Quantity, Window
+from hgorun.result.quantity_values import (
+    half_range,
+    integral,
+    largest,
+    of_difference,
+    of_error,
+    of_loop,
+    of_metric,
+    rms,
+    sup,
+)
 from hgorun.result.result import Result
-from hgorun.result.windows import MetricSettings, points_in
-
-Of = tuple[tuple[str, str | None], ...]  # (run, observer) each
-Window = tuple[float, float] | None
 
 _OF_ONE_RUN = "largest"  # may be without the run's name where there is one run
 CALL = re.compile(rf"\b(?:([A-Za-z_]\w*)\s*\(\s*((?:'[^']*'\s*,?\s*)+)|({_OF_ONE_RUN})\s*\(\s*(?!'))([^()']*)\)")
 _QUOTED = re.compile(r"'([^']*)'")
-
-
-@dataclass(frozen=True)
-class Quantity:
-    """One call: ``function('run/observer', state, from, to)``.
-
-    Attributes
-    ----------
-    function : str
-    of : tuple of (run, observer)
-        The observer is None where the plant itself is meant.
-    state : str or None
-        A state of the plant, or an input where the quantity is of one; None where it is of neither.
-    window : (from, to) or None
-    """
-
-    function: str
-    of: Of
-    state: str | None
-    window: Window = None
-    key: str | None = None
-
-    def __str__(self) -> str:
-        names = ", ".join(f"'{run}/{label}'" if label else f"'{run}'" for run, label in self.of)
-        rest = "".join(f", {part}" for part in (self.key, self.state, *(self.window or ())) if part is not None)
-        return f"{self.function}({names}{rest})"
 
 
 def read_quantity(text: str, runs: tuple[str, ...]) -> Quantity:
@@ -131,121 +110,6 @@ def measure_quantity(quantity: Quantity, results: Mapping[str, Result]) -> float
     return kind.measure(quantity, results)
 
 
-def _column(quantity: Quantity, results: Mapping[str, Result], i: int = 0) -> tuple[Result, np.ndarray, np.ndarray]:
-    """The result, x and xhat of the state of the i-th name; of the plant xhat is x."""
-    run, label = quantity.of[i]
-    result = results[run]
-    j = result.states.index(str(quantity.state))
-    x = result.truth_of(label)[:, j]
-    return result, x, x if label is None else result.observers[label].xhat[:, j]
-
-
-def _inside(quantity: Quantity, result: Result, default: Window) -> slice:
-    window = quantity.window or default
-    if window is None:
-        return slice(None)
-    return points_in(result.time, window)
-
-
-def _steady(result: Result) -> Window:
-    low, high = result.windows["steady"]
-    return float(low), float(high)
-
-
-def _metric(quantity: Quantity, results: Mapping[str, Result]) -> float:
-    """Without a window what the run has measured; else, or where a file lacks it, from the output grid."""
-    result, x, xhat = _column(quantity, results)
-    stored = result.observers[str(quantity.of[0][1])].metrics
-    if quantity.window is None and quantity.function in stored:
-        value = float(stored[quantity.function][result.states.index(str(quantity.state))])
-        return np.nan if quantity.function == HF.name and value == 0 and without_mean(result) else value
-    steady, transient = (quantity.window or tuple(result.windows[key]) for key in ("steady", "transient"))
-    settings = MetricSettings(steady, transient, float(result.windows["average"]), float(result.windows["settling"]))
-    asked = METRICS.find(quantity.function)
-    if asked.closed:
-        raise ExpressionError(f"{quantity}: only closed loops have this, without a window")
-    rows = _before_divergence(result.time, xhat, steady[1]) if asked.window != "run" else slice(None)
-    x, xhat = x[rows, None], xhat[rows, None]
-    return float(measure(result.time[rows], x, {"": xhat}, settings, [asked])[""][asked.name][0])
-
-
-def without_mean(result: Result) -> bool:
-    """Whether hf is 0 of every estimate because its moving mean is of one point, and not of a finer ``record``."""
-    if result.time.size < 2 or "average" not in result.windows:
-        return False
-    found = [o.metrics[HF.name] for o in result.observers.values() if HF.name in o.metrics]
-    if any(np.any(values[np.isfinite(values)]) for values in found):
-        return False
-    return nothing_moves(float(result.windows["average"]), float(result.time[1] - result.time[0]))
-
-
-def _before_divergence(time: np.ndarray, xhat: np.ndarray, end: float) -> slice:
-    """All rows, or those before an estimate was lost where a window that it is measured in ends earlier."""
-    lost = np.flatnonzero(~np.isfinite(xhat))
-    return slice(int(lost[0])) if lost.size and end < time[lost[0]] else slice(None)
-
-
-def _of_error(of: Callable[[np.ndarray], float]) -> Callable[[Quantity, Mapping[str, Result]], float]:
-    def measured(quantity: Quantity, results: Mapping[str, Result]) -> float:
-        result, x, xhat = _column(quantity, results)
-        e = (xhat - x)[_inside(quantity, result, _steady(result))]
-        return of(e) if np.all(np.isfinite(e)) else float("inf")
-
-    return measured
-
-
-def _integral(quantity: Quantity, results: Mapping[str, Result]) -> float:
-    """Of |error| over time, by trapezoids; the whole run by default."""
-    result, x, xhat = _column(quantity, results)
-    inside = _inside(quantity, result, None)
-    value = float(np.trapezoid(np.abs(xhat - x)[inside], result.time[inside]))
-    return value if np.isfinite(value) else float("inf")
-
-
-def _of_difference(of: Callable[[np.ndarray], float]) -> Callable[[Quantity, Mapping[str, Result]], float]:
-    def measured(quantity: Quantity, results: Mapping[str, Result]) -> float:
-        result, _, one = _column(quantity, results, 0)
-        other_result, _, other = _column(quantity, results, 1)
-        if one.shape != other.shape or not np.allclose(result.time, other_result.time):
-            raise ExpressionError(f"{quantity}: the runs have different output grids")
-        d = (one - other)[_inside(quantity, result, _steady(result))]
-        return of(d) if np.all(np.isfinite(d)) else float("inf")
-
-    return measured
-
-
-def _largest(quantity: Quantity, results: Mapping[str, Result]) -> float:
-    result, x, _ = _column(quantity, results)
-    return float(np.max(np.abs(x[_inside(quantity, result, None)])))
-
-
-def _of_loop(of: Callable[[ClosedLoop, int], float | None]) -> Callable[[Quantity, Mapping[str, Result]], float]:
-    def measured(quantity: Quantity, results: Mapping[str, Result]) -> float:
-        (run, label), *_ = quantity.of
-        result = results[run]
-        if str(label) not in result.closed_loop:
-            raise ExpressionError(f"{quantity}: {run} is not a closed loop of that name")
-        place = 0 if quantity.state is None else result.inputs.index(quantity.state)
-        value = of(result.closed_loop[str(label)], place)
-        if value is None:
-            raise ExpressionError(f"{quantity}: the controller of {run} has no cost")
-        return float(value)
-
-    return measured
-
-
-def _sup(e: np.ndarray) -> float:
-    return float(np.max(np.abs(e)))
-
-
-def _rms(e: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(e**2)))
-
-
-def _half_range(e: np.ndarray) -> float:
-    return float(np.ptp(e) / 2)
-
-
 @dataclass(frozen=True, eq=False, repr=False)
 class Kind:
     """How a quantity is written and measured.
@@ -277,16 +141,16 @@ class Kind:
 
 
 _OTHERS: dict[str, Kind] = {
-    "std": Kind(_of_error(lambda e: float(np.std(e)))),
-    "mean": Kind(_of_error(lambda e: float(np.mean(e)))),
-    "amplitude": Kind(_of_error(_half_range)),
-    "integral": Kind(_integral),
-    "difference": Kind(_of_difference(_sup), names=2),
-    "ni": Kind(_of_difference(_rms), names=2),
-    "largest": Kind(_largest, of_plant=True),
-    "cost": Kind(_of_loop(lambda loop, _: loop.cost), of="loop"),
-    "effort": Kind(_of_loop(lambda loop, i: loop.effort[i]), of="input"),
-    "peak_input": Kind(_of_loop(lambda loop, i: loop.peak_input[i]), of="input"),
+    "std": Kind(of_error(lambda e: float(np.std(e)))),
+    "mean": Kind(of_error(lambda e: float(np.mean(e)))),
+    "amplitude": Kind(of_error(half_range)),
+    "integral": Kind(integral),
+    "difference": Kind(of_difference(sup), names=2),
+    "ni": Kind(of_difference(rms), names=2),
+    "largest": Kind(largest, of_plant=True),
+    "cost": Kind(of_loop(lambda loop, _: loop.cost), of="loop"),
+    "effort": Kind(of_loop(lambda loop, i: loop.effort[i]), of="input"),
+    "peak_input": Kind(of_loop(lambda loop, i: loop.peak_input[i]), of="input"),
     "exponent": Kind(None),
     "analysis": Kind(None, keyed=True),
 }
@@ -294,7 +158,7 @@ _OTHERS: dict[str, Kind] = {
 
 def kinds() -> dict[str, Kind]:
     """All quantities by their names: the metrics, and what else can be measured."""
-    return dict.fromkeys(all_metrics(closed=True), Kind(_metric)) | _OTHERS
+    return dict.fromkeys(all_metrics(closed=True), Kind(of_metric)) | _OTHERS
 
 
 def of_loops(quantity: Quantity) -> bool:

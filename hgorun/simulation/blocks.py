@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
-
-import numpy as np
 
 from hgorun.config.expressions import nearest
 from hgorun.config.models import ExperimentBlocks
 from hgorun.config.nearest import nearest_name
-from hgorun.config.overrides import replaced
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
@@ -22,9 +19,7 @@ from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.registry import Registry
 from hgorun.result.data import PLANT
-from hgorun.result.observer import Coordinates
 from hgorun.simulation.unused import refuse_unused, refuse_unused_changes
-from hgorun.symbolic.observability import CanonicalForms
 
 T = TypeVar("T")
 
@@ -57,7 +52,7 @@ def check(source: Source) -> Checked:
     observers = {label: observer_of(label, block, source) for label, block in blocks.observers.items()}
     with source.located():
         refuse_unused(source, plant, observers, blocks.controller)
-    return Checked(blocks.model_copy(update=_NOT_OF_A_RUN), plant, measurement, observers)
+    return Checked(blocks.model_copy(update=NOT_OF_A_RUN), plant, measurement, observers)
 
 
 def _refuse_recorded(source: Source) -> None:
@@ -78,8 +73,8 @@ def _refuse_recorded(source: Source) -> None:
         raise ConfigError(message, file=file, line=line, key="data")
 
 
-_NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
-_PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
+NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
+PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
 _OWN_BLOCKS = {"time", "solver", "metrics", "controller"}  # what is a block already is not checked again
 
 
@@ -95,14 +90,14 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
     sound = isinstance(data.get("plant"), dict) and isinstance(labels, dict)
     if not sound or not all(isinstance(block, dict) for block in labels.values()):
         return check(source)
-    if keys <= _PARTS:
-        blocks = before.blocks.model_copy(update={key: data.get(key, {}) for key in _PARTS})
+    if keys <= PARTS:
+        blocks = before.blocks.model_copy(update={key: data.get(key, {}) for key in PARTS})
     else:
-        known = _NOT_OF_A_RUN.keys() - keys  # checked before, and no part of a run
+        known = NOT_OF_A_RUN.keys() - keys  # checked before, and no part of a run
         parts = {key: part for key, part in data.items() if key not in known}
         own = {key: getattr(before.blocks, key) for key in _OWN_BLOCKS - keys}
         parts |= {key: block for key, block in own.items() if block is not None}
-        blocks = validate(ExperimentBlocks, parts, source, ()).model_copy(update=_NOT_OF_A_RUN)
+        blocks = validate(ExperimentBlocks, parts, source, ()).model_copy(update=NOT_OF_A_RUN)
     stale = {path[1] for path in touched if path[0] == "observers" and len(path) > 1}
     if ("observers",) in touched:
         stale = set(labels)
@@ -122,73 +117,6 @@ def check_again(source: Source, before: Checked, touched: Collection[KeyPath]) -
     with source.located():
         refuse_unused_changes(touched, now.plant, now.observers, now.blocks.controller)
     return now
-
-
-# what is resolved by classes of its own, has been applied already, or decides no number of the run
-_NOT_RESOLVED = {*_PARTS, *_NOT_OF_A_RUN, "extends", "title", "reference"}
-
-
-def resolved(checked: Checked, coordinates: Mapping[str, Coordinates]) -> dict[str, Any]:
-    """The configuration after ``extends``, ``--set`` and defaults: all that the numbers of the run follow from.
-
-    Titles, references, figures and claims are not in it.
-
-    Parameters
-    ----------
-    coordinates : mapping of str to Coordinates
-        What was taken by the observers that have a choice of them.
-    """
-    values = checked.blocks.model_dump(mode="json", exclude=_NOT_RESOLVED, exclude_none=True)
-    values["measurement"] = checked.measurement.model_dump(mode="json", exclude_none=True)
-    values["plant"] = checked.plant.model_dump(mode="json", exclude_none=True)
-    values["observers"] = {label: plain(o.model_dump(exclude_none=True)) for label, o in checked.observers.items()}
-    for label, block in values["observers"].items():
-        has_keys = isinstance(checked.observers[label].form, CanonicalForms)
-        taken = coordinates.get(label) if has_keys else None
-        block |= {"map": taken.map, "chains": dict(taken.chains)} if taken else {}
-        if not taken:
-            del block["map"], block["chains"]
-    return values
-
-
-def resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> str:
-    """What :func:`resolved` gives, as YAML."""
-    return as_yaml(resolved(checked, coordinates))
-
-
-def changed(source: Source, changes: Mapping[str, Any]) -> tuple[Source, set[KeyPath]]:
-    """A configuration with other values at some paths, and those paths.
-
-    Raises
-    ------
-    ConfigError
-        See :func:`~hgorun.config.overrides.replaced`.
-    """
-    touched = set()
-    for path, value in changes.items():
-        source, place = replaced(source, path, plain(value))
-        touched.add(place)
-    return source, touched
-
-
-def as_yaml(values: dict[str, Any]) -> str:
-    """Plain values as YAML, their keys in the order given."""
-    import yaml
-
-    return yaml.safe_dump(values, sort_keys=False, allow_unicode=True)
-
-
-def plain(value: Any) -> Any:
-    """Values as YAML can write them: complex numbers as text, tuples and arrays as lists, numbers as Python's."""
-    if isinstance(value, (np.generic, np.ndarray)):
-        return plain(value.tolist())
-    if isinstance(value, dict):
-        return {k: plain(v) for k, v in value.items()}
-    if isinstance(value, (list, tuple)):
-        return [plain(v) for v in value]
-    if isinstance(value, complex):
-        return value.real if value.imag == 0 else str(value).strip("()")
-    return value
 
 
 def plant_of(source: Source) -> Plant:

@@ -13,7 +13,8 @@ from hgorun.errors import ConfigError, Problem
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import AnyObserver
 from hgorun.plants.base import Plant
-from hgorun.simulation.blocks import as_yaml, check, plain
+from hgorun.simulation.blocks import check
+from hgorun.simulation.resolved import as_yaml, plain
 
 ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
 

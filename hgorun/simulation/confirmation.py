@@ -22,7 +22,6 @@ from hgorun.simulation.following import Finely, may_not_follow, near, no_longer_
 from hgorun.simulation.loss import Again, at_times, of_estimate, why_lost
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.verdict import ends, estimates_near, grow_alike, left_for_good, may_have_left, swamped
-from hgorun.simulation.why_diverged import given_up, singular, with_reason
 from hgorun.symbolic.evaluate import Floats
 
 _SHORTER = (4, 16)
@@ -65,6 +64,8 @@ def confirmed(run: PreparedRun, raw: Raw, again: Again) -> tuple[Raw, dict[str, 
         if verdict.status == "diverged" and np.isfinite(at):
             verdict = replace(verdict, at=at)  # there its numbers end
         if verdict.status == "diverged" and j not in enough:
+            from hgorun.simulation.why_diverged import given_up, with_reason  # not for runs in which nothing is lost
+
             verdict = with_reason(run, free, j, verdict, again, controlled=run.adaptive)
             verdict = given_up(run, free, j, verdict, again) if run.adaptive else verdict
         said[j] = _inaccurate(run, free, j, verdict, enough[j], again) if j in enough else verdict
@@ -272,6 +273,8 @@ def _inaccurate(run: PreparedRun, free: Raw, j: int, verdict: Verdict, shorter: 
     step = _longest(run)
     what = "diverges" if verdict.status == "diverged" else "is undefined"
     reason = f"{what} with steps of {step:.3g}, but not with shorter ones: give a step of at most {step / shorter:.3g}"
+    from hgorun.simulation.why_diverged import singular  # not for runs in which nothing is lost
+
     cause = singular(run, free, j, again)
     return Verdict("inaccurate", verdict.at, reason if cause is None else f"{reason}; {cause}")
 

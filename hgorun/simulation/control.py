@@ -24,7 +24,6 @@ from hgorun.result.data import PLANT, Integration
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.between_steps import SMOOTH, Missed, jumping, jumps_of, missed
 from hgorun.simulation.confirmation import ended
-from hgorun.simulation.escape import escaped, explained
 from hgorun.simulation.ladder import first_stage
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.passes import Again, Pass, integrate
@@ -32,7 +31,6 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.scheduling import with_events
 from hgorun.simulation.search import Attempt, Budget, Finished, Progress, Search
 from hgorun.simulation.stopped import crossed
-from hgorun.simulation.why_diverged import no_step, with_reason
 
 _AGAIN, _ADVANCE = 4, 1e-6  # times that a search is repeated whatever comes; of the run, a later feature then
 _MOST_EVENTS = 5_000
@@ -92,12 +90,14 @@ def controlled(run: PreparedRun, progress: Progress = None) -> Controlled:
     unseen = _followed(search)
     found = search.best
     if found is None or not found.error.relative.get(PLANT, 0.0) <= run.solver.accuracy:
+        from hgorun.simulation.escape import escaped, explained  # not for runs that can be followed
+
         escape = escaped(run)
         if escape is not None:
             raise escape
-    if found is None:
-        failure = search.failure or search.lost or _not_enough(run)
-        raise explained(run, failure) if isinstance(failure, PlantEnded) else failure
+        if found is None:
+            failure = search.failure or search.lost or _not_enough(run)
+            raise explained(run, failure) if isinstance(failure, PlantEnded) else failure
     how, known, tolerance = found.finished.how, found.finished.measured, found.finished.how.tolerance
     integration = Integration(
         method=how.method,
@@ -221,6 +221,8 @@ def _lost(run: PreparedRun, found: Finished, progress: Progress) -> dict[str, Ve
     """The observers that are lost, with reasons as far as they can be told."""
     if not found.verdicts or run.solver.divergence is not None:
         return found.verdicts
+    from hgorun.simulation.why_diverged import no_step, with_reason  # not for runs in which nothing is lost
+
     raw = integrate(run, found.how, progress)
     again = Again(run, found.how, progress)
     _, verdicts = ended(run, raw, None if found.how.tolerance else again, again)

@@ -17,11 +17,12 @@ from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import ByLateness, BySampling, NoiseInformed
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.observer import Coordinates
-from hgorun.simulation.blocks import Checked, changed, check_again, observer_of, resolved, resolved_text
+from hgorun.simulation.blocks import Checked, check_again, observer_of
 from hgorun.simulation.configured import ONLY_A_FILE, Configured
 from hgorun.simulation.design import Design
 from hgorun.simulation.forms import coordinates_of, form_of
 from hgorun.simulation.grid import grid_of, metric_step
+from hgorun.simulation.resolved import changed, resolved, resolved_text
 from hgorun.simulation.variation import stale, unchanged
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.sensors import Sensor

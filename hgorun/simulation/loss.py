@@ -103,21 +103,27 @@ def why_lost(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
 def ceased(run: PreparedRun, again: Again, j: int, lost: float) -> str | None:
     """What stops being defined in the equations of an observer at the time at which controlled steps give it up.
 
-    No step leads to where that is: its states go on as they did shortly before.
+    No step leads to where that is: its states go on as they did shortly before. Or a sample has brought them there at
+    once, and no step begins.
     """
     plan, last = again.plan().up_to(lost)
+    begin, regime = float(last.spans[0, 0]), int(last.counts[0, 3])
     times = shortly_before(float(plan.spans[0, 0]), lost)
     if times is None:
         return None
+    jumped = again.integrate(plan.ended_by(begin).with_grid(np.array([begin])))
     raw = again.integrate(plan.with_grid(times))
-    flow = run.structure.system.regimes[int(last.counts[0, 3])].flow
+    flow = run.structure.system.regimes[regime].flow
     block, own = run.observers[j], slice(run.structure.system.blocks[j][0], run.observers[j].end)
-    for z in onwards(raw.rows[0, :, 0], raw.rows[-1, :, 0]):
+    for t, z in [
+        (begin, jumped.rows[0, :, 0]),
+        *((lost, z) for z in onwards(raw.rows[0, :, 0], raw.rows[-1, :, 0])),
+    ]:
         if not np.all(np.isfinite(z[own])) or _exploded(run, j, z):
             return None
-        what = _where(run, block, flow, (lost, run.numbers.p, z, raw.held[:, 0]), own)
+        what = _where(run, block, flow, (t, run.numbers.p, z, raw.held[:, 0]), own)
         if what is not None:
-            return _said(what, run.origin + lost)
+            return _said(what, run.origin + t)
     return None
 
 

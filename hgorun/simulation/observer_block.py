@@ -18,7 +18,7 @@ from hgorun.observers.base import (
     Sample,
     SampledObserver,
 )
-from hgorun.observers.kalman import KalmanFilter
+from hgorun.observers.capabilities import KnownCovariance
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.observers.returned import Misfit, fitting
 from hgorun.simulation.design import SHRINK, Design
@@ -131,7 +131,7 @@ class ObserverBlock:
 
     def spread(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX | None:
         """The diagonal of H P H^T, shape (q,): the variance of C xhat where the observer knows that of xhat."""
-        if not isinstance(self.observer, KalmanFilter):
+        if not isinstance(self.observer, KnownCovariance):
             return None
         s = self.symbols(z)
         H = ca.jacobian(self.copy(t, u, p).output(s.xhat), s.xhat)

@@ -18,8 +18,8 @@ from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
 from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
+from hgorun.observers.capabilities import EvenSamples
 from hgorun.observers.recalling import LAGS, RecallingObserver
-from hgorun.observers.red import RobustExactDifferentiator
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import PreparedRun
@@ -181,7 +181,7 @@ def _uneven(experiment: Experiment) -> list[str]:
         f"observer {label}: samples are not even, so that its derivatives from the second on are not exact, even for "
         "polynomials"
         for label, observer in experiment.observers.items()
-        if isinstance(observer, RobustExactDifferentiator) and observer.implicit and experiment.plant.model.n > 2
+        if isinstance(observer, EvenSamples) and observer.even_only and experiment.plant.model.n > 2
     ]
 
 

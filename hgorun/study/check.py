@@ -9,7 +9,8 @@ from hgorun.config.nearest import among
 from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.errors import KeyPath, Problem
-from hgorun.result.quantities import Quantity, inside, kinds, of_loops
+from hgorun.result.quantities import inside, kinds, of_loops
+from hgorun.result.quantity import Quantity
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.study import Run, Study, places_of

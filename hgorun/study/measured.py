@@ -15,7 +15,8 @@ from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.refused import told_where
 from hgorun.errors import SimulationError
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.quantities import Quantity, exponent, inside, measure_quantity
+from hgorun.result.quantities import exponent, inside, measure_quantity
+from hgorun.result.quantity import Quantity
 from hgorun.result.result import Result
 from hgorun.study.sentences import Sentence
 from hgorun.study.study import Run, Study

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.expressions import Expression, ExpressionError, nearest, parse
-from hgorun.result.quantities import CALL, Quantity, kinds, quantity_of
+from hgorun.result.quantities import CALL, kinds, quantity_of
+from hgorun.result.quantity import Quantity
 
 _BARE = re.compile(r"\b([A-Za-z_]\w*)\s*\(((?:\s*'[^']*'\s*,)*)\s*([^\s'\"(),][^'\"(),]*?)\s*(?=[,)])")
 _PAIRS = re.compile(r"'[^']*'|\"([^\"']*)\"")

@@ -111,10 +111,16 @@ def too_large(expression: ca.SX, symbols: Sequence[ca.SX], numbers: Sequence[Flo
 def _argument(
     expression: ca.SX, symbols: Sequence[ca.SX], numbers: Sequence[Floats], names: Sequence[tuple[ca.SX, str]]
 ) -> str:
-    """The one symbol with a name that an argument depends on, with its number, or the argument's own."""
+    """The one state with a name, if an argument depends on that state alone, with its number, or the argument's own."""
     whole = ca.Function("named", list(symbols), [expression, *[symbol for symbol, _ in names]])
     value, *own = at(whole, *numbers)
     involved = [i for i, (symbol, _) in enumerate(names) if ca.depends_on(expression, symbol)]
-    if len(involved) == 1:
+    if len(involved) == 1 and not _depends_on_others(expression, symbols, names[involved[0]][0]):
         return f" ({names[involved[0]][1]} = {own[involved[0]][0]:.4g})"
     return f" ({value[0]:.4g})" if value[0] != 0 else ""
+
+
+def _depends_on_others(expression: ca.SX, symbols: Sequence[ca.SX], named: ca.SX) -> bool:
+    """Whether an argument depends on other entries of the vector of a named state, such as a filter's P."""
+    vector = next(one for one in symbols if ca.depends_on(one, named))
+    return any(ca.depends_on(expression, one) for one in ca.vertsplit(vector) if not ca.is_equal(one, named))

@@ -51,7 +51,7 @@ def _of_observer(analysis: Analysis, label: str, found: Findings, timing: Timing
     """Sentences about one observer."""
     observer = analysis.result.observers[label]
     if observer.status != "ok":
-        yield f"its estimate is {observer.verdict.text(unit)}; what follows is of an observer that is not lost"
+        yield f"its estimate is {observer.verdict.text(unit)}; what follows is of an observer that has not diverged"
     rate = _rate(found)
     if rate is not None:
         decays = f"without nonlinearity its error decays like exp(-{number(rate)} t), t in {unit}" if rate > 0 else ""
@@ -140,7 +140,7 @@ def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | No
         yield f"to change: measure more often and sooner, or a smaller {key}: the error grows as it is"
         return
     if analysis.result.observers[label].lost:
-        yield f"to change: a smaller {key}, or an initial estimate nearer to the truth: as it is, the estimate is lost"
+        yield f"to change: a smaller {key}, or an initial estimate nearer to the truth: as it is, the estimate diverges"
         return
     shares = _shares(analysis, label, noise) if isinstance(noise, Mapping) else {}
     filtered = "; a larger r may" if isinstance(subject.observer, FilterOrder) else ""

@@ -12,7 +12,7 @@ from hgorun.errors import called
 from hgorun.files import json_value
 from hgorun.result.metrics.base import Metric, all_metrics, unit_of
 from hgorun.result.metrics.smoothness import HF
-from hgorun.result.quantities import without_mean
+from hgorun.result.quantity_values import without_mean
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.result.status import Verdict

@@ -16,10 +16,11 @@ def scores_of(rows: Sequence[Row]) -> list[list[list[str]]]:
         for score, values in one.items():
             of.setdefault(score, {}).update(dict.fromkeys(values))
     return [
-        [[f"{score} {name}", *(_cell(score, one.get(score, {}).get(name)) for one in scores)] for name in names]
+        [[f"{score} {name}", *(score_text(score, one.get(score, {}).get(name)) for one in scores)] for name in names]
         for score, names in of.items()
     ]
 
 
-def _cell(score: str, value: float | None) -> str:
+def score_text(score: str, value: float | None) -> str:
+    """What tables show of a score: counts are whole numbers."""
     return str(int(value)) if score == "gated" and value is not None else number(value)

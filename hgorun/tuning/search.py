@@ -238,7 +238,7 @@ def _nothing(trials: Trials) -> str:
     means = trials.means[trials.complete]
     finite = means[np.isfinite(means).all(axis=1)]
     if not finite.size:
-        return f"{len(trials.u)} gains were tried, and all of them lose the estimate"
+        return f"{len(trials.u)} gains were tried, and the observer diverges with all of them"
     told = []
     for k, limit in enumerate(task.limits):
         values = finite[:, len(task.goals) + k]

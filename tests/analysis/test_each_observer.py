@@ -101,7 +101,6 @@ def test_limits_of_an_observer_beside_one_with_gains() -> None:
     assert values["delay_critical"] == pytest.approx(0.88756, rel=1e-4)
 
 
-@pytest.mark.measured("fhgo2-")
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("block", "gains"),

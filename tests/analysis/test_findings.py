@@ -47,6 +47,7 @@ def test_every_finding_says_what_it_is() -> None:
         assert FINDINGS.find(finding.name) is finding
 
 
+@pytest.mark.costly
 def test_a_finding_from_outside_is_like_a_built_in_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -15,7 +15,7 @@ import hgorun
 from hgorun.benchmark.benchmark import Benchmark, load_benchmark
 from hgorun.benchmark.contestants import absent, contestant_in, contestants
 from hgorun.benchmark.trial import Trial
-from hgorun.commands.benchmark import benchmark
+from hgorun.commands.benchmark import _write, benchmark
 from hgorun.commands.ensemble_options import Bench
 from hgorun.config.benchmark import Contestant
 from hgorun.errors import ConfigError, HgorunError
@@ -97,6 +97,7 @@ def test_the_knob_is_the_best_that_was_tried(done: tuple[Path, Benchmark]) -> No
             assert entry.score.value == value
 
 
+@pytest.mark.costly
 def test_what_does_not_take_a_scenario_says_why(tmp_path: Path) -> None:
     one = {"I": {"group": "g", "knob": {"range": {"log": [0.5, 8]}}, "block": {"type": "impulsive"}}}
     held, sampled = load_benchmark(written(tmp_path, observers=one)).entries(tmp_path / "entries")
@@ -104,7 +105,6 @@ def test_what_does_not_take_a_scenario_says_why(tmp_path: Path) -> None:
     assert sampled.score is not None
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_only_what_is_new_is_carried_out(done: tuple[Path, Benchmark], monkeypatch: pytest.MonkeyPatch) -> None:
     folder, _ = done
@@ -135,6 +135,7 @@ def test_a_damaged_entry_is_made_again(done: tuple[Path, Benchmark]) -> None:
     assert asked.entries(place) == before
 
 
+@pytest.mark.costly
 def test_what_fails_does_not_stop_the_others(
     done: tuple[Path, Benchmark], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -158,7 +159,7 @@ def test_who_keeps_the_estimate_with_no_value_says_so(tmp_path: Path) -> None:
     wild = {"S": {"group": "g", "knob": {"range": {"log": [400, 4000]}}, "block": {"type": "shgo"}}}
     path = written(tmp_path, observers=wild, scenarios=["sampled"])
     (entry,) = load_benchmark(path).entries(tmp_path / "entries")
-    assert entry.refused == "failed: loses the estimate with each of 4 values of theta between 800 and 8e+03"
+    assert entry.refused == "failed: diverges with each of 4 values of theta between 800 and 8e+03"
 
 
 def test_a_contestant_may_be_made_for_some_scenarios(tmp_path: Path) -> None:
@@ -271,3 +272,10 @@ def test_a_plant_gives_one_initial_estimate(tmp_path: Path) -> None:
     (tmp_path / "plant.yaml").write_text(yaml.safe_dump(PLANT | {"observers": two}), encoding="utf-8")
     with pytest.raises(ConfigError, match="expected one observer"):
         load_benchmark(path)
+
+
+def test_without_plots_there_are_the_tables_only(tmp_path: Path) -> None:
+    asked = load_benchmark(written(tmp_path))
+    files = _write(asked, [], {}, tmp_path, plots=False)
+    assert [file.name for file in files] == ["standings.md", "entries.csv"]
+    assert all(file.exists() for file in files)

@@ -96,6 +96,7 @@ def test_all_is_checked_before_anything_runs(shell: Shell) -> None:
     assert not (shell.folder / "results").exists()
 
 
+@pytest.mark.costly
 def test_overrides_and_seed(shell: Shell) -> None:
     results = {}
     for name, extra in (
@@ -292,6 +293,7 @@ def test_a_package_that_takes_a_built_in_name_is_told(shell: Shell, monkeypatch:
     )
 
 
+@pytest.mark.costly
 def test_compare_removes_what_a_killed_process_left(shell: Shell) -> None:
     results = shell.folder / "results"
     results.mkdir()

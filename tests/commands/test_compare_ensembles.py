@@ -64,7 +64,14 @@ def test_all_members_together(shell: Shell) -> None:
     assert "S: 1 diverged" in out
 
 
-@pytest.mark.measured
+@pytest.mark.measured(
+    "arguments3-Did you mean",
+    "arguments2-Did you mean",
+    "arguments1-expected AXIS=VALUE",
+    "arguments7-expected one of text, csv, latex",
+    "arguments5-is for configurations",
+    "arguments6---width: expected one of one, two",
+)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),

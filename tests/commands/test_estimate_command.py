@@ -218,6 +218,7 @@ def test_a_stream_does_not_go_on_with_another_std_or_gate(
         assert not code or f"state: the checkpoint was made with {name} {{a: {first}}}, and this" in err
 
 
+@pytest.mark.costly
 def test_a_file_that_is_held_out_has_the_columns_that_the_reference_names_there(shell: Shell) -> None:
     (shell.folder / "laboratory.csv").write_text("drawn,phi\n2.05,0.88\n3.05,0.09\n4.05,-0.79\n")
     of_laboratory = "data.reference={a: {file: laboratory.csv, column: phi, time: drawn}}"
@@ -343,6 +344,7 @@ def test_objects_may_have_further_keys_and_null_is_a_missing_sample() -> None:
     ("text", "message"),
     [
         ("time,y\n", "standard input:1: expected the header t,signal,y"),
+        ("t;signal;y\n", "found 't;signal;y'; cells are separated by commas, and decimals have a point"),
         ("t,signal,y\n0.1,a,0.1\n0.05,a,1\n", "standard input:3: t = 0.05 is before 0.1"),
         ("t,signal,y\n0.1,b,0.1\n", "standard input:2: no output is called 'b'"),
         ("t,signal,y\n0.1,a\n", "standard input:2: expected 3 cells, found 2"),
@@ -481,6 +483,7 @@ tune: {{gains: {{observers.o.theta: {{log: [0.3, 8]}}}}, minimise: "{goal}", bud
 """
 
 
+@pytest.mark.costly
 def test_gains_are_found_on_a_recording(shell: Shell) -> None:
     file = shell.folder / "pendulum.yaml"
     file.write_text(CONFIG + TUNE.format(goal="holdout_rmse(*, a)"))

@@ -126,6 +126,7 @@ def test_an_observer_that_loses_its_numbers_is_refused_and_nothing_is_written(sh
     assert (code, "observers for this plant are" in err) == (2, True)
 
 
+@pytest.mark.costly
 def test_an_estimate_that_does_not_follow_is_refused(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(trial, "FOLLOWS", 1e-9)
     monkeypatch.setattr(init, "FOLLOWS", 1e-9)
@@ -194,7 +195,7 @@ def test_names_that_only_equations_have_are_asked_for(shell: Shell, monkeypatch:
     answers(monkeypatch, "own", "-", "pos, speed", "k = 4", "", *equations, *[""] * 8)
     code, out, err = shell("init", "--ask", "-o", "own.yaml")
     assert code == 0, err
-    asked = "F is not known. Its number, or as an input an expression of t (Enter: write it again)"
+    asked = "F is not known.\n  Its number, or as an input an expression of t (Enter: write it again)"
     assert asked in out
     found = yaml.safe_load((shell.folder / "own.yaml").read_text())
     assert found["time"]["unit"] == "-"

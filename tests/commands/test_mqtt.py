@@ -20,7 +20,7 @@ from shell import Shell
 from hgorun.commands.mqtt import Follower
 from hgorun.commands.mqtt_address import Address, Credentials, client_id_of, require_topic
 from hgorun.commands.mqtt_session import Message, Session
-from hgorun.commands.options import Estimate
+from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_samples import Stream
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError

@@ -34,6 +34,15 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("output: x1", "output: angle", "c.yaml:7: plant.output: `angle` is not known. Known names: t, x1, x2"),
         ("output: x1", "output: [x1, angle]", "c.yaml:7: plant.output: `angle` is not known."),
         ("output: x1", "output: {a: angle}", "c.yaml:7: plant.output.a: `angle` is not known."),
+        (
+            "x2: -x1\n",
+            "x2: -x1 + pump\n",
+            "c.yaml:6: plant.dynamics.x2: `-x1 + pump`: `pump` is not known. Known names: t, x1, x2, pi, e; an input "
+            "is declared in plant by inputs: {pump: expression of t}, a constant by parameters: {pump: number}\n",
+        ),
+        ("theta: 3", "theta: 3e400", "c.yaml:12: observers.FHGO.theta: 3e400 is larger than any number (1.8e308)"),
+        ("theta: 3", "theta: .inf", "c.yaml:12: observers.FHGO.theta: the number inf is not finite"),
+        ("x2: -x1", "x2: -x1*1e400", "c.yaml:6: plant.dynamics.x2: `-x1*1e400`: 1e400 is larger than any number"),
         ("    x2: -x1\n", "", "c.yaml:4: plant.dynamics: the right-hand side of x2 is missing: write a line `x2: ...`"),
         ("theta: 3", "theta: eight", "c.yaml:12: observers.FHGO.theta: `eight` is not a number."),
         (
@@ -56,6 +65,7 @@ def test_file_line_key_and_what_would_be_right(shell: Shell, right: str, wrong: 
     assert said in err
 
 
+@pytest.mark.costly
 def test_samples_that_change_places_are_told(shell: Shell) -> None:
     for jitter, told in ((0.05, False), (0.06, True)):  # neighbours keep their order up to half a period
         (shell.folder / "c.yaml").write_text(CONFIG.replace("period: 0.1", f"period: 0.1, jitter: {jitter}"))

@@ -22,8 +22,8 @@ from numpy._core._multiarray_umath import (  # type: ignore[import-not-found]  #
 )
 
 import hgorun
-from hgorun.commands.options import Rerun
 from hgorun.commands.rerun import rerun
+from hgorun.commands.run_options import Rerun
 from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError
 
@@ -129,6 +129,7 @@ def test_what_is_not_the_same_is_named(
     assert hgorun.read(tmp_path / "new.h5").x[7, 0] == result.x[7, 0]
 
 
+@pytest.mark.costly
 def test_the_numbers_of_the_design_are_those_of_the_file(
     result: hgorun.Result, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

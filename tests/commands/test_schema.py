@@ -103,6 +103,7 @@ def test_the_schema_of_benchmarks_knows_the_keys_of_observers() -> None:
     assert not schema.is_valid(right)
 
 
+@pytest.mark.costly
 def test_a_schema_as_text_is_the_schema() -> None:
     made = build_schema()
     text = schema_text(made)

@@ -62,7 +62,6 @@ def test_members_are_those_of_the_study(shell: Shell) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.measured
 def test_what_is_there_of_another_configuration_is_replaced(shell: Shell) -> None:
     shell("simulate", "s.yaml", "-q")
     first = hgorun.read_sweep("results/s/many.sweep.h5").metrics["rmse"]
@@ -72,7 +71,6 @@ def test_what_is_there_of_another_configuration_is_replaced(shell: Shell) -> Non
     np.testing.assert_array_equal(first[:, 0], second[:, 0])
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_statistics_are_printed(shell: Shell) -> None:
     code, out, _ = shell("simulate", "s.yaml")

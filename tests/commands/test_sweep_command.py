@@ -131,6 +131,7 @@ def test_a_change_is_refused_with_the_difference(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "-q")[0] == 0
 
 
+@pytest.mark.costly
 def test_members_that_fail_are_said_on_stderr(shell: Shell) -> None:
     (shell.folder / "s.yaml").write_text("base: base.yaml\naxes: {observers.SHGO.theta: [-1, 2]}\n")
     code, out, err = shell("sweep", "s.yaml")

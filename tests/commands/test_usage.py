@@ -88,6 +88,7 @@ def test_help_and_version_are_no_mistakes(shell: Shell) -> None:
     assert "Commands:" in "".join(shell()[1:])
 
 
+@pytest.mark.costly
 def test_figures_beside_a_table_for_programs_are_told(shell: Shell) -> None:
     code, out, err = shell("compare", "a.yaml", "--format", "csv")
     assert (code, "written" in out) == (0, False)

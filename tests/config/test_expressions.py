@@ -39,6 +39,7 @@ def test_an_expression_is_a_value() -> None:
     assert "_tree" not in repr(expression)
 
 
+@pytest.mark.costly
 def test_casadi_is_imported_only_for_symbols() -> None:
     code = "import sys; from hgorun.config.expressions import parse; parse('sin(1)').number();"
     code += "print('casadi' in sys.modules)"

@@ -192,6 +192,7 @@ def test_a_place_where_no_value_can_stand(path: str, words: str) -> None:
     assert words in str(caught.value)
 
 
+@pytest.mark.costly
 @given(
     st.lists(
         st.sampled_from(["time", "end", "observers", "FHGO r=2", ".", "=", "0", " ", "{a: 1}", "é"]),

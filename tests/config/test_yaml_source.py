@@ -96,7 +96,7 @@ def test_nan_is_a_float(text: str) -> None:
 def test_a_number_too_long_for_python_is_refused() -> None:
     assert "5000 characters" in str(refusal("a: " + "1" * 5000))
     assert data("a: " + "1" * 300) == {"a": int("1" * 300)}
-    assert data("1e400") == math.inf
+    assert "1e400 is larger than any number" in str(refusal("a: 1e400"))
 
 
 @pytest.mark.usefixtures("parser")
@@ -354,6 +354,7 @@ YAML_PIECES = [
 ]
 
 
+@pytest.mark.costly
 @given(st.text(max_size=60) | st.lists(st.sampled_from(YAML_PIECES), max_size=14).map("".join))
 @settings(max_examples=600)
 def test_any_text_is_data_or_a_config_error_with_either_parser(text: str) -> None:
@@ -368,6 +369,7 @@ def test_any_text_is_data_or_a_config_error_with_either_parser(text: str) -> Non
         assert source.data is None or isinstance(source.data, (dict, list, str, int, float))
 
 
+@pytest.mark.costly
 def test_it_imports_yaml_and_no_other_library() -> None:
     code = "import sys, hgorun.config.yaml_source; print(*{m.split('.')[0] for m in sys.modules})"
     run = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

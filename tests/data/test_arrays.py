@@ -147,6 +147,7 @@ def test_memory_is_bounded(tmp_path: Path, write: Any, prefix: str, name: str) -
         recorded(tmp_path / name, prefix, max_memory=500)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)
 def test_damaged_files(tmp_path: Path, write: Any, prefix: str, name: str) -> None:
     write(tmp_path / name, t=TIMES, glucose=VALUES)

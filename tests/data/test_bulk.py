@@ -82,6 +82,7 @@ def test_hard_numbers() -> None:
     same_bits(HARD)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("digits", [1, 3, 8, 15, 16, 17, 18])
 def test_numbers_of_any_length_and_size(digits: int) -> None:
     random = np.random.default_rng(digits)

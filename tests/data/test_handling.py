@@ -158,7 +158,12 @@ def test_replicates_of_late_samples_by_arrival(tmp_path: Path) -> None:
             {"decimal": ","},
             r":2: glucose: .*decimals have a comma here; where all have a point",
         ),
-        ("0,1.5\n1,2.5\n", {}, r":1: expected a line with the names of the columns"),
+        (
+            "0,1.5\n1,2.5\n",
+            {},
+            r":1: expected a line with the names of the columns.*, such as t,y1: columns are taken by",
+        ),
+        ("0\t1.5\n1\t2.5\n", {}, r":1: expected a line with the names .*write such a line above them, of 2 names: "),
         ("#a\n0,1.5\n1,2.5\n", {}, r":2: expected a line with the names of the columns"),
         (
             "t,glucose\n0,2024-05-31\n1,2\n",
@@ -178,6 +183,18 @@ def test_replicates_of_late_samples_by_arrival(tmp_path: Path) -> None:
 def test_text_that_is_refused(tmp_path: Path, content: str, told: dict[str, str], message: str) -> None:
     with pytest.raises(ConfigError, match=r"log\.csv" + message):
         recorded(tmp_path, content, {"csv": told})
+
+
+@pytest.mark.parametrize("total", ["Mean;2,0", "Mean", "Mean;"])
+@pytest.mark.parametrize("first", ["{}", "2024-01-01T00:0{}:00"], ids=["numbers", "dates"])
+def test_a_total_below_the_rows_and_what_is_advised_about_it(tmp_path: Path, total: str, first: str) -> None:
+    rows = "t;glucose\n" + "".join(f"{first.format(k)};{k},5\n" for k in range(3))
+    with pytest.raises(ConfigError, match=r":5: .*a line that is no sample, .*, is removed, or begins with #"):
+        recorded(tmp_path, rows + total)
+    with pytest.raises(ConfigError, match=r", or begins with %"):
+        recorded(tmp_path, rows + total, {"csv": {"comment": "%"}})
+    for advised in ("", f"# {total}"):
+        assert recorded(tmp_path, rows + advised).outputs["S"].values.tolist() == [0.5, 1.5, 2.5]
 
 
 def test_thousands_or_decimals_once_it_is_told(tmp_path: Path) -> None:

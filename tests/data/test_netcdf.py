@@ -81,6 +81,7 @@ def test_hours_that_count_from_the_year_1(tmp_path: Path) -> None:
     assert recording.outputs["S"].taken.tolist() == list(range(12))
 
 
+@pytest.mark.costly
 def test_what_xarray_writes_is_read(tmp_path: Path) -> None:
     dates = np.datetime64("2024-03-31T00:30", "ns") + np.arange(12) * np.timedelta64(90_000_000_001, "ns")
     values = np.where(np.arange(12) == 4, np.nan, VALUES)

@@ -140,6 +140,7 @@ def test_columns_of_parquet_that_are_no_numbers_are_not_called_damaged(
     assert "damaged" not in str(error.value)
 
 
+@pytest.mark.costly
 def test_other_columns_of_parquet_may_be_anything(tmp_path: Path) -> None:
     zone = pyarrow.array([0, 7000, 9000], pyarrow.timestamp("ms", "Mars/Base"))
     signal = array_file(tmp_path, {"t": zone, "glucose": [1.0, 2, 3], "far": FAR, "list": [[1], [], [2]]})
@@ -157,6 +158,7 @@ def test_a_name_that_is_no_text_is_passed_over(tmp_path: Path) -> None:
     assert read(Data.model_validate(block), tmp_path).outputs["S"].values.tolist() == VALUES.tolist()
 
 
+@pytest.mark.costly
 def test_labels_that_are_there_twice_name_no_column(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "log.h5", "w") as file:
         file["t"] = TIMES

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 from math import prod
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from hgorun.engine.methods import DOPRI5, METHODS, RODAS5P, Method
+from hgorun.engine.module import lent
+from hgorun.native.ir import Function
 
 Array = npt.NDArray[np.float64]
 Tree = tuple["Tree", ...]  # a root and the trees that hang on it
@@ -147,3 +151,8 @@ def test_rodas5p_has_order_four_inside_the_step() -> None:
         weights = s * b + s * (1 - s) * (d1 + s * (d2 + s * d3))
         for order in range(1, 5):
             assert implicit_defect(weights, order, s) < 1e-12, (s, order)
+
+
+def test_what_registers_cannot_hold_is_lent_as_it_is() -> None:
+    """There is nothing to emit into: a copy would be an error."""
+    assert lent(cast(Function, SimpleNamespace(lanes=8)), "%states", 1000) == "%states"

@@ -285,7 +285,6 @@ def test_lanes_with_plans_of_their_own_are_runs_of_their_own(method: str) -> Non
     assert 0 < diverged < len(plans)
 
 
-@pytest.mark.measured("True-rk4")
 @pytest.mark.costly
 @pytest.mark.parametrize(("delayed", "method"), [(True, "rk4"), (False, "dopri5")])
 def test_what_cannot_run_side_by_side_runs_on_threads(delayed: bool, method: str) -> None:
@@ -327,6 +326,7 @@ def test_numbers_that_a_plan_reads_have_to_be_there() -> None:
         Ensemble(system(False), "rk4", 2).run(made, short)
 
 
+@pytest.mark.costly
 def test_a_plant_that_diverges_ends_its_own_lane_alone() -> None:
     """The others have the bits that they have without it."""
     made = plan(1)

@@ -119,7 +119,6 @@ def test_automatic_steps(measured: str, axes: str) -> None:
         alone(base, members, i, block)
 
 
-@pytest.mark.measured("0.01-False", "None-True")
 @pytest.mark.slow
 @pytest.mark.parametrize("root", [False, True])
 @pytest.mark.parametrize("step", [0.01, None])
@@ -220,6 +219,7 @@ def test_two_hundred_members_at_random() -> None:
         alone(base, members, i, block)
 
 
+@pytest.mark.costly
 def test_the_order_of_members_does_not_matter() -> None:
     base = van_der_pol(MEASURED["sampled"], 0.02)
     members = Members.of({"observers.S.theta": np.linspace(1, 60, 50), "seed": np.arange(50)})

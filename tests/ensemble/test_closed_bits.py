@@ -80,6 +80,7 @@ def test_in_lanes_as_alone(measurement: Mapping[str, Any], step: float | None) -
         same_as_alone(base, members, i, block)
 
 
+@pytest.mark.costly
 def test_numbers_of_the_controller_as_alone() -> None:
     """They change no equations: its literals, its bounds, its period."""
     base = loops(0.01, {"sampling": {"period": 0.1}, "noise": [GAUSSIAN]})

@@ -95,6 +95,7 @@ def test_all_kinds(solver: dict[str, Any], measured: str, axes: str) -> None:
     compared(van_der_pol(MEASURED[measured], 0.01).varied({"solver": solver}), Members.of(AXES[axes]), 7)
 
 
+@pytest.mark.costly
 def test_a_plant_of_which_the_steps_differ_by_far() -> None:
     """Relaxation oscillations from different phases: a lane makes many steps where another makes one."""
     base = experiment(

@@ -48,6 +48,7 @@ def test_a_call_with_a_file_goes_on_where_it_was(tmp_path: Path) -> None:
     assert len(hgorun.sweep(base(), {**AXES, "seed": {"count": 2}}, output=output, fresh=True)) == 8
 
 
+@pytest.mark.costly
 def test_arrays_of_numpy_are_axes() -> None:
     found = hgorun.sweep(base(), {"observers.SHGO.theta": np.array([2.0, 3.0]), "seed": range(2)}, combine="zip")
     assert found.axes["seed"].tolist() == [0, 1]

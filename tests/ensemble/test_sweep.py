@@ -170,6 +170,7 @@ def test_zipped_members_have_their_axes_as_coordinates(tmp_path: Path) -> None:
     assert list(again.metrics) == list(ensemble(axes).metrics)
 
 
+@pytest.mark.costly
 def test_a_member_that_fails_is_recorded_and_stops_nobody(tmp_path: Path) -> None:
     of = ensemble({"observers.SHGO.theta": [2.0, -1.0, 3.0]}, keep={"trajectories": "all"})
     told: list[int] = []
@@ -261,6 +262,7 @@ def test_another_title_is_collected_without_carrying_anything_out(tmp_path: Path
     assert read(place.file).title == "after"
 
 
+@pytest.mark.costly
 def test_a_full_disk_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     of = small()
     store = Store.opened(tmp_path / "a.sweep", of)
@@ -434,6 +436,7 @@ def test_what_a_killed_process_has_left_of_the_file_goes(tmp_path: Path) -> None
     assert not left.exists()
 
 
+@pytest.mark.costly
 def test_every_data_set_has_its_digest(tmp_path: Path) -> None:
     sweep_to(small(trajectories={"every": 5}), Place.of(tmp_path / "a.h5"))
     with h5py.File(tmp_path / "a.h5") as file:

@@ -274,6 +274,7 @@ TWO = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"y": "a", "z": "b**2/2 - cos(a
 EKF: Block = {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01, "initial": START}
 
 
+@pytest.mark.costly
 def test_a_filter_goes_back_to_late_samples_of_another_output() -> None:
     """One output at once, the other half a second late, both taken together at times: the bits of the whole."""
     taken = np.array([0.25 * k for k in range(1, 17)])
@@ -322,6 +323,7 @@ def test_late_samples_that_a_stream_leaves_out_or_cannot_take() -> None:
         mixed.update(0.3, {"a": 0.4}, available=0.8)
 
 
+@pytest.mark.costly
 def test_late_samples_after_a_checkpoint_are_taken_in_as_without_it(small: Experiment) -> None:
     """A stream that is killed and restored at any moment goes on with the same bits."""
     rng = np.random.default_rng(8)

@@ -68,6 +68,7 @@ def ramp(changed: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     return t, 1 - 2 * t + changed * np.maximum(t - 1, 0) + noise
 
 
+@pytest.mark.costly
 def test_as_many_samples_are_used_as_agree() -> None:
     """All of the first 200, beyond which none are tried, where the model is right."""
     plant = plant_of({"a": "b", "b": "0"}, "a")

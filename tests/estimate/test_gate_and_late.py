@@ -75,6 +75,7 @@ def known_by(t: float) -> list[tuple[float, float]]:
     return list(zip(TAKEN[known].tolist(), VALUES[known].tolist(), strict=True))
 
 
+@pytest.mark.costly
 def test_a_filter_of_what_has_come_so_far_is_that_of_an_independent_simulator() -> None:
     result = found(EKF, DELAYS)
     for t, x in zip(result.time, result.observers["O"].xhat, strict=True):
@@ -93,6 +94,7 @@ def test_a_judgement_is_made_anew_when_an_older_sample_comes() -> None:
     assert any(before - after for before, after in pairwise(judged))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("block", [EKF, SHGO], ids=["ekf", "shgo"])
 def test_in_the_end_the_order_of_arrival_does_not_matter(block: Block) -> None:
     in_time = found(block, np.zeros_like(DELAYS))
@@ -152,6 +154,7 @@ def test_samples_that_are_passed_at_once_are_judged_as_one_by_one(
     np.testing.assert_array_equal(at_once.observers["O"].xhat, one_by_one.observers["O"].xhat)
 
 
+@pytest.mark.costly
 def test_a_mark_keeps_few_of_the_samples_of_a_long_log(monkeypatch: pytest.MonkeyPatch) -> None:
     """Those on their way, and those that are looked at together: it would else take the square of their number."""
     count = 1200

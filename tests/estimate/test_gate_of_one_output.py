@@ -43,6 +43,7 @@ def found(block: Block, kept: np.ndarray, late: float = 0.0) -> Result:
     return estimate(source(config(block)), both(kept, delays), sensitivity=False)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", ["ekf", "ukf"])
 @pytest.mark.parametrize("late", [0.0, 0.5])
 def test_the_estimate_is_that_of_the_log_without_the_outlier(kind: str, late: float) -> None:

@@ -140,6 +140,7 @@ def log(seed: int) -> list[Sample]:
     return [*found[:-3], (moved, max(moved, known), 1, y), *found[-2:]]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("late", ["innovation", "replay"])
 def test_estimates_are_those_of_plain_integrations(late: str) -> None:
     samples, times = sorted(log(3)), [1.0, 2.0, 3.0, 4.0]

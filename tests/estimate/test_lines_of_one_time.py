@@ -55,6 +55,7 @@ def whole(prepared: PreparedEstimate) -> np.ndarray:
     return np.stack(estimates(prepared, TAKEN, raw), axis=1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("order", "remembered"), [(("ya", "yb"), 0), (("yb", "ya"), 1000)])
 def test_updates_one_after_the_other_have_the_bits_of_the_whole(
     prepared: PreparedEstimate, order: tuple[str, str], remembered: int

@@ -107,6 +107,7 @@ def test_what_is_written_is_that_of_the_whole(
         assert (back.integration_error or {})[label] == pytest.approx(error, rel=10.0)
 
 
+@pytest.mark.costly
 def test_times_that_are_equal_are_stored_once(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Under the names that each of them has, for every reader."""
     t = np.linspace(0.0, 6.0, COUNT)
@@ -129,6 +130,8 @@ def test_times_that_are_equal_are_stored_once(short: pytest.MonkeyPatch, tmp_pat
         np.testing.assert_array_equal(data["number"], np.arange(COUNT))
 
 
+@pytest.mark.measured("5")
+@pytest.mark.costly
 @pytest.mark.parametrize("size", [5, 64, 1000])
 def test_stretches_of_any_size_give_the_same_file(size: int, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     short.setattr(stretches, "_STRETCH", size)
@@ -137,6 +140,7 @@ def test_stretches_of_any_size_give_the_same_file(size: int, short: pytest.Monke
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("hold", ["zero", "linear"])
 def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Everything happens at the samples: no other events have to be looked for."""
@@ -168,6 +172,7 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 
+@pytest.mark.costly
 def test_an_observer_that_is_lost_stays_so(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     whole, found = _both(_log(), tmp_path / "a.h5", "shgo", solver={"step": 0.02, "divergence": 0.9})
     assert found is not None
@@ -176,6 +181,7 @@ def test_an_observer_that_is_lost_stays_so(short: pytest.MonkeyPatch, tmp_path: 
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 
+@pytest.mark.costly
 def test_what_is_said_stands_in_the_file(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     short.setattr("hgorun.estimate.estimate._MOST", 10)
     whole, found = _both(_log(), tmp_path / "a.h5", "shgo", sensitivity=True, **FIXED)

@@ -16,6 +16,7 @@ DAMPED: Block = inline({"x1": "x2", "x2": "-x1 - 0.3*x2"}, "x1", initial={"x1": 
 KKL: Block = {"type": "kkl", "initial": {"x1": 0.2, "x2": 0.5}}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("start", [0.0, 7.0])
 def test_z_begins_at_the_first_sample_of_a_recording(start: float) -> None:
     run = prepare(
@@ -49,7 +50,6 @@ def of_a_driven_plant(request: pytest.FixtureRequest) -> PreparedRun:
     return prepare(experiment(DRIVEN, {"M": MHE}, step=0.01, time=time, measurement={"sampling": {"period": 0.25}}))
 
 
-@pytest.mark.measured("0.0")
 @pytest.mark.costly
 def test_inputs_that_are_functions_of_time_are_asked_for_in_recordings(driven: PreparedRun) -> None:
     simulated = simulate_prepared(driven)
@@ -58,6 +58,7 @@ def test_inputs_that_are_functions_of_time_are_asked_for_in_recordings(driven: P
     assert np.max(np.abs(found.observers["M"].xhat - simulated.x)[-1]) < 0.02
 
 
+@pytest.mark.costly
 def test_the_input_that_is_recorded_is_named(driven: PreparedRun) -> None:
     (y,) = of_simulation(driven).outputs.values()
     told = recording(y, v=held_input("v", y.taken, 0.1 * np.cos(y.taken)))

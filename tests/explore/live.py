@@ -117,12 +117,19 @@ class Live:
     """A session of a file, asked by keywords."""
 
     def __init__(
-        self, path: Path, *, run: str | None = None, query: str = "", folder: Path | None = None, alone: bool = False
+        self,
+        path: Path,
+        *,
+        run: str | None = None,
+        query: str = "",
+        folder: Path | None = None,
+        alone: bool = False,
+        patience: float = 0.0,
     ) -> None:
         self.bench = bench_of(path, run=run)
         self.keeper = Keeper(self.bench, folder or path.parent / "results", f"{path.stem}.explored.yaml", alone)
         self.worker, self.paper = AtOnce(), Paper()
-        self.session = Session(self.bench, self.keeper, self.worker, lambda job: job(), self.paper, query)
+        self.session = Session(self.bench, self.keeper, self.worker, lambda job: job(), self.paper, query, patience)
         self.number = 0
         self.begun = self.ask("begin")
 

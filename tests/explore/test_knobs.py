@@ -151,6 +151,7 @@ def states(draw: st.DrawFn) -> State:
     return state
 
 
+@pytest.mark.costly
 @settings(max_examples=40)
 @given(states())
 def test_an_address_is_the_state(state: State) -> None:

@@ -11,6 +11,7 @@ import yaml
 from live import Live, recorded
 from shell import Shell
 
+from hgorun.estimate.carrying import one_pass
 from hgorun.explore.bench import Bench
 
 
@@ -116,3 +117,33 @@ def test_what_does_not_fit_is_told(file: Path) -> None:
     before = shown(live)
     assert "expected a number above 0" in live.set("data.outputs.x.std", -1)["error"]
     assert shown(live) == before
+
+
+def test_counts_are_whole_numbers(file: Path) -> None:
+    """Of forty samples one is far off, and the gate of either observer leaves it out."""
+    log = file.parent / "log.csv"
+    lines = log.read_text().splitlines()
+    t, _, w = lines[61].split(",")
+    lines[61] = f"{t},9.0,{w}"
+    log.write_text("\n".join(lines))
+    picture = Live(file).begun["picture"]
+    place = picture["columns"].index("gated x")
+    assert [row["cells"][place] for row in picture["rows"]] == [["1", "1.0"]] * 2
+
+
+def test_a_given_step_is_carried_out_once(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """How large its error is the page does not show; one that is sought follows from two passes."""
+    passes: list[float | None] = []
+
+    def counted(*arguments: Any, **named: Any) -> Any:
+        passes.append(arguments[3] if len(arguments) > 3 else None)
+        return one_pass(*arguments, **named)
+
+    monkeypatch.setattr("hgorun.estimate.carrying.one_pass", counted)
+    Live(file)
+    assert len(passes) == 2 * passes.count(None)
+    assert passes.count(None) >= 1
+    passes.clear()
+    file.write_text(file.read_text() + "solver: {method: rk4, step: 0.01}\n")
+    Live(file)
+    assert passes == [None]

@@ -167,6 +167,7 @@ def test_a_page_has_one_channel(served: Served) -> None:
     assert asyncio.run(asked("x")) == [None]
 
 
+@pytest.mark.costly
 def test_the_page(served: Served) -> None:
     status, headers, body = served.get(f"/{served.page.secret}/")
     html = body.decode()
@@ -181,7 +182,6 @@ def test_the_page(served: Served) -> None:
     assert all("aria-label=" in one or 'id="file"' in one for one in named)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_figure_is_of_what_the_address_says(served: Served) -> None:
     begin = f"/{served.page.secret}/figure"

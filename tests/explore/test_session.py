@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -135,6 +136,23 @@ def test_a_settling_time_that_noise_decides_is_never(file: Path) -> None:
     shown = dict(zip(live.begun["picture"]["columns"], live.begun["picture"]["rows"][1]["cells"], strict=True))
     assert row.noisy("settling", "x2")
     assert shown["settling x2"] == ["never", repr(row.value("settling", "x2"))]
+
+
+def test_bounds_that_will_not_take_long_come_with_the_curves(file: Path) -> None:
+    """Once it is known how long they take: in one message, and otherwise after the curves, with the same numbers."""
+    told = {}
+    for patience in (0.0, math.inf):
+        live = Live(file, patience=patience)
+        live.worker.finish()
+        before = len(live.paper.told)
+        with_curves = live.set("measurement.noise.0.std", 0.02, final=False)["theories"]
+        assert len(with_curves) == (2 if patience else 0)
+        live.worker.finish()
+        messages = [one for one in live.paper.told[before:] if one.get("theories") and "drawn" in one["theories"][0]]
+        assert len(messages) == 1
+        told[patience] = live.theory()
+        assert [one["drawn"] for one in told[patience].values()] == ["decay", "decay"]
+    assert told[0.0] == told[math.inf]
 
 
 def test_observers_that_are_off_are_left_out(file: Path) -> None:
@@ -291,6 +309,7 @@ def test_samples_beyond_the_axes_are_told(file: Path) -> None:
     assert panel.beyond[-1] in live.begun["picture"]["said"]
 
 
+@pytest.mark.costly
 def test_the_bounds_come_after_the_curves(file: Path) -> None:
     """Those that are known already come with them."""
     live = Live(file)
@@ -302,6 +321,7 @@ def test_the_bounds_come_after_the_curves(file: Path) -> None:
     assert [one["label"] for told in live.paper.told[before : before + 1] for one in told["theories"]] == ["S"]
 
 
+@pytest.mark.costly
 def test_bounds_have_the_names_of_their_equations(tmp_path: Path) -> None:
     """Two integrators: nothing but a late output keeps a theorem from holding."""
     (tmp_path / "a.yaml").write_text(CHAIN)

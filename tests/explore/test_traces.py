@@ -55,6 +55,7 @@ def test_only_what_has_changed_is_drawn_anew(tmp_path: Path) -> None:
     assert kept(after, noisier, "S") == kept(after, noisier, "F") == [False, False]
 
 
+@pytest.mark.costly
 def test_bounds_of_an_observer_that_stays_are_drawn_with_the_curves(tmp_path: Path) -> None:
     live = page(tmp_path)
     live.worker.finish()

@@ -89,6 +89,7 @@ def drawn(tmp_path: Path) -> Drawn:
     return Drawn(path)
 
 
+@pytest.mark.costly
 def test_curves_are_those_of_a_simulation(drawn: Drawn) -> None:
     for value in (2.0, 4.0):
         drawn.set("observers.F.theta", value)
@@ -115,6 +116,7 @@ def test_only_what_has_changed_is_sent(drawn: Drawn) -> None:
     assert not any(drawn.sent[2].values())
 
 
+@pytest.mark.costly
 def test_an_observer_that_is_off_has_no_lines(drawn: Drawn) -> None:
     drawn.worker.finish()
     before = len(drawn.lines("error0"))

@@ -59,6 +59,7 @@ def prepared_of(folder: Path) -> PreparedEstimate:
     return prepare_estimate(completed(source, recording, "config", text), recording)
 
 
+@pytest.mark.costly
 def test_numbers(folder: Path) -> None:
     prepared = prepared_of(folder)
     run, events = prepared.run, prepared.run.schedule.events

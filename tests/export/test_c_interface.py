@@ -14,8 +14,10 @@ from exported_c import COMPILERS, Compiled, compile_c, driven, follow, load_all
 
 from hgorun.errors import ConfigError
 from hgorun.export.c_code import Real
+from hgorun.export.c_cost import costs
 from hgorun.export.c_files import c_files
-from hgorun.export.c_header import bytes_of, costs, header, max_steps
+from hgorun.export.c_header import header, max_steps
+from hgorun.export.c_memory import bytes_of
 from hgorun.export.c_source import Source
 from hgorun.export.names import identifier
 from hgorun.export.prepared import Wanted, exported, only

@@ -86,6 +86,7 @@ def test_held_outputs(delay: str, tmp_path: Path) -> None:
     compare(own, recorded(run, values))
 
 
+@pytest.mark.costly
 def test_inputs_that_are_told(tmp_path: Path) -> None:
     """On straight lines from one time to the next, and held before."""
     run = run_of("0.15", [], period=0.1)

@@ -130,6 +130,7 @@ def test_numbers(name: str, version: Version, tmp_path: Path) -> None:
     assert unit.get([unit.number[v] for v in unit.number if v.startswith("xhat")]) == pytest.approx(expected[0])
 
 
+@pytest.mark.costly
 def test_continuous_outputs_and_inputs(tmp_path: Path) -> None:
     """Held over a step: the same as a step that is told the same twice as often."""
     plant = inline({"a": "b", "b": "-a + u"}, "a", inputs={"u": "0"})
@@ -193,6 +194,8 @@ def test_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: py
         assert (code, message in err) == (2, True)
 
 
+@pytest.mark.measured("2.0")
+@pytest.mark.costly
 @pytest.mark.parametrize("version", VERSIONS)
 def test_a_step_that_fails_says_why_to_the_simulator(tmp_path: Path, version: Version) -> None:
     """Its input stays 0, where the plant's logarithm has no value."""

@@ -15,7 +15,7 @@ from matplotlib.mathtext import MathTextParser
 from hgorun.export.latex import Document, latex
 from hgorun.export.observer import Exported
 from hgorun.export.prepared import Wanted, exported
-from hgorun.export.typeset import broken, dotted, number, written
+from hgorun.export.typeset import Formula, _product, broken, dotted, number, written
 from hgorun.observers.base import OBSERVERS, SampledObserver
 from hgorun.simulation.preparation import prepare
 from hgorun.testing.cases import Subject
@@ -111,7 +111,7 @@ def test_every_line_can_be_typeset(name: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.measured("adaptive", "direct_dynamic", "filtering", "tracking", "ukf")
+@pytest.mark.measured("direct_dynamic", "filtering")
 @pytest.mark.parametrize("name", [name for name in sorted(OBSERVERS.names()) if name not in NOT_EXPORTED])
 def test_every_family_can_be_typeset(name: str) -> None:
     cls = OBSERVERS.find(name)
@@ -151,6 +151,13 @@ def test_signs_and_brackets() -> None:
         "e": r"1 \cdot 10^{-7} \, x + \min\left(x, \left|y\right|\right)",
         "f": (r"\left[0 < x\right] \, \exp\left(-y\right) + \left[0 \geq x\right] \, \ln\left(x\right)^{2}"),
     }
+
+
+def test_the_sign_of_either_factor_stands_before_both() -> None:
+    x, y = Formula(("x",)), Formula(("y",))
+    minus_x, minus_y = Formula(("-x",)), Formula(("-y",))
+    assert _product(minus_x, y).text == _product(x, minus_y).text == r"-x \, y"
+    assert _product(minus_x, minus_y).text == r"x \, y"
 
 
 def test_long_sums_are_broken() -> None:

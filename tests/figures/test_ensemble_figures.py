@@ -98,11 +98,13 @@ def test_medians_against_an_axis() -> None:
     assert figure.axes[0].get_xscale() == "log"
 
 
+@pytest.mark.costly
 def test_where_most_members_are_lost_the_median_ends() -> None:
     _, y = lines(against(made(), THETA, ["rmse"]), 0, "S")
     assert np.isfinite(y).tolist() == [True, True, True, False]
 
 
+@pytest.mark.costly
 def test_observers_have_their_colours_of_everywhere() -> None:
     figure = against(made(), THETA, ["rmse"])
     colours = {line.get_label(): line.get_color() for line in figure.axes[0].lines}
@@ -216,6 +218,7 @@ def test_a_map_names_both_ends_of_its_axes() -> None:
     assert (shown[0], shown[-1]) == ("0", "11")
 
 
+@pytest.mark.costly
 def test_a_family_has_a_line_for_every_member_that_was_kept() -> None:
     members = made()
     kept = members.trajectories

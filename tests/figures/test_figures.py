@@ -98,6 +98,7 @@ def test_a_comparison_shows_every_state_and_its_error_for_every_observer(result:
     assert compared.legends[0].get_title().get_text() == "Contois, sampled"
 
 
+@pytest.mark.costly
 def test_the_truth_is_black_dashed_and_on_top(compared: Any) -> None:
     for ax in compared.axes[::2]:
         truth = lines(ax)["true"]
@@ -106,6 +107,7 @@ def test_the_truth_is_black_dashed_and_on_top(compared: Any) -> None:
         assert truth.get_zorder() > max(line.get_zorder() for k, line in lines(ax).items() if k != "true")
 
 
+@pytest.mark.costly
 def test_lines_are_the_data(result: Result) -> None:
     ax, errors = draw(result, block({"state": "x2"}, {"error": "x2"})).axes
     assert np.array_equal(lines(ax)["true"].get_ydata(), result.x[:, 1])
@@ -114,6 +116,7 @@ def test_lines_are_the_data(result: Result) -> None:
         assert np.array_equal(lines(errors)[label].get_ydata(), observer.xhat[:, 1] - result.x[:, 1])
 
 
+@pytest.mark.costly
 def test_labels_of_several_results_say_which(result: Result) -> None:
     other = replace(result, name="other", observers=dict(list(result.observers.items())[:1]))
     ax = comparison([result, other, other]).axes[0]
@@ -159,6 +162,7 @@ def test_missing_samples_of_an_output_are_left_out(result: Result) -> None:
     assert len(lines(draw(partial, block({"output": "x1"})).axes[0])["measured"].get_xdata()) == SAMPLES // 2
 
 
+@pytest.mark.costly
 def test_window_limits_and_titles(result: Result) -> None:
     figure = draw(
         result,
@@ -323,6 +327,7 @@ def test_families_that_are_compared_differ() -> None:
     assert min(abs(lightness(a) - lightness(b)) for a, b in combinations([*thesis, "black"], 2)) > 9
 
 
+@pytest.mark.costly
 def test_the_filter_order_of_a_run_decides_the_colour(result: Result) -> None:
     assert [o.filter_order for o in result.observers.values()] == [None, 1, 2]
     shown = lines(draw(result, block({"state": "x1"})).axes[0])
@@ -366,6 +371,7 @@ def test_an_estimate_that_is_undefined_at_first_is_drawn_from_where_it_is_a_numb
     assert drawn["late (undefined)"].get_xdata()[0] == result.time[5]
 
 
+@pytest.mark.costly
 def test_one_wild_estimate_does_not_hide_the_rest(result: Result) -> None:
     noise = np.sin(40 * result.time)[:, None]
     wild = with_observers(result, good=result.x + 0.01 * noise, wild=result.x + 1e5 * noise)

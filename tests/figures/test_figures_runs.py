@@ -71,6 +71,7 @@ def legend(figure: Any) -> list[str]:
 # Runs
 
 
+@pytest.mark.costly
 def test_a_panel_of_one_run_shows_its_truth_measurements_and_observers() -> None:
     first, second = draw([A, B], block({"state": "x1", "run": "b", "measurements": True}, {"output": "x1"})).axes
     assert set(lines(first)) == {"true", "measured", "SHGO", "FHGO"}
@@ -103,6 +104,7 @@ def test_labels_say_the_run_only_where_the_figure_shows_several() -> None:
     assert legend(named) == ["true", "a: SHGO", "filtered", "b: SHGO", r"filtered, $T_e = 0.25$"]
 
 
+@pytest.mark.costly
 def test_observers_of_one_text_and_look_are_one_entry() -> None:
     panels = [{"state": "x1", "observers": [f"{name}/SHGO"]} for name in "ab"]
     figure = draw([A, B], block(*panels, labels={"SHGO": "standard"}))
@@ -198,6 +200,7 @@ def scaling(*extra: dict[str, Any], **keys: Any) -> Any:
     return draw([A], block(panel, *extra), scalings={0: SCALED})
 
 
+@pytest.mark.costly
 def test_a_scaling_panel_has_points_on_the_lines_of_theory() -> None:
     figure = scaling()
     (ax,) = figure.axes

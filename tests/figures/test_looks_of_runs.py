@@ -71,6 +71,7 @@ def test_one_text_twice_in_a_panel_is_two_colours() -> None:
     assert first.colour != second.colour
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("count", [7, 8, 9, 11])
 def test_no_entry_stands_alone_below_a_row_of_others(count: int) -> None:
     figure, (ax,) = grid(1, 1, 6.0, 3.0, share=False)

@@ -230,6 +230,7 @@ def recorded(result: Result, used: np.ndarray) -> Result:
     return replace(result, recorded=Recorded({result.outputs[0]: one}, {}, {}), measures={result.outputs[0]: "x1"})
 
 
+@pytest.mark.costly
 def test_samples_that_one_of_two_observers_left_out_say_whose(result: Result) -> None:
     count = result.time[::5].size
     used = np.ones((count, 2), dtype=bool)
@@ -294,6 +295,7 @@ def test_settings_of_matplotlib_are_those_of_nine_points() -> None:
         assert matplotlib.rcParams["font.size"] == 9
 
 
+@pytest.mark.costly
 def test_an_error_that_stays_is_not_cut_beside_a_smaller_one_but_a_transient_is(result: Result) -> None:
     t = result.time
     small, steady, transient = 0.04 * np.cos(9 * t), 2.0 * np.cos(9 * t), 2.0 * np.exp(-9 * t)

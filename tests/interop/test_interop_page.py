@@ -30,6 +30,7 @@ def ran(tmp_path_factory: pytest.TempPathFactory) -> dict[str, object]:
     return found
 
 
+@pytest.mark.costly
 def test_the_observer_of_theirs_estimates_what_ours_does(ran: dict[str, object]) -> None:
     result, estimate = ran["result"], ran["estimate"]
     ours = result.observers["SHGO"].xhat  # type: ignore[attr-defined]  # what the page has made

@@ -98,6 +98,7 @@ def test_the_analysis_predicts_it_along_the_run(
         assert predicted[state] == pytest.approx(value, rel=0.02)
 
 
+@pytest.mark.costly
 def test_the_analysis_says_why_it_cannot(tmp_path: Path) -> None:
     found = hgorun.analyze(load(tmp_path, config(CHIRP))).observers["A"]
     assert found.reasons["noise_rms_predicted"] == "noise of type chirp has no spectrum that is known"
@@ -124,6 +125,7 @@ def test_wrong_keys_are_told_with_their_line(tmp_path: Path) -> None:
             load(tmp_path, config(noise))
 
 
+@pytest.mark.costly
 def test_schema_and_catalogue_know_it(capsys: pytest.CaptureFixture[str]) -> None:
     schema = build_schema()
     jsonschema.validate(config(CHIRP), schema)

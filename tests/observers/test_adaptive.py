@@ -108,6 +108,7 @@ def test_two_outputs_share_their_parameters() -> None:
     np.testing.assert_allclose(found.internal["rho"][-1], [0.6, -0.2], atol=1e-6)
 
 
+@pytest.mark.costly
 def test_what_nothing_excites_does_not_grow_for_ever_and_can_be_learned_later() -> None:
     plant = {**chain(2), "disturbance": {"x2": "where(t > 12, 0.5, 0)"}}
     block = {**psi(2, x2=["where(t > 12, 1, 0)"]), "p_max": 1e4}

@@ -104,6 +104,7 @@ def test_a_ramp_is_followed_by_two_integrators_behind_a_filter() -> None:
     np.testing.assert_allclose(found.internal["sigma"][-1], [0.7 * 15 - 1, 0.7], atol=1e-5)
 
 
+@pytest.mark.costly
 def test_poles_are_those_of_the_longer_chain() -> None:
     made = experiment(chain(2), {"F": {"type": "fhgo2", "theta": 5, "r": 1, "extend": 1, "poles": [-1, -1.5, -2, -3]}})
     found = hgorun.analyze(made).observers["F"].values

@@ -96,6 +96,7 @@ def test_of_one_degree_it_is_homogeneous(n: int, d: float) -> None:
     np.testing.assert_allclose(after(weights * start, 0.01), weights * after(start, 0.01 * scale**d), rtol=1e-11)
 
 
+@pytest.mark.costly
 def test_time_to_come_down_is_bounded_where_large_errors_have_a_degree_above_zero() -> None:
     """From (s, 0), s = 1, 1e2, 1e4, to |e| <= 1e-6; computed elsewhere."""
     expected = {

@@ -324,6 +324,7 @@ def test_two_outputs_of_luenberger() -> None:
             )
 
 
+@pytest.mark.costly
 def test_a_sweep_of_the_plant_designs_each_gain(tmp_path: Path) -> None:
     """The gain of a linear plant follows its parameters, in company as alone."""
     plant = inline({"a": "b", "b": "-w*a"}, "a", parameters={"w": 1})

@@ -173,6 +173,7 @@ def test_short_periods_lead_to_the_standard_observer() -> None:
 TWO = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"angle": "a", "energy": "b**2/2 - cos(a)"})
 
 
+@pytest.mark.costly
 def test_outputs_that_come_together_enter_at_one_estimate() -> None:
     """Against the textbook's formula with the inverse of a matrix, the output that is missing left out."""
     measurement: Block = {
@@ -213,6 +214,7 @@ def _flown(x: np.ndarray, P: np.ndarray, span: float) -> tuple[np.ndarray, np.nd
     return x, P
 
 
+@pytest.mark.costly
 def test_an_output_without_samples_is_as_if_it_were_not_there() -> None:
     keys = {"type": "ekf", "Q": {"b": 0.1}, "R": 0.02}
     one = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"angle": "a"})
@@ -224,6 +226,7 @@ def test_an_output_without_samples_is_as_if_it_were_not_there() -> None:
     np.testing.assert_allclose(alone.internal["P"], both.internal["P"], rtol=1e-14)
 
 
+@pytest.mark.costly
 def test_alone_and_in_company_with_outputs_at_their_own_times() -> None:
     measurement: Block = {
         "noise": [{"type": "gaussian", "std": 0.05}],
@@ -313,6 +316,7 @@ def test_phases_with_other_sampling_have_one_variance() -> None:
         simulated(OSCILLATOR, {"B": {"type": "kalman_bucy", "q": 1}}, measurement=measurement)
 
 
+@pytest.mark.costly
 def test_a_battery_that_no_observer_of_chains_takes() -> None:
     """Open-circuit voltage, polarisation, ohmic drop: the state of charge within 1 % from a start 40 % off."""
     plant: Block = {

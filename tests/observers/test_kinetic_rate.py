@@ -85,6 +85,7 @@ def of_a_rate_that_is_a_state() -> Result:
     return simulated(plant, {"R": rate, "H": {"type": "kalman_bucy", "Q": {"v": 1}, "R": 0.1}}, end=2)
 
 
+@pytest.mark.costly
 def test_of_states_without_a_balance_nothing_is_said(without_balance: Result, tmp_path: Path) -> None:
     unestimated = {"R": ("v",), "H": ()}
     assert {label: one.unestimated for label, one in without_balance.observers.items()} == unestimated

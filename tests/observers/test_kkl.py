@@ -12,7 +12,7 @@ import hgorun
 from hgorun.analysis.finding import FINDINGS
 from hgorun.errors import ConfigError, Problem
 from hgorun.export.prepared import exported
-from hgorun.observers.kkl_map import left_inverse, of_linear_plant
+from hgorun.observers.kkl_map import Escaped, _steps, left_inverse, of_linear_plant
 from hgorun.result.result import Result
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation import prepare
@@ -40,6 +40,7 @@ def test_rows_of_sylvesters_equation() -> None:
     assert np.max(np.abs(residual)) < 1e-14
 
 
+@pytest.mark.costly
 def test_with_as_many_eigenvalues_as_states_it_is_luenbergers_observer() -> None:
     """L = (5, 5), also with an input and a constant."""
     kkl: Block = {"type": "kkl", "lam": [2, 3], "initial": {"x1": -1, "x2": 2}}
@@ -84,6 +85,7 @@ def test_values_of_the_map_computed_elsewhere(duffing: Result) -> None:
     np.testing.assert_allclose(duffing.observers["right"].internal["z"][0], expected, atol=6e-7)
 
 
+@pytest.mark.costly
 def test_errors_of_the_inverse_computed_elsewhere(duffing: Result) -> None:
     found = rms(duffing)
     np.testing.assert_allclose(found["degree 1"], [3.17e-3, 4.72e-2], rtol=5e-3)
@@ -120,7 +122,6 @@ def test_samples_have_a_map_of_their_own() -> None:
     assert np.all(rms(found)["K"] < [1e-3, 1e-2])  # what is left of the start
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_plant_that_escapes_backwards_is_clipped_on_request() -> None:
     block: Block = {"type": "kkl", "box": {"x1": [-2.5, 2.5], "x2": [-4, 4]}, "degree": 3, "points": 200}
@@ -144,6 +145,7 @@ def test_ridge_keeps_coefficients_small_and_the_analysis_says_what_that_costs() 
     assert "inverse_error" not in linear.values
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.2}}])
 def test_lanes(measurement: Block) -> None:
     runs = [
@@ -222,3 +224,12 @@ def test_what_cannot_be_observed_is_still_told_apart() -> None:
         of_linear_plant(turn.T @ A @ turn, C @ turn, values)
     A[0, 3:] = 1e-3
     assert of_linear_plant(turn.T @ A @ turn, C @ turn, values).shape == (26, 6)
+
+
+def test_an_orbit_that_leaves_its_reach_has_escaped_there() -> None:
+    """x' = x^2 from 1 is 1/(1 - t): from 2 on, a hundred reaches away at the latest just before t = 1."""
+    start = np.array([1.0])
+    with pytest.raises(Escaped) as caught:
+        list(_steps(lambda s, x: x**2, start, 2.0, start[None], np.array([0.01])))
+    assert np.array_equal(caught.value.x, start)
+    assert 0 < caught.value.after < 1

@@ -79,7 +79,6 @@ def test_fixed_is_the_plain_loop(fixed: hgorun.Result) -> None:
     assert difference(fixed) < 1e-9
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_sa_is_the_plain_loop(sa: hgorun.Result) -> None:
     """The steps are those of the paper: t_k = sum of a(j)."""

@@ -112,6 +112,7 @@ def test_a_longer_window_finds_back_from_a_wrong_start() -> None:
     assert errors["M"] < 0.4
 
 
+@pytest.mark.costly
 def test_an_output_that_is_never_there_changes_nothing() -> None:
     two = {**OSCILLATOR, "output": ["x1", "x2"]}
     silent: Block = {**SAMPLES, "outputs": {"x2": {"sampling": {"period": T, "offset": 100}}}}
@@ -120,6 +121,7 @@ def test_an_output_that_is_never_there_changes_nothing() -> None:
     np.testing.assert_allclose(other.observers["M"].xhat, one.observers["M"].xhat, atol=1e-13)
 
 
+@pytest.mark.costly
 def test_late_samples_are_as_good_as_early_ones() -> None:
     """Replayed: the estimate is that without delay, carried on by the plant."""
     arriving: Block = {"sampling": {"period": T, "offset": 2 * T}, "noise": NOISE, "delay": T}

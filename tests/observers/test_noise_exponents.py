@@ -161,6 +161,7 @@ def test_simulated_amplitudes_are_the_frequency_response(phi: str) -> None:
             np.testing.assert_allclose(found[label], amplitudes(plant, block, omega), rtol=1e-4, err_msg=label)
 
 
+@pytest.mark.costly
 def test_simulated_exponents() -> None:
     found = exponents_of_run(chain(3, start=0), BLOCKS, (100.0, 200.0))
     laws = {"shgo": [1, 1, 1], "treangle": [2, 3, 4], "low_power": [1, 2, 2]}

@@ -90,6 +90,7 @@ def largest(result: Result) -> dict[str, np.ndarray]:
     return {name: np.abs(o.xhat - result.x).max(axis=0)[1:] for name, o in result.observers.items()}
 
 
+@pytest.mark.costly
 def test_peaks_grow_with_theta_or_do_not() -> None:
     """Slopes of log peak in log theta, and the peaks themselves."""
     results = {theta: peaks(theta) for theta in (10, 50, 100, 1000)}
@@ -305,7 +306,6 @@ def test_linear_theory_holds_inside_the_saturations_and_says_so() -> None:
         assert values.get("nonlinear_share", 0) == 0
 
 
-@pytest.mark.measured
 @pytest.mark.parametrize(
     ("name", "more"),
     [
@@ -318,7 +318,6 @@ def test_they_keep_the_contract(name: str, more: Block) -> None:
     check_observer(OBSERVERS.find(name), more)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_the_cascade_keeps_the_contract_on_a_longer_chain() -> None:
     check_observer(OBSERVERS.find("cascade"), {"M": [3.0, 3.0]}, plants=[JERK])

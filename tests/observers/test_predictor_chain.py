@@ -196,6 +196,7 @@ def test_alone_in_company_and_in_lanes(sampling: Block) -> None:
         assert np.array_equal(together.rows[..., lane], integrate(one, as_given(one)).rows[..., 0])
 
 
+@pytest.mark.costly
 def test_a_sweep_of_theta(tmp_path: Path) -> None:
     """Of which the number of copies follows: members of two structures."""
     base = experiment(VDP, {"K": of()}, end=3, step=0.01, measurement={"delay": 1})

@@ -385,6 +385,7 @@ def test_two_outputs_as_a_plain_simulator_has_them(family: str, sampled: bool) -
 # ---- laws ----
 
 
+@pytest.mark.costly
 def test_lyapunov_and_riccati_form_of_the_gain_are_one() -> None:
     """Two discretisations of order four of one observer: their distance falls like h^4."""
     gaps = []

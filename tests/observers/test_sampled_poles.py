@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
-from examples import Block, chain, inline, simulated
+from examples import Block, chain, findings, inline, simulated
 from scipy.linalg import expm, solve_discrete_lyapunov
 
 from hgorun import Experiment
 from hgorun.analysis.convergence.gains import error_dynamics
+from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
 from hgorun.explore.knobs import knobs_of
 from hgorun.observers.sampled_poles import damping
@@ -118,6 +119,14 @@ def test_what_is_advised_once_holds(theta: float, period: float, delay: float, T
     assert said is not None
     assert float(said[1]) * (period + delay) > 1  # not so small that anything would do
     assert found(float(said[1])).status == "ok"
+
+
+@pytest.mark.parametrize(("block", "expected"), [({"poles_for_period": 0.1}, 1), ({"poles": -1}, 0)])
+def test_the_bound_on_theta_is_said_to_be_with_the_present_poles(block: Block, expected: int) -> None:
+    wanted = [one for one in findings("convergence") if one.name == "theta_bound"]
+    found = analyze(Experiment(config({"theta": 4, **block})), wanted).observers["S"]
+    assert found.values["theta_bound"] == 1  # phi = 0: no slope has to be overcome
+    assert len([one for one in found.remarks if one.startswith("theta_bound is with the poles at")]) == expected
 
 
 def test_a_chain_at_a_speed_has_the_poles_of_its_own_theta() -> None:

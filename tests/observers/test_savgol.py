@@ -16,6 +16,7 @@ PLANT = chain(2, "-x1 - 0.5*x1**3", [1, 0])
 NOISE: Block = {"noise": [{"type": "gaussian", "std": 0.1}]}
 
 
+@pytest.mark.costly
 def test_contract() -> None:
     check_observer(SavitzkyGolayFilter)
 

@@ -130,6 +130,7 @@ RELATIVES = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", RELATIVES)
 def test_two_outputs_are_two_observers(name: str) -> None:
     """Chains of three and of two that do not meet."""

@@ -99,6 +99,7 @@ def test_numbers_of_the_figures_with_continuous_output(figure: str) -> None:
         within(found[name], numbers, name)
 
 
+@pytest.mark.costly
 def test_numbers_of_figure_3_6() -> None:
     """T_e = 0.2, d_M = 0.1: the time-varying delay d_1 = d_M |cos(k T_e)|."""
     metrics = {"window": [10, 40], "transient": [0, 10], "average": 1}

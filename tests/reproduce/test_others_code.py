@@ -42,7 +42,6 @@ MEAN = Metric(name="mean_size", meaning="mean", unit="state", measure=measure)
 """
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_noise_metrics_and_the_modules_beside_them_are_ingredients(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch

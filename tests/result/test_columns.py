@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
@@ -13,6 +14,7 @@ from hgorun.result.metrics.base import all_metrics
 from hgorun.result.windows import MetricSettings
 
 
+@pytest.mark.costly
 @given(
     points=st.integers(2, 300),
     states=st.integers(2, 4),

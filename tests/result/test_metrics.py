@@ -59,6 +59,7 @@ def naive(t: np.ndarray, x: np.ndarray, xhat: np.ndarray, s: MetricSettings) -> 
     }
 
 
+@pytest.mark.costly
 @given(
     points=st.integers(2, 90),
     states=st.integers(1, 3),
@@ -156,6 +157,7 @@ def test_a_metric_of_another_package_is_like_one_of_ours(tmp_path: Path, capsys:
     assert "size of the mean error" in capsys.readouterr().out
 
 
+@pytest.mark.costly
 def test_files_with_more_and_with_fewer_metrics_are_compared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     few = small().save(tmp_path / "few.h5")
     with installed(tmp_path, monkeypatch, METRICS, "my_metrics", BIAS, bias="BIAS"):

@@ -55,6 +55,7 @@ def file(config: Path) -> Path:
     return hgorun.simulate(hgorun.load(config)).save(config.with_suffix(".h5"))
 
 
+@pytest.mark.costly
 def test_layout(file: Path, config: Path) -> None:
     with h5py.File(file) as f:
         attributes = dict(f.attrs)
@@ -123,6 +124,8 @@ def test_read_gives_back_what_was_saved(file: Path, config: Path) -> None:
     np.testing.assert_equal(back.metrics(), result.metrics())
 
 
+@pytest.mark.measured("verdict0")
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "verdict",
     [Verdict("inaccurate", None, "error 3e-2"), Verdict("undefined", 0.5, "sqrt of a negative number"), Verdict()],
@@ -156,6 +159,7 @@ def test_files_of_older_versions_say_the_time_in_the_status(file: Path, tmp_path
     assert back.status == "diverged"
 
 
+@pytest.mark.costly
 def test_resolved_configuration_gives_the_same_run(file: Path, tmp_path: Path) -> None:
     back = hgorun.read(file)
     path = tmp_path / "small.yaml"
@@ -362,12 +366,14 @@ def test_numbers_written_anew_do_not_have_the_digest(name: str, file: Path, tmp_
         hgorun.read(damaged(file, tmp_path / "changed.h5", change))
 
 
+@pytest.mark.costly
 def test_attributes_that_changed_do_not_have_the_digest(file: Path, tmp_path: Path) -> None:
     for change in (attribute("status", "fine"), attribute("gains", "{}", "observers/SHGO")):
         with pytest.raises(hgorun.ConfigError, match="attributes are damaged"):
             hgorun.read(damaged(file, tmp_path / "changed.h5", change))
 
 
+@pytest.mark.costly
 def test_a_file_of_before_has_no_digests_and_opens(file: Path, tmp_path: Path) -> None:
     def without(f: h5py.File) -> None:
         del f.attrs["sha256"]

@@ -146,6 +146,7 @@ def test_what_cannot_be_followed_is_said() -> None:
     assert "tanh(s/eps)" in result.verdict.reason  # what to do
 
 
+@pytest.mark.costly
 def test_with_a_chosen_method_it_is_met_or_said() -> None:
     result = simulate(oscillator(BAND, solver={"method": "rk4"}))
     exact = simulate(oscillator(BAND, solver={"method": "dopri5", "rtol": 1e-9, "max_step": 5e-5}))

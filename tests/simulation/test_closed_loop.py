@@ -282,6 +282,7 @@ LINEAR: Block = {
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [{}, {"sampling": {"period": 0.1}}])
 def test_the_covariance_of_a_linear_plant_does_not_depend_on_the_law(measurement: Block) -> None:
     """Riccati equations and samples are solved here without any law, for P has none in it."""

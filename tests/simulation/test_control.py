@@ -16,6 +16,8 @@ from scipy.linalg import expm
 
 from hgorun import Experiment, Result, simulate
 from hgorun.errors import ConfigError
+from hgorun.result.status import Verdict
+from hgorun.simulation.control import _when
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.steps import part_of_difference, uneven_steps
 
@@ -145,6 +147,7 @@ def test_default_settings_are_right(name: str) -> None:
     assert max(result.integration_error.values()) <= 1e-3
 
 
+@pytest.mark.costly
 def test_the_accuracy_can_be_chosen() -> None:
     case = CASES["a wrong first estimate"]
     errors, evaluations = [], []
@@ -343,6 +346,7 @@ def test_a_pulse_among_many_extremes_is_met(end: float) -> None:
     assert result.remarks == ()
 
 
+@pytest.mark.costly
 def test_pulses_that_cannot_all_be_found_are_said() -> None:
     """Fifteen thousand narrow pulses: their slope is lost in underflow between them."""
     plant = inline({"x": "u - x"}, "x", inputs={"u": "3e4*exp(-(sin(50*pi*t)/1e-3)**2)"}, initial={"x": 0})
@@ -359,6 +363,7 @@ def test_pulses_of_noise_that_cannot_all_be_found_are_said_of_the_observers() ->
     assert (result.verdict.status, result.observers["S"].status) == ("ok", "inaccurate")
 
 
+@pytest.mark.costly
 def test_many_extremes_that_the_steps_see_are_not_told() -> None:
     """A hundred thousand periods of mains power: the steps of the run follow each of them."""
     plant = inline({"x": "sin(2*pi*100*t)**2 - x"}, "x", initial={"x": 0})
@@ -401,3 +406,22 @@ def test_steps_that_are_compared_are_others(ratio: float) -> None:
     for order in (1, 2, 4):
         parts = [part_of_difference(np.array([n]), ratio, order) for n in (1, 2, 3, 10, 1000)]
         assert max(parts) < 3.5
+
+
+def test_an_observer_of_which_nothing_is_said_is_never_lost_and_one_without_a_time_always() -> None:
+    assert _when(None) == np.inf
+    assert _when(Verdict("diverged", 2.5)) == 2.5
+    assert _when(Verdict("failed")) == -np.inf
+
+
+def test_a_bound_that_is_given_decides_who_has_diverged() -> None:
+    """Without a correction the estimate is 2 e^t, and passes 5 at ln 2.5."""
+    plant = inline({"x1": "x1"}, "x1", start=1.0)
+    result = simulate(
+        experiment(
+            plant, {"A": {"type": "shgo", "theta": 1e-9, "initial": {"x1": 2}}}, end=3.0, solver={"divergence": 5}
+        )
+    )
+    verdict = result.observers["A"].verdict
+    assert verdict.status == "diverged"
+    assert verdict.at == pytest.approx(np.log(2.5), abs=0.1)

@@ -143,6 +143,7 @@ def words(swept: Sweep) -> list[str]:
     return [["ok", "inaccurate", "diverged", "undefined", "failed"][int(k)] for k in np.ravel(swept.status)]
 
 
+@pytest.mark.costly
 def test_a_sweep_says_it_as_a_run_alone_does(tmp_path: Path) -> None:
     """Of an output that is zero where the run begins, and with noise."""
     thetas = {"A": 3.0, "B": 30.0, "C": 80.0, "D": 100.0}

@@ -80,6 +80,7 @@ def test_longest_periods_on_chains(n: int, gamma: float | str, limit: float) -> 
         assert found[name] == pytest.approx(limit / theta, rel=3e-4)
 
 
+@pytest.mark.costly
 def test_one_without_a_limit() -> None:
     run = experiment(chain(1), {"S": shrinking(2, 2)}, end=2, step=0.01, measurement={"sampling": {"period": 0.1}})
     assert (

@@ -60,6 +60,7 @@ def both(known: Known, one: Experiment) -> Result:
     return found
 
 
+@pytest.mark.costly
 def test_only_what_differs_is_integrated(integrated: list[list[str]]) -> None:
     known, base = Known(), contois({"S": HIGH, "F": FILTERED, "G": FILTERED | {"theta": 3}})
     both(known, base)

@@ -150,6 +150,7 @@ def test_continuous_observers_can_be_taken_back_too() -> None:
     assert np.max(np.abs(by_innovation.xhat - replayed.xhat)) > 1e-3
 
 
+@pytest.mark.costly
 def test_late_samples_are_left_out() -> None:
     """Of two outputs one is late: the observer is that of the other alone."""
     plant = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"y": "a", "z": "a + b"}, 0.8)
@@ -214,6 +215,7 @@ def test_what_cannot_be_is_refused(block: Block, measurement: Block, message: st
         hgorun.simulate(experiment(PENDULUM, {"o": block}, measurement=measurement))
 
 
+@pytest.mark.costly
 def test_in_lanes() -> None:
     starts = [{"a": 0.1 * k} for k in range(4)]
     runs = [
@@ -229,6 +231,7 @@ def test_in_lanes() -> None:
         assert np.array_equal(together.rows[..., lane], alone.rows[..., 0])
 
 
+@pytest.mark.costly
 def test_theory_of_the_innovation_is_not_told_of_a_replay() -> None:
     base = experiment(chain(2, "-x1"), {"S": SHGO | {"late": "replay"}, "T": SHGO}, end=4, step=STEP,
                       measurement={"sampling": {"period": 0.1}, "delay": "0.2"})  # fmt: skip

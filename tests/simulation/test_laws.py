@@ -159,6 +159,7 @@ def test_pieces_of_a_long_segment_do_not_change_bits(
     assert same(whole, pieces, "S", "F")
 
 
+@pytest.mark.costly
 def test_a_pause_inside_an_adaptive_segment(tmp_path: Path) -> None:
     """More steps in one segment than native code makes at one go."""
     config = configuration({"noise": SINE}, {"F": FHGO}) | {"plant": PLANT | {"inputs": {"u": "cos(3*t)"}}}
@@ -336,6 +337,8 @@ def exact_covariance(M: np.ndarray, b: np.ndarray, hold: float, count: int) -> t
     return P, np.sqrt(total / count)
 
 
+@pytest.mark.measured("2-sigma0")
+@pytest.mark.costly
 @pytest.mark.parametrize(("n", "sigma"), [(2, [3.536, 15.81]), (3, [4.541, 41.83, 136.9])])
 def test_held_white_noise(n: int, sigma: list[float], tmp_path: Path) -> None:
     """Poles at -10. Noise of unit density held for 0.01 is white to the observer within half a percent."""

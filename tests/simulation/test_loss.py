@@ -50,6 +50,19 @@ def test_a_logarithm_before_which_controlled_steps_end(solver: Block) -> None:
     assert float(said[1]) == pytest.approx(2 / 800, rel=0.1)
 
 
+@pytest.mark.parametrize("period", [0.25, 1.0])
+def test_a_root_behind_a_jump_of_controlled_steps(period: float) -> None:
+    """A sample takes the estimate of h1 below 0: h1+ = h1 + P12/(P22 + R) (y - h2), before any step."""
+    plant = inline({"h1": "0.1 - sqrt(h1)", "h2": "sqrt(h1) - sqrt(h2)"}, "h2", initial={"h1": 0.1, "h2": 0.1})
+    observer: Block = {"type": "ekf", "R": 0.01, "Q": {"h1": 1, "h2": 1}, "initial": {"h1": 0.2, "h2": 2}}
+    observer["internal"] = {"P": [[1, 0.9], [0.9, 1]]}
+    first = {"offset": 0.05} if period == 1.0 else {}
+    measurement = {"sampling": {"period": period, **first}}
+    found = simulated(plant, {"K": observer}, end=1, output_step=0.01, measurement=measurement).observers["K"]
+    assert found.status == "undefined"
+    assert (found.reason or "").startswith("sqrt of a negative number (h1 = -1.")
+
+
 @pytest.mark.parametrize("missing", [None, 7])
 def test_an_estimate_that_cannot_be_read(missing: int | None) -> None:
     run = prepare(experiment(VAN_DER_POL, {"S": {"type": "shgo", "theta": 2}}, end=1, step=1e-2, output_step=0.1))

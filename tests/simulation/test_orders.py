@@ -117,6 +117,7 @@ def test_rk4_is_of_order_four(name: str, tmp_path: Path) -> None:
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("delay", ["0.25 + 0.1*sin(t)", "0.25 + 0.25*sin(t)"])
 def test_rk4_is_of_order_four_between_irregular_breakpoints(delay: Any, tmp_path: Path) -> None:
     """Steps in short gaps are not quite halved: the slope is clean later, at the end of the run."""
@@ -166,7 +167,6 @@ def test_rodas5p_with_fixed_steps_is_of_order_five(
     assert found == pytest.approx(dict.fromkeys(found, 5.0), abs=0.25)
 
 
-@pytest.mark.measured("0.25")
 @pytest.mark.slow
 @pytest.mark.parametrize("delay", [0.25, "0.5 + 0.05*sin(4*pi*t)"])
 def test_rodas5p_with_a_continuous_delay_has_the_order_of_the_cubic_history(delay: Any, tmp_path: Path) -> None:

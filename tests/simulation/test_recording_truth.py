@@ -91,6 +91,7 @@ def test_observers_that_jump_at_samples(inputs: RecordedInputs | None) -> None:
     assert_same_bits(run, inputs)
 
 
+@pytest.mark.costly
 def test_two_outputs_sampled_on_their_own() -> None:
     plant = inline({"a": "b", "b": "-a + c", "c": "d", "d": "-c - a*b"}, ["a", "c"])
     measurement = {

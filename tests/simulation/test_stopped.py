@@ -65,7 +65,6 @@ def test_what_fixed_steps_lose_as_well_has_diverged() -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("solver", [{}, {"method": "dopri5", "rtol": 1e-8}])
-@pytest.mark.measured("solver0")
 def test_in_a_sweep_the_same_is_said(solver: dict[str, Any]) -> None:
     base = pendulum_of(solver=solver)
     thetas = [5.0, 10.0, 12.0]

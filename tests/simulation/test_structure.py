@@ -199,6 +199,7 @@ def test_a_second_run_costs_no_symbolic_work(reached: str, change: str, monkeypa
     assert "sha256" not in counts or change in ("seed", "noise", "everything")
 
 
+@pytest.mark.costly
 def test_a_start_of_newtons_method_is_a_number(monkeypatch: pytest.MonkeyPatch) -> None:
     """x is found from y, y' by Newton's method, which starts at the plant's initial state."""
     observer = {"o": {"type": "levant", "G": 2, "initial": {"a": 0.1}}}
@@ -240,6 +241,7 @@ def test_what_the_equations_read_decides_the_structure() -> None:
     assert prepare(base.varied({"plant.inputs.D": "mu*cos(t)**2"})).structure is not known
 
 
+@pytest.mark.costly
 def test_a_rank_that_is_lost_is_refused_as_in_a_fresh_run() -> None:
     """y = a, a' = k b: for k = 0 the output does not show b."""
     plant = inline({"a": "k*b", "b": "-a"}, "a", parameters={"k": "2"})

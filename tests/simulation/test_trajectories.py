@@ -413,6 +413,7 @@ def test_start_away_from_zero(tmp_path: Path) -> None:
         assert difference_to_plain(result, VAN_DER_POL, options) < CLOSE
 
 
+@pytest.mark.costly
 def test_jitter_and_dropout(tmp_path: Path) -> None:
     """Which samples come, and when, is read from the result; the rest follows."""
     sampling = {"period": 0.1, "offset": 0.05, "jitter": 0.04, "dropout": 0.3}
@@ -447,6 +448,7 @@ def test_initial_filter_state_gains_and_theta(name: str, tmp_path: Path) -> None
     assert np.array_equal(result.observers["F"].internal["eta"][0], eta0)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("is_sampled", [False, True])
 def test_jumping_input(is_sampled: bool, tmp_path: Path) -> None:
     """From jump to jump by the plain simulator, started again each time; a sample arrives at every jump."""
@@ -566,6 +568,7 @@ def test_recorded_continuous_measurements(tmp_path: Path) -> None:
         np.testing.assert_allclose(seen.y[:, 0], noisy, rtol=0, atol=1e-6, err_msg=name)
 
 
+@pytest.mark.costly
 def test_signal_to_noise_ratio(tmp_path: Path) -> None:
     """20 dB: the variance of the noise is a hundredth of the mean square of the output over the run."""
     noise = [{"type": "gaussian", "snr_db": 20}]
@@ -702,6 +705,7 @@ def test_phases(model: Model, solver: dict[str, Any], tmp_path: Path) -> None:
         assert_near(result, exact, label, 1e-8)
 
 
+@pytest.mark.costly
 def test_phases_begin_in_silence(tmp_path: Path) -> None:
     """A sampled phase after a continuous one has no innovation until its first sample."""
     phases = [{"until": 1, "noise": SINE}, {"until": END, "sampling": {"times": [1.5, 2.0]}, "noise": SINE}]

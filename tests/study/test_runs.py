@@ -10,7 +10,8 @@ import hgorun
 from hgorun.noise.sinusoids import Sinusoids
 from hgorun.observers.fhgo2 import FilteredObserver2
 from hgorun.observers.shgo import StandardObserver
-from hgorun.result.quantities import Quantity, measure_quantity
+from hgorun.result.quantities import measure_quantity
+from hgorun.result.quantity import Quantity
 from hgorun.study.check import check
 from hgorun.study.measured import values_of
 
@@ -127,7 +128,6 @@ def test_a_claim_on_values_and_seeds_has_a_number_a_seed(tmp_path: Path) -> None
         assert found == pytest.approx(expected)
 
 
-@pytest.mark.measured
 @pytest.mark.slow
 def test_a_member_that_fails_says_where(tmp_path: Path) -> None:
     path = written(tmp_path, BASE.replace("n: 2,", "n: 2, phi: x1**3 + x1,"))

@@ -78,6 +78,7 @@ def test_multiplicative_noise_of_a_plant_that_moves(tmp_path: Path) -> None:
         np.testing.assert_allclose(observer.theory, observer.measured, rtol=0.03)
 
 
+@pytest.mark.costly
 def test_an_error_without_noise_is_in_the_line(tmp_path: Path) -> None:
     plant = chain(2, "-x1 - x2", start=0) | {"disturbance": {"x2": "sin(t)"}}
     observer = scaled(tmp_path, {"noise": SINUSOID}, plant=plant, of="rmse").observers["SHGO"]

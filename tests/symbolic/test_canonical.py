@@ -95,6 +95,7 @@ def test_states_in_another_order_are_no_obstacle() -> None:
     np.testing.assert_allclose(one.observers["o"].xhat, two.observers["o"].xhat[:, ::-1], atol=1e-14)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("block", [{"type": "shgo", "theta": 2}, {"type": "fhgo2", "theta": 2, "r": 2}])
 def test_two_outputs_that_do_not_meet_are_two_single_ones(block: dict[str, Any]) -> None:
     first, second = {"a": "b - 0.3*a", "b": "-a - 0.1*a**3"}, {"c": "d - 0.2*c**2", "d": "-2*sin(c)"}
@@ -138,7 +139,6 @@ def test_two_outputs_with_their_own_schedules(delay: float) -> None:
         (inline("x1 x2", {"x1": "x2*(2 + sin(t))", "x2": "-x1"}, "x1"), "depends on time"),
     ],
 )
-@pytest.mark.measured("plant1-x2 does not appear", "plant3-not uniformly observable")
 def test_a_plant_outside_the_class_is_refused_with_the_reason(plant: dict[str, Any], words: str) -> None:
     with pytest.raises(ConfigError, match=words) as error:
         hgorun.simulate(experiment(plant, {"o": {"type": "shgo", "theta": 2}}))

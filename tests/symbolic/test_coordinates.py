@@ -252,6 +252,7 @@ def test_ranks_do_not_depend_on_units() -> None:
         assert ranks.rank(rows[:, None] * singular * columns) == 3
 
 
+@pytest.mark.costly
 @given(st.data(), st.integers(1, 4), st.integers(0, 1))
 def test_a_short_cut_says_of_a_matrix_what_its_singular_values_say(data: st.DataObject, n: int, more: int) -> None:
     number = st.floats(-1, 1) | st.sampled_from([0.0, 1e-12, 1e9, np.nan, np.inf])

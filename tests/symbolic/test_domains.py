@@ -49,3 +49,9 @@ def test_the_first_operation_outside_its_domain_is_named(
 )
 def test_nothing_is_said_where_all_is_defined(expression: Callable[[ca.SX, ca.SX], ca.SX], x: float, y: float) -> None:
     assert said(expression, x, y) is None
+
+
+def test_a_state_is_not_blamed_for_an_argument_that_depends_on_numbers_without_a_name() -> None:
+    z = ca.SX.sym("z", 2)  # an estimate and its variance: a point beside it is outside, not the estimate
+    what = first_undefined(ca.sqrt(z[0] - ca.sqrt(z[1])), [z], [np.array([0.2, 4.0])], [(z[0], "x")])
+    assert what == "sqrt of a negative number (-1.8)"

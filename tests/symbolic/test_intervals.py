@@ -38,9 +38,7 @@ def function(text: str) -> ca.Function:
     return ca.Function("f", [x], [parse(text, names=("x", "y")).symbol({"x": x[0], "y": x[1]})])
 
 
-@pytest.mark.measured(
-    "where((x > 0 and y < 0) or not (x <= y), x*y, 1 + x)", "cosh(x) - sinh(y)", "tan(x/3)", "(4 + x)**y", "atan2(x, y)"
-)
+@pytest.mark.measured("(4 + x)**y")
 @pytest.mark.slow
 @pytest.mark.parametrize("text", TEXTS)
 @given(st.tuples(corner, corner, corner, corner))

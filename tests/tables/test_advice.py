@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 import hgorun
 from hgorun import Experiment
 from hgorun.analysis.report import Analysis
@@ -40,6 +42,7 @@ def said(
     return "\n".join(advice(analysis)), analysis
 
 
+@pytest.mark.costly
 def test_decay_limits_and_the_gain_to_change() -> None:
     text, analysis = said(0.1)
     together = " ".join(text.split())

@@ -431,6 +431,7 @@ def test_a_class_of_a_documented_base_needs_a_docstring_of_its_own() -> None:
         check_observer(NoDocstring, {"theta": 2})
 
 
+@pytest.mark.costly
 def test_the_wrong_sign_is_not_answered_by_a_faster_rate() -> None:
     with pytest.raises(ContractError) as caught:
         check_observer(WrongSignAndRate)
@@ -468,6 +469,7 @@ def test_a_class_that_no_configuration_knows_can_be_checked_and_is_forgotten() -
     assert "Mine" not in OBSERVERS.names()
 
 
+@pytest.mark.costly
 def test_a_block_and_plants_of_ones_own() -> None:
     plants = [{"type": "integrator_chain", "n": 1, "phi": "-x1", "initial": {"x1": 1}}]
     assert "fixed point" in check_observer(StandardObserver, {"theta": 5}, plants=plants).kept
@@ -518,6 +520,7 @@ class Predictor(HighGain, HybridObserver):
         return {"xhat": s.xhat - plant.lift(s.xhat, kappa)}
 
 
+@pytest.mark.costly
 def test_observers_that_jump_and_that_do_both() -> None:
     chains = [{"type": "integrator_chain", "n": 2, "phi": "-x1", "initial": {"x1": 1, "x2": 0}}]
     assert "company" in check_observer(Holder, plants=chains).kept
@@ -546,6 +549,7 @@ class NoCopy(ContinuousObserver):
         return Flow({"xhat": -plant.along_chains(e)})
 
 
+@pytest.mark.costly
 def test_an_observer_without_the_plants_equations_does_not_stay_and_may_say_so() -> None:
     with pytest.raises(ContractError, match="breaks the law 'fixed point'"):
         check_observer(NoCopy)

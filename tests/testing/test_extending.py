@@ -22,6 +22,7 @@ OBSERVER, PLANT = 'observer("own_ekf")', 'plant("tank")'
 TESTS = ("def test_the_filter", "def test_the_tank")
 
 
+@pytest.mark.costly
 def test_the_observer_and_the_plant_run_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with (
         installed(tmp_path / "a", monkeypatch, OBSERVERS, "my_observers", page(OBSERVER), own_ekf="ExtendedKalman"),

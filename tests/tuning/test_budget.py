@@ -38,6 +38,8 @@ def found(config: Path, goal: str, budget: int, seeds: int) -> Found:
     return search(Trials(task))
 
 
+@pytest.mark.measured("160-20")
+@pytest.mark.costly
 @pytest.mark.parametrize(("budget", "seeds"), [(400, 20), (160, 20), (150, 7), (60, 2)])
 def test_less_is_left_than_another_candidate_takes(config: Path, budget: int, seeds: int) -> None:
     one = found(config, "rmse(S, x2)", budget, seeds)
@@ -52,6 +54,7 @@ def test_what_is_too_little_for_a_generation_is_said(config: Path) -> None:
     assert (one.trials.spent, one.ended) == (20, "another generation of 6 candidates takes 6 runs")
 
 
+@pytest.mark.costly
 def test_what_no_gain_changes_ends_it_and_it_says_so(config: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
                                                      capsys: pytest.CaptureFixture[str]) -> None:  # fmt: skip
     # the error of x1 starts at 1 and falls from there, whatever theta is

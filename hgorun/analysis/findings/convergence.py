@@ -17,7 +17,7 @@ from hgorun.analysis.convergence.theorem import (
 from hgorun.analysis.finding import Remarked, finding
 from hgorun.analysis.reasons import NoValue, outcome
 from hgorun.analysis.subject import Subject
-from hgorun.observers.capabilities import SettlingGain
+from hgorun.observers.capabilities import HighGain, SettlingGain
 from hgorun.observers.riccati import RiccatiGain
 
 
@@ -89,10 +89,13 @@ def lipschitz_box(observer: Subject) -> dict[str, list[float]]:
 )
 def theta_bound(observer: Subject) -> float | Remarked:
     bound = theorem_of(observer).theta_bound
-    if not _follows(observer):
-        return bound
-    remark = "theta_bound, delay_bound and chi_S are with the S(t) of this run, which changes with theta"
-    return Remarked(bound, (remark,))
+    if _follows(observer):
+        remark = "theta_bound, delay_bound and chi_S are with the S(t) of this run, which changes with theta"
+        return Remarked(bound, (remark,))
+    if isinstance(observer.observer, HighGain) and observer.observer.poles_follow:
+        remark = "theta_bound is with the poles at the present theta: those of poles_for_period change with theta"
+        return Remarked(bound, (remark,))
+    return bound
 
 
 @finding(

@@ -82,6 +82,7 @@ def test_theta_bound_by_hand() -> None:
     assert (found["lipschitz"], found["theta_bound"]) == (0, 1)
 
 
+@pytest.mark.costly
 def test_delay_bound_and_rate_by_hand() -> None:
     d = 1e-5
     found = analyze(second_order("-3*x1", sampling={"period": 4e-6}, delay=6e-6)).observers["observer"]

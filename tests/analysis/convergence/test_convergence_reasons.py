@@ -42,6 +42,7 @@ def test_outputs_that_measure_the_same_have_too_many_coordinates() -> None:
     assert "z has more components than x" in of.reasons["lipschitz"]
 
 
+@pytest.mark.costly
 def test_slopes_without_a_bound_are_those_along_the_trajectories() -> None:
     """x1' = x2^3: dz/dx is singular where x2 passes zero, which steps of 1e-3 jump over."""
     plant = inline({"x1": "x2**3 + 1", "x2": "-1 - x2"}, "x1", start=0.5)
@@ -67,6 +68,7 @@ def test_steps_that_are_too_long_for_the_observer() -> None:
     assert "steps of 0.03 are too long for the observer's error" in of.reasons["peaking_bound"]
 
 
+@pytest.mark.costly
 def test_draws_without_a_bound_are_said() -> None:
     noise = [{"type": "gaussian", "std": 0.1, "hold": 0.1}]
     of = found(LINEAR, SHGO | {"theta": 50}, measurement={"noise": noise})

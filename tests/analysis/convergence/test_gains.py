@@ -163,6 +163,7 @@ def test_lyapunov_matrix_by_hand() -> None:
     assert found.hurwitz
 
 
+@pytest.mark.costly
 @given(st.floats(0.1, 10), st.floats(0.1, 10))
 def test_lyapunov_matrix_of_two_gains(g1: float, g2: float) -> None:
     """P of [[-g1, 1], [-g2, 0]]: p12 = -1, p11 = (1 + g2)/g1, p22 = (p11 + g1)/g2."""

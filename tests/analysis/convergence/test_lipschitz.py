@@ -88,6 +88,7 @@ def test_jumps_are_said() -> None:
     assert "switched" in of.reasons["peaking_bound"]
 
 
+@pytest.mark.costly
 def test_inputs_are_enclosed() -> None:
     plant = inline(2, x1="x2", x2="-u*x1") | {"inputs": {"u": "2 + sin(7*t)"}}
     values = said(found(plant, {"type": "shgo", "theta": 5}))
@@ -103,6 +104,7 @@ def test_a_linear_map_of_states() -> None:
     assert list(values["lipschitz_box"]) == ["z1", "z2"]
 
 
+@pytest.mark.costly
 def test_a_map_without_an_inverse_is_followed_along_the_run() -> None:
     """x1' = x2 + x2^3 + 1: z2 = x1', z2' = -(1 + 3 x2^2) x2, whose slope to z2 is -1 - 6 x2^2/(1 + 3 x2^2)."""
     plant = inline(2, x1="x2 + x2**3 + 1", x2="-x2")

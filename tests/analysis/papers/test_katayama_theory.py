@@ -101,6 +101,7 @@ def test_the_error_falls_with_the_period_but_for_noise() -> None:
     assert fine.without_noise < 0.3 * coarse.without_noise
 
 
+@pytest.mark.costly
 def test_a_plant_whose_gain_g_depends_on_the_output() -> None:
     """L_1, L_3 and L_4 do not vanish: g = 2 + sin x, f_1 = -x - sin(x)/2, with an input and a disturbance."""
     plant = inline(
