@@ -165,28 +165,47 @@
     one.title = digits;
     return one;
   }
-  const shapes = {};          // columns and rows of tables as they stand
+  // Tables: where one has no room, its columns stand in blocks of as many below each other.
+  const tables = {};          // by id: what it was built of, whose cells are written anew where nothing else changes
   function table(id, columns, rows, meanings) {
     const shape = JSON.stringify([columns, rows.map(([label]) => label)]);
-    if (shapes[id] === shape) { refill(id, rows); return; }
-    shapes[id] = shape;
-    const head = document.createElement("tr");
-    ["observer", ...columns].forEach((words, i) => head.append(element("th", words, { scope: "col", title: i ? meanings[i - 1] : "" })));
-    const body = document.createElement("tbody");
-    for (const [label, cells] of rows) {
-      const line = document.createElement("tr");
-      line.dataset.label = label;
-      line.append(element("th", label, { scope: "row" }), ...cells);
-      body.append(line);
-    }
-    const top = document.createElement("thead");
-    top.append(head);
-    byId(id).replaceChildren(top, body);
+    if (tables[id]?.shape === shape) { refill(tables[id].rows, rows); return; }
+    if (tables[id] === undefined) new ResizeObserver(() => fold(id)).observe(byId(id).parentElement);
+    tables[id] = { shape, columns, rows, meanings };
+    fold(id);
   }
-  function refill(id, rows) {
-    const lines = byId(id).tBodies[0].rows;
+  function fold(id) {
+    const own = tables[id], room = byId(id).parentElement.clientWidth;
+    if (own.room === room) return;
+    own.room = room;
+    let most = Math.max(own.columns.length, 1);
+    for (build(id, own, most); most > 1 && byId(id).offsetWidth > room; build(id, own, most))
+      most = Math.max(1, Math.min(most - 1, Math.floor(most * room / byId(id).offsetWidth)));
+  }
+  function build(id, { columns, rows, meanings }, most) {
+    const blocks = Math.max(Math.ceil(columns.length / most), 1), each = Math.ceil(columns.length / blocks);
+    byId(id).replaceChildren(...Array.from({ length: blocks }, (_, block) => {
+      const part = [block * each, (block + 1) * each], body = document.createElement("tbody");
+      const head = document.createElement("tr");
+      head.append(element("th", "observer", { scope: "col" }), ...columns.slice(...part).map((words, i) => title(words, meanings[part[0] + i])));
+      body.append(head);
+      for (const [label, cells] of rows) {
+        const line = document.createElement("tr");
+        line.dataset.label = label;
+        line.append(element("th", label, { scope: "row" }), ...cells.slice(...part));
+        body.append(line);
+      }
+      return body;
+    }));
+  }
+  function title(words, meaning) {  // long names may be broken at their underscores
+    const one = element("th", "", { scope: "col", title: meaning });
+    words.split(/(?<=_)/).forEach((part, i) => one.append(...(i ? [document.createElement("wbr"), part] : [part])));
+    return one;
+  }
+  function refill(before, rows) {
     rows.forEach(([, cells], i) => cells.forEach((cell, j) => {
-      const old = lines[i].cells[j + 1];
+      const old = before[i][1][j];
       if (old.textContent !== cell.textContent) old.textContent = cell.textContent;
       if (old.title !== cell.title) old.title = cell.title;
       if (old.dataset.value !== cell.dataset.value) old.dataset.value = cell.dataset.value;
