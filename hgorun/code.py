@@ -47,6 +47,7 @@ FIGURE = (
     "ensemble/points.py",
     "ensemble/statistics.py",
     "figures",
+    "tables/axis_names.py",
     "tables/typeset.py",
 )
 QUANTITY = (*ENSEMBLE, "study/ensembles.py", "study/measured.py", "study/sentences.py")

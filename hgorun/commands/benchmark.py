@@ -14,6 +14,7 @@ from hgorun.benchmark.standing import Standing, standings
 from hgorun.commands.ensemble_options import Bench
 from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable
+from hgorun.figures.page import Page
 from hgorun.files import json_value, write_text
 from hgorun.process import processors
 from hgorun.progress import shown
@@ -31,13 +32,14 @@ def benchmark(options: Bench) -> int:
     """
     refuse_other_kinds(options.output, ())
     options = replace(options, file=configuration(options.file, "benchmark"))
+    page = Page.named(options.width, options.style)
     asked = load_benchmark(options.file)
     folder = (options.output or RESULTS) / asked.name
     refuse_unwritable(folder, kind="folder")
     with shown(asked.size, asked.name, "entries", show=options.text) as progress:
         entries = asked.entries(folder / "entries", options.jobs or processors(), progress.update)
     found = standings(entries)
-    files = _write(asked, entries, found, folder, plots=options.plots)
+    files = _write(asked, entries, found, folder, page if options.plots else None)
     if options.json:
         print(json_text.dumps(_as_json(asked, entries, found, files), indent=2, allow_nan=False))
     elif not options.quiet:
@@ -51,17 +53,17 @@ def _write(
     entries: Sequence[Entry],
     found: Mapping[tuple[str, str], Standing],
     folder: Path,
-    *,
-    plots: bool,
+    page: Page | None,
 ) -> list[Path]:
+    """Tables, and a figure where there is a page for it."""
     files = [folder / "standings.md", folder / "entries.csv"]
     write_text(files[0], tables.markdown(found, asked.blocks.scenarios, asked.absent))
     write_text(files[1], tables.table(entries))
-    if plots:
+    if page is not None:
         from hgorun.figures.benchmark import benchmark as draw
         from hgorun.figures.files import save
 
-        files += save(draw(contenders(entries, asked.blocks.scenarios)), folder / "fronts")
+        files += save(draw(contenders(entries, asked.blocks.scenarios), page), folder / "fronts")
     return files
 
 

@@ -163,7 +163,7 @@ class Report(OfEnsembles):
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Tune(Printing):
+class Tune(Printing, Drawing):
     """Find gains for a stated trade-off, with the evidence.
 
     The key tune of the configuration says which gains, what is minimised, and over how many seeds. The tuned
@@ -196,14 +196,11 @@ class Tune(Printing):
         ),
     ] = field(default_factory=list)
     run: WhichRun = None
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw what was tried and found (PNG and PDF).")] = (
-        True
-    )
     jobs: Threads = None
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
-class Bench(Printing):
+class Bench(Printing, Drawing):
     """Compare observers, tuned alike, on plants and scenarios.
 
     The file names plants, scenarios and observers with one knob each; scores are of seeds that tuning has not seen. Run
@@ -218,5 +215,4 @@ class Bench(Printing):
             autocompletion=completion.yaml_files,
         ),
     ]
-    plots: Annotated[bool, typer.Option("--plots/--no-plots", help="Draw the fronts (PNG and PDF).")] = True
     jobs: Threads = None

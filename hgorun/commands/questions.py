@@ -75,8 +75,8 @@ class _Model:
 
     def _is_told(self, name: str) -> bool:
         """Whether an unknown name is a parameter or an input, which it is from then on."""
-        hint = nearest(name, [*self.known, *CONSTANTS])
-        question = f"  {name} is not known.{hint} Its number, or as an input an expression of t (Enter: write it again)"
+        print(f"  {name} is not known.{nearest(name, [*self.known, *CONSTANTS])}")
+        question = "  Its number, or as an input an expression of t (Enter: write it again)"
         given = _answer(question, "", lambda text: _expression(text, {*self.parameters, "t"}) if text else "")
         if given and parse(given).names:
             self.inputs[name] = given

@@ -123,8 +123,9 @@ def form_of(header: str) -> CsvForm | JsonForm:
         return JsonForm()
     names = _cells(header.lstrip("\ufeff"))
     if any(name not in names for name in _COLUMNS[:3]):
+        signs = "; cells are separated by commas, and decimals have a point" if ";" in header or "\t" in header else ""
         raise ConfigError(
-            f"expected the header t,signal,y[,available], found {header.strip()[:80]!r}", file=INPUT, line=1
+            f"expected the header t,signal,y[,available], found {header.strip()[:80]!r}{signs}", file=INPUT, line=1
         )
     t, signal, y = (names.index(name) for name in _COLUMNS[:3])
     return CsvForm(len(names), (t, signal, y, names.index(_COLUMNS[3]) if _COLUMNS[3] in names else None))

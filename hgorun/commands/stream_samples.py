@@ -114,7 +114,8 @@ def _ignored(block: Data, experiment: Experiment) -> Iterator[str]:
             yield f"{key}.unit: values of a stream are not converted from {unit}: send them in {wanted}"
     for name, given in block.inputs.items():
         if given.hold == "linear":
-            yield f"data.inputs.{name}.hold: in a stream an input is held until its next value comes, and not linear"
+            held = "in a stream an input is held until its next value comes, and not linear"
+            yield f"data.inputs.{name}.hold: {held}, since that is not known before: send it more often"
     for name, measured in block.outputs.items():
         if measured.plausible is not None:
             yield f"data.outputs.{name}.plausible: samples of a stream are taken whatever they are"

@@ -16,7 +16,9 @@ from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable, there, written
 from hgorun.config.reading import read_source
 from hgorun.config.written import rounded, with_values
+from hgorun.ensemble.units import units_of
 from hgorun.errors import ConfigError, HgorunError
+from hgorun.figures.page import Page
 from hgorun.files import write_text
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.process import say
@@ -54,6 +56,7 @@ def tune(options: Tune) -> int:
     """
     refuse_other_kinds(options.output, ())
     refuse_unwritable(options.output or RESULTS, kind="folder")
+    page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config, "tune"))
     text, source = read_source(options.config, options.overrides)
     if isinstance(source.data, dict) and {"data", "tune"} <= source.data.keys():
@@ -66,7 +69,7 @@ def tune(options: Tune) -> int:
     found, missed = _all_tuned(asked, options)
     folder = options.output or RESULTS
     before = there(folder / f"{asked.name}{suffix}" for suffix in (".tuned.yaml", ".tune.h5"))
-    files = _write(found, asked, options)
+    files = _write(found, asked, options, page)
     told = [_table(one) for one in found]
     for one in found:
         _warn(one, asked.name)
@@ -125,18 +128,18 @@ def _at_an_end(one: Evidence) -> Iterator[str]:
             yield f"{gain.path} = {value:g} is at the {end} end of its range [{ends[0]:g}, {ends[1]:g}]"
 
 
-def _write(found: Sequence[Evidence], asked: Asked, options: Tune) -> list[str]:
+def _write(found: Sequence[Evidence], asked: Asked, options: Tune, page: Page) -> list[str]:
     folder = options.output or RESULTS
     numbers = {path: rounded(value) for one in found for path, value in one.tuned.items()}
     config = folder / f"{asked.name}.tuned.yaml"
     write_text(config, with_values(asked.config, numbers, config, run=asked.run))
     files = [config, save(found, folder / f"{asked.name}.tune.h5", name=asked.name, config=asked.text)]
     if options.plots:
-        files += _draw(found, folder / f"{asked.name}.tune")
+        files += _draw(found, folder / f"{asked.name}.tune", page)
     return [str(file) for file in files]
 
 
-def _draw(found: Sequence[Evidence], path: Path) -> list[Path]:
+def _draw(found: Sequence[Evidence], path: Path, page: Page) -> list[Path]:
     from hgorun.figures.files import save as save_figure
     from hgorun.figures.tuning import Tuned, tuning
 
@@ -152,7 +155,7 @@ def _draw(found: Sequence[Evidence], path: Path) -> list[Path]:
                 type=block.type if block is not None else "",
                 filter_order=block.r if isinstance(block, FilterOrder) else None,
                 paths=tuple(gain.path for gain in one.task.gains),
-                time=one.task.base.blocks.time.unit,
+                units=_units(one.task),
                 logarithmic=tuple(gain.range.log is not None for gain in one.task.gains),
                 gains=trials.gains[trials.complete],
                 goals=trials.means[trials.complete][:, :count],
@@ -163,7 +166,7 @@ def _draw(found: Sequence[Evidence], path: Path) -> list[Path]:
                 chosen=one.chosen,
             )
         )
-    return save_figure(tuning(drawn, _names(found)), path)
+    return save_figure(tuning(drawn, _names(found), page), path)
 
 
 def _names(found: Sequence[Evidence]) -> list[str]:
@@ -181,7 +184,7 @@ def _names(found: Sequence[Evidence]) -> list[str]:
 
 
 def _units(task: Task) -> dict[str, str]:
-    return {"time": task.base.blocks.time.unit, **task.base.plant.units}
+    return units_of(task.base, (gain.path for gain in task.gains))
 
 
 def _unit(sentence: Sentence, task: Task) -> str:
@@ -212,5 +215,5 @@ def _table(one: Evidence) -> TunedTable:
         seeds=len(task.seeds),
         held_out_seeds=len(task.held_out),
         units=tuple(_unit(sentence, task) for sentence in task.sentences),
-        time=task.base.blocks.time.unit,
+        of_gains=_units(task),
     )

@@ -324,6 +324,8 @@ def finite(value: SupportsFloat | str, what: str) -> float:
         number = float(value)
     except OverflowError:
         number = math.inf
+    if math.isinf(number) and not isinstance(value, float):
+        raise ExpressionError(f"{short(what)} is larger than any number (1.8e308)")
     if not math.isfinite(number):
         raise ExpressionError(f"{short(what)} is not finite")
     return number

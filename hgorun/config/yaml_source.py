@@ -6,6 +6,7 @@ is known with its line. Scalars follow the core schema of YAML 1.2 without octal
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -317,7 +318,12 @@ class _Builder:
             return _WORDS.get(text, text)
         if len(text) > _MAX_DIGITS:
             raise self.error(f"a number of {len(text)} characters; {_MAX_DIGITS} are the limit", line, here)
-        return int(text) if _INTEGER.fullmatch(text) else float(re.sub(r"\.(?=[iInN])", "", text))
+        if _INTEGER.fullmatch(text):
+            return int(text)
+        number = float(re.sub(r"\.(?=[iInN])", "", text))
+        if math.isinf(number) and "inf" not in text.lower():
+            raise self.error(f"{text} is larger than any number (1.8e308)", line, here)
+        return number
 
     def count(self, here: KeyPath, line: int) -> None:
         self.nodes += 1

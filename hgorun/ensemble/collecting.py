@@ -28,6 +28,7 @@ from hgorun.ensemble.recipe import written
 from hgorun.ensemble.rows import batches, part
 from hgorun.ensemble.store import COLLECTED, Store
 from hgorun.ensemble.trajectories import chosen, follow
+from hgorun.ensemble.units import units_of
 from hgorun.errors import HgorunError
 from hgorun.files import json_value, remove_leftovers, write_text
 from hgorun.observers.capabilities import FilterOrder
@@ -112,7 +113,6 @@ def _write(store: Store, file: h5py.File) -> None:
 def _attributes(store: Store) -> dict[str, Any]:
     """All that is said of the ensemble as a whole."""
     ensemble, base = store.ensemble, store.ensemble.base
-    units = {"time": base.blocks.time.unit, **base.plant.units}
     return {
         "format": SWEEP,
         "Conventions": "CF-1.8",
@@ -125,7 +125,7 @@ def _attributes(store: Store) -> dict[str, Any]:
         "seed": base.blocks.seed,
         "fingerprint": store.manifest.fingerprint,
         "hgorun_version": __version__,
-        "units": json.dumps({name: unit for name, unit in units.items() if unit}),
+        "units": json.dumps(units_of(base, ensemble.axes)),
     }
 
 

@@ -14,6 +14,7 @@ from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.reading import QUANTITIES, read
 from hgorun.ensemble.rows import joined, part
 from hgorun.ensemble.store import Store
+from hgorun.ensemble.units import units_of
 from hgorun.ensemble.values import Drawn
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.capabilities import FilterOrder
@@ -132,7 +133,6 @@ def _finished(store: Store, max_memory: float) -> Collected:
         raise ConfigError("no member is finished yet", file=str(store.folder))
     block, members = joined(blocks), np.concatenate(numbers)
     clock = base.blocks.time
-    units = {"time": clock.unit, **base.plant.units}
     same_end = not any(path.startswith("time.") for path in ensemble.axes)
     return Collected(
         name=ensemble.name,
@@ -143,7 +143,7 @@ def _finished(store: Store, max_memory: float) -> Collected:
         metrics=block.metrics,
         status=block.status,
         error=block.error,
-        units={name: unit for name, unit in units.items() if unit},
+        units=units_of(base, ensemble.axes),
         random=frozenset(path for path, values in ensemble.axes.items() if isinstance(values, Drawn)),
         families={label: (o.type, o.r if isinstance(o, FilterOrder) else None) for label, o in base.observers.items()},
         dimensions=ensemble.dimensions if members.size == store.size else {},

@@ -79,12 +79,13 @@ class Following:
         """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
         if self._different is not None:
             raise ValueError(f"the sample taken at {t:g} is late, and {self._different.message}")
-        if self.system.steps:
+        treatments = set(self.system.treatments.values())
+        if self.system.steps and treatments != {"drop"}:
             raise ValueError(
                 f"the sample taken at {t:g} is late, and {self.system.stepping} takes samples without delay: leave "
-                "late ones out, or give it a stream of its own"
+                "late ones out (late: drop, of all observers of the stream), or take one that uses them, such as shgo"
             )
-        return "innovation" in self.system.treatments.values()
+        return "innovation" in treatments
 
     def next_slot(self, output: int) -> int:
         """A place for a late sample: one after the other, around."""

@@ -85,15 +85,20 @@ class Document:
         yield f"% Observer {_comment(observer.label)} ({kind}) of {_comment(observer.run)}, by hgorun {__version__}."
         yield "% Needs the package amsmath."
         yield ""
+        abbreviated = 0
         if observer.flows:
-            yield from self._flow()
+            flow = self._of_flow()
+            abbreviated = len(flow.abbreviations)
+            yield from self._flow(flow)
         if self.equations.jump is not None:
-            yield from self._jump()
+            yield from self._jump(first=abbreviated + 1)  # each abbreviation is one thing in the whole document
         yield from self._start()
 
-    def _flow(self) -> Iterator[str]:
+    def _of_flow(self) -> Written:
         names, outputs = ["rate", "estimate", "guess"], self.equations.outputs
-        found = self._written("flow", self.equations.arguments, {name: outputs[name] for name in names}, self._names)
+        return self._written("flow", self.equations.arguments, {name: outputs[name] for name in names}, self._names)
+
+    def _flow(self, found: Written) -> Iterator[str]:
         label = latex_words(self.observer.label)
         yield f"The observer {label} is" if self.equations.jump is None else f"Between samples, the observer {label} is"
         yield from _aligned(zip(map(dotted, self.states), found.formulas["rate"], strict=True))
@@ -136,7 +141,7 @@ class Document:
     def _has_alpha(self) -> bool:
         return "alpha" in self.equations.block.states
 
-    def _jump(self) -> Iterator[str]:
+    def _jump(self, first: int) -> Iterator[str]:
         jump, held = self.equations.jump, self.equations.held
         assert jump is not None
         names = {(0, 0): "t_{k}"} | _numbered(2, self.states)
@@ -150,7 +155,7 @@ class Document:
             value, _, _, before = held.input(i)
             names[3, value], names[3, before] = f"{u}(t_{{k}})", f"{u}(t_{{k-1}})"
         names[3, held.interval] = r"T_{k}"
-        found = self._written("jump", self.equations.jump_arguments, {"jump": jump}, names)
+        found = self._written("jump", self.equations.jump_arguments, {"jump": jump}, names, first)
         told = r" ($\varphi_i = 1$ for the outputs that have one, else 0)" if held.flags else ""
         told += "" if self.observer.flows else r", $T_k = t_k - t_{k-1}$"
         yield f"When samples arrive at $t_k${told},"
@@ -166,13 +171,18 @@ class Document:
         yield from _aligned((f"{state}(0)", number(float(value))) for state, value in pairs)
 
     def _written(
-        self, name: str, arguments: Sequence[ca.SX], outputs: Mapping[str, ca.SX], names: dict[tuple[int, int], str]
+        self,
+        name: str,
+        arguments: Sequence[ca.SX],
+        outputs: Mapping[str, ca.SX],
+        names: dict[tuple[int, int], str],
+        first: int = 1,
     ) -> Written:
         t, p, z, w = arguments
         values = ca.SX(ca.DM(np.asarray(self.equations.values)))
         results = [ca.densify(ca.substitute(expression, p, values)) for expression in outputs.values()]
         function = ca.Function(name, [t, ca.SX(0, 1), z, w], ca.cse(results), ["t", "p", "z", "w"], list(outputs))
-        return written(function, names, self._letter)
+        return written(function, names, self._letter, first)
 
 
 def _plain(delay: str) -> bool:

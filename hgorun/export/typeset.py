@@ -68,7 +68,7 @@ class Written:
     abbreviations: list[tuple[str, Formula]]
 
 
-def written(function: ca.Function, names: Mapping[tuple[int, int], str], letter: str) -> Written:
+def written(function: ca.Function, names: Mapping[tuple[int, int], str], letter: str, first: int = 1) -> Written:
     """The outputs of a function as formulas.
 
     Parameters
@@ -79,6 +79,8 @@ def written(function: ca.Function, names: Mapping[tuple[int, int], str], letter:
         What the entries of its inputs are called.
     letter : str
         What abbreviations are called: long expressions that are needed several times.
+    first : int
+        The number of the first of them.
     """
     instructions = read(function)
     uses = Counter(a for i in instructions for a in i.arguments)
@@ -92,7 +94,7 @@ def written(function: ca.Function, names: Mapping[tuple[int, int], str], letter:
             continue
         formula = _formula(i, known, names)
         if uses[i.value] > 1 and width(formula.text) > _SHORT:
-            name = rf"{letter}_{{{len(short) + 1}}}"
+            name = rf"{letter}_{{{len(short) + first}}}"
             short.append((name, formula))
             formula = Formula((name,))
         known[i.value] = formula

@@ -153,7 +153,7 @@ def family(
                 ax.set_title(cast.looks[label].text, loc="center")
             _time_axis(ax, members, kept)
         _level(axes, each)
-        _scale(figure, axes, axis_label(axis, members.units.get("time", "")), colours, aspect=60 if cast.narrow else 30)
+        _scale(figure, axes, axis_label(axis, members.units), colours, aspect=60 if cast.narrow else 30)
         return finished(figure, axes, columns, None, grow=True)
 
 

@@ -10,13 +10,14 @@ import numpy as np
 
 from hgorun.ensemble.fronts import non_dominated
 from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.page import LIGHT, NARROW, Page, on_page
 from hgorun.figures.style import MARKERS, PALETTE, styled
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-_COLUMNS, _WIDTH, _ROW = 3, 7.2, 2.5
+_COLUMNS, _ROW = 3, 2.5
 
 
 @dataclass(frozen=True)
@@ -36,19 +37,23 @@ class Contender:
     size: float
 
 
-def benchmark(panels: Mapping[str, Sequence[Contender]]) -> Figure:
-    """A panel for each scenario: time to converge against steady error, lines along the fronts of groups."""
+def benchmark(panels: Mapping[str, Sequence[Contender]], page: Page = LIGHT) -> Figure:
+    """A panel for each scenario: time to converge against steady error, lines along the fronts of groups.
+
+    On a narrow page panels stand one below the other.
+    """
     groups = list(dict.fromkeys(one.group for points in panels.values() for one in points))
     look = {group: (PALETTE[i % len(PALETTE)], MARKERS[i % len(MARKERS)]) for i, group in enumerate(groups)}
     with styled():
-        rows = -(-len(panels) // _COLUMNS)
-        figure, axes = grid(len(panels), min(_COLUMNS, len(panels)), _WIDTH, _ROW * rows + TOP, share=False)
+        columns = 1 if page.width < NARROW else min(_COLUMNS, len(panels))
+        rows = -(-len(panels) // columns)
+        figure, axes = grid(len(panels), columns, page.width, _ROW * rows + TOP, share=False)
         for ax, (name, points) in zip(axes, panels.items(), strict=True):
             ax.set_title(name)
             _draw(ax, points, look)
             ax.set_xlabel("time to converge / shortest")
             ax.set_ylabel("steady error / smallest")
-        return finished(figure, axes, min(_COLUMNS, len(panels)), "lines: fronts of groups", grow=True)
+        return on_page(finished(figure, axes, columns, "lines: fronts of groups", grow=True), page.style)
 
 
 def _draw(ax: Axes, points: Sequence[Contender], look: Mapping[str, tuple[str, str]]) -> None:

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -18,6 +19,7 @@ from hgorun.figures.page import NARROW, TWO
 from hgorun.figures.scaling import measured_on, quantities
 from hgorun.figures.style import LARGEST_NUMBER
 from hgorun.result.metrics.base import unit_of
+from hgorun.tables.axis_names import unit_of_axis
 from hgorun.tables.typeset import TIMES, symbol, unit, words
 
 if TYPE_CHECKING:
@@ -102,24 +104,28 @@ def quantity_label(metric: str, state: str, units: Mapping[str, str]) -> str:
     return named.format(measured_on(metric, state)) + unit(unit_of(metric, state, units))
 
 
-def axis_label(axis: str, time: str = "") -> str:
-    r"""An axis of an ensemble as mathematics: the last part of its path, and whose it is.
+def axis_label(axis: str, units: Mapping[str, str] = MappingProxyType({})) -> str:
+    r"""An axis of an ensemble as mathematics: the last part of its path, and whose it is, with its unit.
 
     Parameters
     ----------
     axis : str
-    time : str
-        The unit of time, for what is a time.
+    units : mapping of str to str
+        Of ``time``, and of axes that are no times.
 
     Examples
     --------
-    >>> axis_label("observers.FHGO.theta"), axis_label("measurement.sampling.period", "h")
+    >>> axis_label("observers.FHGO.theta"), axis_label("measurement.sampling.period", {"time": "h"})
     ('$\\theta$ of FHGO', 'period [h]')
     """
+    return _named(axis) + unit(unit_of_axis(axis, units))
+
+
+def _named(axis: str) -> str:
     parts = axis.split(".")
     name = parts[-1]
     if name in TIMES:
-        return name + unit(time)
+        return name
     if name == axis and len(name) > 2:
         return words(name)
     shown = f"${symbol(name)}$" if name.isascii() and name.replace("_", "").isalnum() else words(name)
@@ -138,7 +144,7 @@ def pooled_over(members: Collected, drawn: Sequence[str]) -> str:
     drawn : sequence of str
         Axes that the figure tells apart.
     """
-    names = [axis_label(axis, members.units.get("time", "")) for axis in members.grid if axis not in drawn]
+    names = [axis_label(axis, members.units) for axis in members.grid if axis not in drawn]
     return f", over all values of {', '.join(names)}" if names else ""
 
 

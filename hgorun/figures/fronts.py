@@ -76,7 +76,7 @@ def _fronts(members: Collected, joined: Sequence[str]) -> str:
     """Which fronts are drawn."""
     if not members.surroundings:
         return "fronts"
-    names = ", ".join(axis_label(axis, members.units.get("time", "")) for axis in members.surroundings)
+    names = ", ".join(axis_label(axis, members.units) for axis in members.surroundings)
     return f"fronts at {names} = {'; '.join(joined)} (light to dark)"
 
 

@@ -46,7 +46,6 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
     """
     cast = Cast(members, width)
     labels = list(cast.looks)
-    time = members.units.get("time", "")
     cells = [_cells(members.axes[axis]) for axis in axes]
     with styled():
         count, columns = len(labels) * len(cast.states), cast.columns(len(labels))
@@ -59,8 +58,8 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
             for i, (ax, label, found) in enumerate(zip(row, labels, medians, strict=True)):
                 mesh = _draw(ax, found, norm)
                 lowest = ax in panels[-columns:]
-                _axis(ax, "x", cells[0][0], axis_label(axes[0], time) if lowest else "")
-                _axis(ax, "y", cells[1][0], axis_label(axes[1], time) if i == 0 or cast.narrow else "")
+                _axis(ax, "x", cells[0][0], axis_label(axes[0], members.units) if lowest else "")
+                _axis(ax, "y", cells[1][0], axis_label(axes[1], members.units) if i == 0 or cast.narrow else "")
                 if j == 0 or cast.narrow:
                     ax.set_title(words(label), loc="center")
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)

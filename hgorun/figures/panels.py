@@ -12,7 +12,7 @@ from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve
 from hgorun.figures.recorded import draw_bands, draw_unseen
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import DOTS, OTHER_MEASUREMENTS, PALE, TRACE, WIDTHS
+from hgorun.figures.style import DOTS, IN_FRONT, OTHER_MEASUREMENTS, PALE, TRACE, WIDTHS
 from hgorun.result.data import ResultData
 from hgorun.tables.typeset import symbol, unit, words
 
@@ -33,8 +33,16 @@ def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> N
     truths += draw_unseen(ax, scene, name)
     healthy, lost = _estimates(ax, scene, name, lambda actor, xhat, k: xhat)
     _limit(ax, data.with_bands(data.state_limits(truths + measured, healthy, lost), bands))
-    both = rf"${symbol(name)},\ {symbol(name, hat=True)}$" if scene.actors else f"${symbol(name)}$"
-    ax.set_ylabel(both + _unit(scene, name))
+    ax.set_ylabel(f"${_shown(name, scene, true=bool(truths or measured))}$" + _unit(scene, name))
+
+
+def _shown(name: str, scene: Scene, *, true: bool) -> str:
+    """What an axis calls a state: truth and estimate, or of recorded data what was measured, else the estimate."""
+    if not scene.actors:
+        return symbol(name)
+    if all(one.recorded is not None for one in scene.results.values()):
+        return symbol(name, hat=not true)
+    return rf"{symbol(name)},\ {symbol(name, hat=True)}"
 
 
 def draw_error(ax: Axes, scene: Scene, name: str) -> None:
@@ -178,7 +186,10 @@ def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> li
             if piece.size and dense[piece[0]]:
                 _line(ax, Curve(curve.t[piece], curve.v[piece]), **{**TRACE, "color": light, **text})
         if not np.all(dense):
-            size = {} if np.count_nonzero(~dense) <= _MANY else {"markersize": 1.5}
+            few = np.count_nonzero(~dense) <= _MANY
+            size = {} if few else {"markersize": 1.5}
+            if few and scene.results[run].recorded is not None:
+                size, dark = IN_FRONT, "0.25"
             ax.plot(curve.t[~dense], curve.v[~dense], **{**DOTS, "color": dark, "marker": marker, **size, **text})
     return [curve.v for curve, _ in own.values()]
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.figures.looks import Look
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import HELD_OUT, OUTLIERS, REFERENCE
+from hgorun.figures.style import HELD_OUT, OUTLIERS, REFERENCE, edged
 from hgorun.result.data import ResultData
 from hgorun.result.recorded import Unseen
 
@@ -27,8 +27,8 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
         k = result.states.index(state)
         lower, upper = assessed.lower[:, k], assessed.upper[:, k]
         if np.any(np.isfinite(lower)):
-            colour = scene.looks[actor.order].colour
-            ax.fill_between(result.time, lower, upper, color=colour, alpha=0.18, linewidth=0, zorder=1.2)
+            how = edged(scene.looks[actor.order].colour, 0.15)
+            ax.fill_between(result.time, lower, upper, **how, zorder=1.2)
             edges += [lower[np.isfinite(lower)], upper[np.isfinite(upper)]]
     return edges
 

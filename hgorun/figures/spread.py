@@ -13,7 +13,7 @@ from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, limits, places, pooled_over, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
-from hgorun.figures.style import PANEL, styled
+from hgorun.figures.style import PANEL, edged, styled
 from hgorun.tables.typeset import words
 
 if TYPE_CHECKING:
@@ -54,15 +54,22 @@ def against(members: Collected, axis: str, metrics: Sequence[str], *, width: flo
                 drawn.append(_band(ax, at, _at_places(values, sound, whose, len(at)), look))
             _scale(ax, drawn)
             ax.set_ylabel(cast.quantity(metric, state))
-            ax.set_xlabel(axis_label(axis, members.units.get("time", "")))
+            ax.set_xlabel(axis_label(axis, members.units))
             _ticks(ax, members, axis, at)
-        title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}"
+        title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}{_lost(members)}"
         return finished(figure, axes, columns, title, grow=True)
 
 
 def _count(members: Collected, places: int) -> str:
     each = len(members) / max(places, 1)
     return f"{'about ' if len(members) % places else ''}{each:.0f} members at each value" if each > 1 else "members"
+
+
+def _lost(members: Collected) -> str:
+    """Why bands and lines leave their panels; nothing where no member is lost."""
+    lost = int(np.sum(~members.sound.all(axis=1)))
+    count = f"{lost} of {len(members)} members"
+    return f"; bands leave the panel where estimates are lost ({count}), which count as infinite" if lost else ""
 
 
 def _at_places(values: Floats, sound: NDArray[np.bool_], whose: NDArray[np.int64], size: int) -> Floats:
@@ -76,7 +83,7 @@ def _band(ax: Axes, at: Floats, found: Floats, look: Look) -> Floats:
     ceiling = np.nanmax(found, initial=0.0, where=np.isfinite(found))
     for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
         top = np.where(np.isfinite(low) & ~np.isfinite(high), 1e3 * ceiling, high)  # lost members: it leaves the panel
-        ax.fill_between(at, low, top, color=look.colour, alpha=alpha, linewidth=0)
+        ax.fill_between(at, low, top, **edged(look.colour, alpha))
     marker = {"marker": look.marker, "markersize": 3.2} if len(at) <= 24 else {}
     ax.plot(at, median, color=look.colour, linestyle=look.dashes, label=look.text, zorder=3, **marker)  # type: ignore[arg-type]  # matplotlib wants each one's type
     return found

@@ -54,6 +54,8 @@ DOTS: dict[str, Any] = {
     "markersize": 2.2,
     "markeredgewidth": 0,
 }
+# Samples of recorded data, where they are few: a thick line of an estimate would hide them, and nothing else is known.
+IN_FRONT: dict[str, Any] = {"zorder": 4.4, "markersize": 2.6, "markeredgecolor": "white", "markeredgewidth": 0.3}
 # Of recorded data: what observers did not take, and what they were not given.
 OUTLIERS: dict[str, Any] = {**DOTS, "marker": "x", "markersize": 3.0, "markeredgewidth": 0.7, "label": "not used"}
 HELD_OUT: dict[str, Any] = {
@@ -157,6 +159,13 @@ _RC: dict[str, Any] = {
     "svg.hashsalt": "hgorun",
     "figure.constrained_layout.use": False,
 }
+
+
+def edged(colour: str, alpha: float) -> dict[str, Any]:
+    """How a band is drawn: with edges, so that each is told where several overlap."""
+    from matplotlib.colors import to_rgba
+
+    return {"facecolor": to_rgba(colour, alpha), "edgecolor": to_rgba(colour, 0.7), "linewidth": 0.4}
 
 
 def inked(dashes: Any) -> float:

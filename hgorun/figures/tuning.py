@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,7 @@ from hgorun.figures.actors import Actor, texts
 from hgorun.figures.ensemble import axis_label, drawable, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look, looks
-from hgorun.figures.page import TWO
+from hgorun.figures.page import LIGHT, NARROW, TWO, Page, on_page
 from hgorun.figures.style import styled
 from hgorun.tables.typeset import paragraph
 
@@ -26,7 +26,11 @@ Floats = NDArray[np.float64]
 
 _WIDTH, _HEIGHT, _PANEL = 6.0, 3.8, 2.6
 _MINIMUM = "points: tried with all seeds; star: the minimum, on held-out seeds with its 95 % interval"
-_STAR: dict[str, Any] = {"marker": "*", "markersize": 11, "markeredgecolor": "black", "markeredgewidth": 0.6}
+_STAR: dict[str, Any] = {"marker": "*", "markersize": 9, "markeredgecolor": "black", "markeredgewidth": 0.6}
+# in front of the star, and wider, since it may be shorter
+_INTERVAL: dict[str, Any] = {
+    "linestyle": "none", "color": "black", "elinewidth": 0.7, "capsize": 4, "capthick": 0.7, "zorder": 4.2,
+}  # fmt: skip
 # tried, and no choice
 _MISSED: dict[str, Any] = {
     "linestyle": "none",
@@ -62,8 +66,8 @@ class Tuned:
         Means of the front on held-out seeds, and half the widths of their 95 % intervals.
     chosen : int
         The knee or the minimum, in the front.
-    time : str
-        The unit of time.
+    units : mapping of str to str
+        Of time, and of gains that are no times.
     """
 
     label: str
@@ -78,10 +82,10 @@ class Tuned:
     front: Floats
     half: Floats
     chosen: int
-    time: str = ""
+    units: Mapping[str, str] = field(default_factory=dict)
 
 
-def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
+def tuning(found: Sequence[Tuned], goals: Sequence[str], page: Page = LIGHT) -> Figure:
     """A front of two goals with all that was tried, or one goal against each of the gains.
 
     Parameters
@@ -90,30 +94,34 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str]) -> Figure:
         One for each observer.
     goals : sequence of str
         What axes call them; mathematics between dollar signs.
+    page : Page
+        On a narrow one panels stand one below the other.
     """
+    narrow = page.width < NARROW
     actors = [Actor(i, "", one.label, one.type, one.filter_order) for i, one in enumerate(found)]
     look = looks([actors], texts(actors, {}))
     with styled():
         if len(goals) == 2:
-            figure, axes = grid(1, 1, _WIDTH, _HEIGHT + TOP, share=False)
+            width = page.width if narrow else _WIDTH
+            figure, axes = grid(1, 1, width, min(_HEIGHT, width) + TOP, share=False)
             for i, one in enumerate(found):
                 _front(axes[0], one, look[i])
             _limits(axes[0], found)
-            axes[0].set_xlabel(paragraph(goals[0], _WIDTH))
+            axes[0].set_xlabel(paragraph(goals[0], width))
             axes[0].set_ylabel(paragraph(goals[1], _HEIGHT))
             title = "dots: tried with all seeds; lines: fronts on held-out seeds; stars: knees"
             if not all(non_dominated(one.front).all() for one in found):
                 title += "; hollow: beaten on held-out seeds"
-            return finished(figure, axes, 1, title, grow=True, cuts=True)
+            return on_page(finished(figure, axes, 1, title, grow=True, cuts=True), page.style)
         panels = [(i, k) for i, one in enumerate(found) for k in range(len(one.paths))]
-        columns = min(len(panels), 3)
+        columns = 1 if narrow else min(len(panels), 3)
         rows = -(-len(panels) // columns)
-        width = _WIDTH if columns < 3 else TWO
+        width = page.width if narrow else _WIDTH if columns < 3 else TWO
         figure, axes = grid(len(panels), columns, width, _PANEL * rows + TOP, share=False)
         for ax, (i, k) in zip(axes, panels, strict=True):
             _against(ax, found[i], k, look[i])
             ax.set_ylabel(paragraph(goals[0], _PANEL))
-        return finished(figure, axes, columns, _MINIMUM, grow=True, cuts=True)
+        return on_page(finished(figure, axes, columns, _MINIMUM, grow=True, cuts=True), page.style)
 
 
 def _front(ax: Axes, one: Tuned, look: Look) -> None:
@@ -131,6 +139,8 @@ def _front(ax: Axes, one: Tuned, look: Look) -> None:
     ax.plot([], [], **marks | {"linestyle": look.dashes, "label": look.text})
     face = look.colour if best[one.chosen] else "white"
     ax.plot(*front[one.chosen], color=look.colour, markerfacecolor=face, linestyle="none", zorder=4, **_STAR)
+    (x, y), (x_half, y_half) = front[one.chosen], one.half[one.chosen]
+    ax.errorbar(x, y, xerr=x_half, yerr=y_half, **_INTERVAL)
 
 
 def _limits(ax: Axes, found: Sequence[Tuned]) -> None:
@@ -139,15 +149,24 @@ def _limits(ax: Axes, found: Sequence[Tuned]) -> None:
     front = front[np.isfinite(front).all(axis=1)]
     if not len(front):
         return
-    for which, values in zip("xy", front.T, strict=True):
+    intervals = np.concatenate(
+        [one.front[one.chosen] + sign * one.half[one.chosen] for one in found for sign in (-1, 1)]
+    )
+    for which, values, ends_of in zip("xy", front.T, drawable(intervals).reshape(-1, 2).T, strict=True):
         scale_axis(ax, which, values)
         logarithmic = (ax.get_xscale() if which == "x" else ax.get_yscale()) == "log"
         low, high = float(values.min()), float(values.max())
+        known = ends_of[np.isfinite(ends_of) & ((ends_of > 0) | (not logarithmic))]
         if low == high:
             ends = limits(low, high, logarithmic=logarithmic)
         else:
             ends = limits(low, high, logarithmic=logarithmic, margin=0.25)
-        (ax.set_xlim if which == "x" else ax.set_ylim)(ends)
+        wide = limits(*_span([*values, *known]), logarithmic=logarithmic)
+        (ax.set_xlim if which == "x" else ax.set_ylim)(min(ends[0], wide[0]), max(ends[1], wide[1]))
+
+
+def _span(values: Sequence[float]) -> tuple[float, float]:
+    return float(min(values)), float(max(values))
 
 
 def _against(ax: Axes, one: Tuned, k: int, look: Look) -> None:
@@ -158,7 +177,8 @@ def _against(ax: Axes, one: Tuned, k: int, look: Look) -> None:
     ax.plot(one.gains[known & one.met, k], tried[known & one.met], linestyle="none", marker=look.marker, markersize=2.8,
             color=look.colour, alpha=0.6, label=look.text)  # fmt: skip
     best = one.front_gains[one.chosen, k], one.front[one.chosen, 0]
-    ax.errorbar(best[0], best[1], yerr=one.half[one.chosen, 0], color=look.colour, linestyle="none", zorder=4, **_STAR)
+    ax.plot(*best, color=look.colour, linestyle="none", zorder=4, **_STAR)
+    ax.errorbar(*best, yerr=one.half[one.chosen, 0], **_INTERVAL)
     if one.logarithmic[k]:
         ax.set_xscale("log")
     low, high = float(one.gains[:, k].min()), float(one.gains[:, k].max())
@@ -171,4 +191,4 @@ def _against(ax: Axes, one: Tuned, k: int, look: Look) -> None:
     seen = np.append(values[values <= np.quantile(values, 0.9)] if values.size else values, ends)
     if seen.size:
         ax.set_ylim(limits(float(seen.min()), float(seen.max()), logarithmic=logarithmic))
-    ax.set_xlabel(axis_label(one.paths[k], one.time))
+    ax.set_xlabel(axis_label(one.paths[k], one.units))

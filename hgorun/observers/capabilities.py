@@ -40,6 +40,10 @@ class Speed(Block):
         """Those that set the speed of errors of some size, that of the fastest first; ``speed_key`` by default."""
         return () if self.speed_key is None else (self.speed_key,)
 
+    def speed_of(self, key: str) -> float:
+        """What such a key is, also where it follows from others."""
+        return float(getattr(self, key))
+
     def at_speed(self, key: str, value: float) -> Self:
         """A copy whose small errors are as fast as those that a key with this value sets the speed of."""
         return self.model_copy(update={key: value})
@@ -81,7 +85,23 @@ class HighGain(Speed):
         return self.theta
 
 
-class SettlingGain(Block):
+class FollowingGain(Block):
+    """A gain that follows a differential equation along the estimate, and comes to rest where that stands still."""
+
+
+class GainOfErrors(Block):
+    """A gain that depends on how large errors are, or have been.
+
+    As it starts it is that of large errors where a key of its own sets their speed, or else the whole gain.
+    """
+
+    @property
+    def unhindered(self) -> float:
+        """An innovation so small that it changes no slope but the gain's own, which is the whole one there."""
+        return 0.0
+
+
+class SettlingGain(FollowingGain):
     """A gain that follows a differential equation, and comes to rest on chains of integrators."""
 
     @abstractmethod

@@ -52,5 +52,10 @@ class DeadZoneObserver(InnovationZone):
             )
         return lam, rho
 
+    @property
+    def unhindered(self) -> float:
+        """Beyond the zone of sigma = 0."""
+        return 1e-100
+
     def passed(self, e: ca.SX, w: ca.SX) -> ca.SX:
         return e - clipped(e, w)

@@ -51,7 +51,7 @@ class Extendable(ContinuousObserver[FormT, CopyT]):
         ge=1,
         le=10,
         strict=True,
-        description="m >= 1: an unknown input at the end of every chain is estimated, too, by m integrators sigma; "
+        description="m >= 1: also estimate an unknown input at the end of every chain, by m integrators sigma; "
         "poles and gains are those of chains that are longer by m",
     )
 

@@ -12,7 +12,7 @@ from pydantic import Field
 from hgorun.config.types import NonNegative
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Role
-from hgorun.observers.capabilities import NotLinear
+from hgorun.observers.capabilities import GainOfErrors, NotLinear
 from hgorun.observers.constant_gain import ConstantGain
 from hgorun.observers.extension import Extendable
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
@@ -21,7 +21,7 @@ from hgorun.symbolic.symbols import Symbols
 _TINY = 1e-300  # where the slope of sqrt is not a number, Jacobians have to be
 
 
-class InnovationZone(NotLinear, Extendable, ConstantGain):
+class InnovationZone(GainOfErrors, NotLinear, Extendable, ConstantGain):
     """The standard observer, driven by what a zone of width w = sqrt(sigma) makes of the innovation.
 
     sigma' = -lam sigma + rho e^2, one sigma an output; the states of unknown inputs (``extend``) are d.

@@ -5,13 +5,14 @@ from __future__ import annotations
 import casadi as ca
 
 from hgorun.observers.base import Flow, observer
+from hgorun.observers.capabilities import FollowingGain
 from hgorun.observers.kalman import ChainNoise, KalmanFilter
 from hgorun.symbolic.forms import Form, ModelCopy
 from hgorun.symbolic.symbols import Symbols
 
 
 @observer("kalman_bucy")
-class KalmanBucyFilter(KalmanFilter):
+class KalmanBucyFilter(FollowingGain, KalmanFilter):
     """Extended Kalman-Bucy filter, for any smooth plant with any outputs.
 
     The plant is x' = f(x, u) + w, y = h(x, u) + v with white noise of the densities Q and R_c. With

@@ -20,7 +20,7 @@ class Keys(Plugin):
     )
     internal: dict[Name, object] = Field(
         default_factory=dict,
-        description="initial internal states; a number means that multiple of ones, or of the identity",
+        description="initial values of internal states; a number fills the array, or is that multiple of the identity",
     )
     saturation: dict[Name, Interval] = Field(
         default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"
@@ -34,8 +34,8 @@ class Keys(Plugin):
     )
     map: Literal["auto", "chain", "derivatives"] = Field(
         default="auto",
-        description="where a constant gain corrects: in chains of the plant's states, in derivatives of its outputs, "
-        "or in chains where there are some",
+        description="coordinates in which a constant gain corrects: chain, the plant's states; derivatives, those of "
+        "its outputs; auto, chain if the plant has this form",
     )
     chains: dict[str, Annotated[int, Field(ge=1, strict=True)]] = Field(
         default_factory=dict,
@@ -44,9 +44,9 @@ class Keys(Plugin):
 
     late: Literal["innovation", "replay", "drop"] | None = Field(
         default=None,
-        description="what is done with samples that come late: they enter the innovation, compared with what had been "
-        "estimated when they were taken; the observer goes back to that time and is integrated again; or they are left "
-        "out. By default innovation, and replay for observers that are corrected at samples",
+        description="what is done with late samples: innovation compares them with the estimate of the time when they "
+        "were taken; replay goes back to that time and integrates again; drop leaves them out. By default innovation, "
+        "and replay for observers that are corrected at samples",
     )
     hold: Hold | None = Field(
         default=None,

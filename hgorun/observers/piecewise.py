@@ -16,12 +16,11 @@ from hgorun.observers.capabilities import LocallyLinear, Speed
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.extension import Extendable
 from hgorun.observers.nested import clipped
-from hgorun.observers.threshold import NoiseThreshold, falling
+from hgorun.observers.threshold import HARDLY_MORE, NoiseThreshold, falling
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
 _BETWEEN = np.concatenate([[0.0], np.geomspace(1e-6, 1.0, 200)])  # gains of the sector that are looked at
-_HARDLY_MORE = 1.001  # theta_1 over theta_2, where the error of one of them is looked at
 
 
 @observer("piecewise")
@@ -62,7 +61,7 @@ class PiecewiseObserver(Speed, NoiseThreshold, LocallyLinear, PlacedGain, Extend
 
     def at_speed(self, key: str, value: float) -> Self:
         """Errors beyond d are those of ``shgo`` with theta_1, as those within d are with theta_2."""
-        return self.model_copy(update={"theta_1": _HARDLY_MORE * value, "theta_2": value})
+        return self.model_copy(update={"theta_1": HARDLY_MORE * value, "theta_2": value})
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -11,10 +12,10 @@ from pydantic import Field
 from hgorun.config.types import Name, NonNegative, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import DecidedObserver, Flow, Role, observer
-from hgorun.observers.capabilities import LocallyLinear
+from hgorun.observers.capabilities import GainOfErrors, LocallyLinear, Speed
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.extension import Extendable
-from hgorun.observers.threshold import NoiseThreshold, falling
+from hgorun.observers.threshold import HARDLY_MORE, NoiseThreshold, falling
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -24,7 +25,7 @@ _ROUNDING = 1e-9  # relative, of sums of steps
 
 
 @observer("switched")
-class SwitchedObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable, DecidedObserver):
+class SwitchedObserver(GainOfErrors, Speed, NoiseThreshold, LocallyLinear, PlacedGain, Extendable, DecidedObserver):
     """High-gain observer with a fast gain for the transient and a slow one for noise.
 
     For uniformly observable plants. It is the standard observer with theta_1 in mode 1, in which it starts, and with
@@ -57,6 +58,18 @@ class SwitchedObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable, De
     dwell: NonNegative | None = Field(
         default=None, description="time for which |e| <= delta before mode 2 is taken, >= 0; 3/theta_1 by default"
     )
+
+    @property
+    def speed_key(self) -> str | None:
+        return "theta_2"
+
+    @property
+    def speed_keys(self) -> tuple[str, ...]:
+        return "theta_1", "theta_2"
+
+    def at_speed(self, key: str, value: float) -> Self:
+        """Errors of each mode are those of ``shgo`` with its theta."""
+        return self.model_copy(update={"theta_1": HARDLY_MORE * value, "theta_2": value, "internal": {}})
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

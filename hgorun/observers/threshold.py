@@ -10,6 +10,7 @@ from hgorun.errors import Problem
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.symbolic.forms import Form
 
+HARDLY_MORE = 1.001  # the larger of two gains over the other, where the error of one of them is looked at
 _LARGER = 1.5  # than the noise
 Given = float | Mapping[str, float] | None
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Self
 
 import casadi as ca
 import numpy as np
@@ -11,10 +12,10 @@ from pydantic import Field
 from hgorun.config.types import Name, NonNegative, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Role, observer
-from hgorun.observers.capabilities import LocallyLinear
+from hgorun.observers.capabilities import GainOfErrors, LocallyLinear, Speed
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.extension import Extendable
-from hgorun.observers.threshold import NoiseThreshold
+from hgorun.observers.threshold import HARDLY_MORE, NoiseThreshold
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -22,7 +23,7 @@ _APART = 1e-3  # relative: theta counts as another one than theta_0
 
 
 @observer("updated")
-class UpdatedObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable):
+class UpdatedObserver(GainOfErrors, Speed, NoiseThreshold, LocallyLinear, PlacedGain, Extendable):
     """High-gain observer with a theta that grows while the innovation is large, and falls back.
 
     For uniformly observable plants. It is the standard observer with theta(t), theta(0) = theta_0,
@@ -50,6 +51,21 @@ class UpdatedObserver(NoiseThreshold, LocallyLinear, PlacedGain, Extendable):
         description="innovation above which theta grows, in the units of the output: a number > 0, or {output: "
         "number}; by default 1.5 times the amplitude of the noise",
     )
+
+    @property
+    def speed_key(self) -> str | None:
+        return "theta_0"
+
+    @property
+    def speed_keys(self) -> tuple[str, ...]:
+        return "theta_max", "theta_0"
+
+    def speed_of(self, key: str) -> float:
+        return self._largest if key == "theta_max" else self.theta_0
+
+    def at_speed(self, key: str, value: float) -> Self:
+        """Where theta rests at either end, errors are those of ``shgo`` with it."""
+        return self.model_copy(update={"theta_0": value, "theta_max": HARDLY_MORE * value, "internal": {}})
 
     @classmethod
     def example(cls, states: tuple[str, ...]) -> Mapping[str, object]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -241,10 +242,23 @@ def _triangular(
 def _equations(block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[ca.SX, ca.SX]:
     values = {**vars(p), **vars(u), **vars(x), "t": t}
     for place, text in block.expressions().items():
-        _symbol(("plant", *place), text, values)
+        _require_readable(("plant", *place), text, values)
     with called("plant", block.type, "equations"):
         dynamics, output = watched.equations(t, x, u, p)
         return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
+
+
+def _require_readable(path: KeyPath, text: str, values: Mapping[str, ca.SX]) -> None:
+    """Refuse an equation that cannot be read; of a name that nothing declares the keys are told that do."""
+    try:
+        _symbol(path, text, values)
+    except Problem as error:
+        with suppress(ExpressionError):
+            for name in sorted(parse(text).names - values.keys() - CONSTANTS.keys()):
+                as_input, as_number = f"inputs: {{{name}: expression of t}}", f"parameters: {{{name}: number}}"
+                declared = f"an input is declared in plant by {as_input}, a constant by {as_number}"
+                raise Problem(path, f"{error.message}; {declared}") from error
+        raise
 
 
 def _symbol(path: KeyPath, text: str, values: Mapping[str, ca.SX]) -> ca.SX:

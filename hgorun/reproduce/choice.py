@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
+from hgorun.observers.base import OBSERVERS
+from hgorun.plants.base import PLANTS
 from hgorun.reproduce.job import Folders, Job, Work
-from hgorun.reproduce.shipped import experiments
+from hgorun.reproduce.shipped import below, experiments
 from hgorun.study.check import check
 from hgorun.study.loading import load_study, refuse_twins
 from hgorun.study.study import Study
@@ -65,7 +68,8 @@ def choose(
     for pattern in patterns:
         if pattern not in used:
             there = "; ".join(f"{group}: {', '.join(names)}" for group, names in groups.items())
-            raise ConfigError(f"no figure or experiment is called {pattern!r}.{nearest(pattern, known)} Known: {there}")
+            meant = _in_its_place(pattern) or nearest(pattern, known)
+            raise ConfigError(f"no figure or experiment is called {pattern!r}.{meant} Known: {there}")
     for file in own:
         study = load_study(file, seed=seed)
         if not (study.figures if figures else study.claims):
@@ -79,6 +83,25 @@ def choose(
             study,
         )
     return chosen
+
+
+def _in_its_place(name: str) -> str:
+    """Of an observer or a plant in the place of a figure: what it is, and the experiments that name it."""
+    if name in OBSERVERS.names():
+        kind = "an observer"
+    elif name in PLANTS.names():
+        kind = "a plant"
+    else:
+        return ""
+    found = [path for path, said in below("").items() if name in _types(said)]
+    use = f"; it is in {', '.join(found)}" if found else ""
+    return f" It is {kind}: claims and figures have names of their own, or those of their experiments{use}."
+
+
+def _types(said: Mapping[str, Any]) -> set[object]:
+    """The types of the plant and the observers in the text of an experiment."""
+    blocks = [said.get("plant"), *(said.get("observers") or {}).values()]
+    return {block.get("type") for block in blocks if isinstance(block, Mapping)}
 
 
 def _add(chosen: list[Work], job: Job, study: Study) -> None:

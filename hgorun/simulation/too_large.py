@@ -15,11 +15,12 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.errors import HgorunError, printable
 from hgorun.observers.base import AnyObserver, ContinuousObserver, DecidedObserver
-from hgorun.observers.capabilities import NotLinear, SlidingMode, Speed
+from hgorun.observers.capabilities import FollowingGain, GainOfErrors, NotLinear, SlidingMode, Speed
 from hgorun.simulation.design import Design
 from hgorun.simulation.monodromy import exponentials, monodromy, on_their_way
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.resting import Unsettled, at_rest
 from hgorun.simulation.slopes import at_truth, slopes
 from hgorun.simulation.structure import parameter_values
 from hgorun.symbolic.evaluate import Floats, evaluate
@@ -57,12 +58,12 @@ class _Gain:
     value: float
 
     @classmethod
-    def of(cls, observer: AnyObserver, block: ObserverBlock) -> list[_Gain]:
+    def of(cls, observer: AnyObserver, block: ObserverBlock, error: _Error) -> list[_Gain]:
         """The fastest first; none where nothing is known of them."""
-        keys = observer.speed_keys if isinstance(observer, Speed) else ()
-        if keys:
-            return [cls(key, float(getattr(observer, key))) for key in keys]
-        value = float(observer.error_rate(block.form) or 0.0)
+        if isinstance(observer, Speed) and observer.speed_keys:
+            return [cls(key, observer.speed_of(key)) for key in observer.speed_keys]
+        own = isinstance(observer, FollowingGain)
+        value = float(error.fastest() if own else observer.error_rate(block.form) or 0.0)
         return [cls(None, value)] if value > 0 else []
 
     def told(self, unit: str) -> str:
@@ -75,21 +76,23 @@ class _Gain:
 def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
     """That its gain is, and limits of the linearised error; None where that is not so, or not known.
 
-    Not said of gains that are states, and of what decides, jumps, looks back or has no linearisation.
+    Of gains that are states it is that of large errors, where they follow errors, or where they rest, where they
+    follow the plant. Not said of others, and of what decides otherwise, jumps, looks back or has no linearisation.
     """
     block, timing = run.observers[j], _timing(run)
     observer = block.observer
-    if timing is None or not isinstance(observer, ContinuousObserver) or isinstance(observer, DecidedObserver):
+    if timing is None or not isinstance(observer, ContinuousObserver) or block.recalled or run.closed:
         return None
-    unknown = isinstance(observer, NotLinear | SlidingMode) or "gain" in observer.roles(block.form).values()
-    if unknown or block.recalled or run.closed:
-        return None
-    gains = _Gain.of(observer, block)
+    if not isinstance(observer, GainOfErrors):
+        moved = "gain" in observer.roles(block.form).values() and not isinstance(observer, FollowingGain)
+        if moved or isinstance(observer, NotLinear | SlidingMode | DecidedObserver):
+            return None
     try:
         error = _Error(run, block, raw.rows[:, run.structure.truths[j], 0])
+        gains = _Gain.of(observer, block, error)
         told = (_limits(run, error, gains[i:], timing, len(gains) > 1) for i in range(len(gains)))
         return next(filter(None, told), None)
-    except (HgorunError, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no such observer
+    except (HgorunError, Unsettled, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no observer
         return None
 
 
@@ -104,8 +107,10 @@ def _limits(run: PreparedRun, error: _Error, gains: list[_Gain], timing: _Timing
     part = _largest_part(lambda part: error.growth(timing.scaled(part)), slowest / gain.value)
     value = _largest_value(error, gain, timing, part, slowest)
     beside = [other.key for other in slower if other.key and value is not None and other.value >= value]
-    what = "large" if slower else "even small"
-    return _told(run, gain, timing, part, value, what, "".join(f" with {key} below it" for key in beside))
+    whole = isinstance(error.block.observer, GainOfErrors) and not several
+    what = "large errors" if slower else "errors that the whole gain corrects" if whole else "even small errors"
+    told = _told(run, gain, timing, part, value, what, "".join(f" with {key} below it" for key in beside))
+    return f"{told}; take less, since it also corrects with parts of that gain" if told and whole else told
 
 
 def _told(
@@ -128,7 +133,7 @@ def _told(
     if not limits:
         return None
     holds = f"they do not with {', or '.join(limits)}"
-    return f"{gain.told(name)} too large for {what}, since {errors} errors grow: {holds}"
+    return f"{gain.told(name)} too large for {what}, since {errors} grow: {holds}"
 
 
 def below(value: float) -> str:
@@ -158,10 +163,14 @@ class _Error:
 
     def __init__(self, run: PreparedRun, block: ObserverBlock, x: Floats) -> None:
         self.run, self.block = run, block
-        self._slopes = slopes(run, block)
+        self._slopes, observer = slopes(run, block), block.observer
+        roles = observer.roles(block.form)
+        self._gains = [name for name in block.states if roles.get(name) == "gain"]
+        e = observer.unhindered if isinstance(observer, GainOfErrors) else 0.0
+        self._e = np.full(len(run.plant.model.outputs), e)
         self._rows = np.linspace(0, len(x) - 1, _POINTS).astype(int)
         self._x = x[self._rows]
-        self._systems = self._at(run.numbers.p, block)
+        self._systems = self._at(run.numbers.p, block, run.experiment.designs[block.label])
 
     def with_value(self, key: str, value: float) -> _Error:
         """The same error with another value of a key."""
@@ -174,7 +183,7 @@ class _Error:
         found = object.__new__(_Error)
         found.__dict__ |= self.__dict__
         p = parameter_values(run.plant.everything, run.experiment.stretches, designs)
-        found._systems = self._at(p, self.block.of(design))
+        found._systems = self._at(p, self.block.of(design), design)
         return found
 
     def growth(self, timing: _Timing) -> float:
@@ -185,15 +194,38 @@ class _Error:
         """The smallest of them."""
         return float(np.min(self._radii(timing)))
 
-    def _at(self, p: Floats, block: ObserverBlock) -> tuple[Floats, Floats]:
-        """(xi, e)' = G (xi, e) between samples, and H, at the points."""
-        run = self.run
+    def fastest(self) -> float:
+        """The largest rate at which errors move where outputs are continuous, at any of the points."""
+        G, H = self._systems
+        n = H.shape[2]
+        return float(np.max(np.abs(np.linalg.eigvals(G[:, :n, :n] + G[:, :n, n:] @ H))))
+
+    def _at(self, p: Floats, block: ObserverBlock, design: Design) -> tuple[Floats, Floats]:
+        """(xi, e)' = G (xi, e) between samples, and H, at the points; xi is without gains: they change no small error.
+
+        Raises
+        ------
+        ValueError
+            Where the observer's coordinates do not exist.
+        Unsettled
+        """
+        run, times = self.run, self.run.grid[self._rows]
         z = np.stack([at_truth(run, block, x) for x in self._x])
-        e = np.zeros((len(z), len(run.plant.model.outputs)))
-        times = run.grid[self._rows][:, None]
-        found = evaluate(self._slopes, times, np.tile(p, (len(z), 1)), z, e)
+        if isinstance(block.observer, GainOfErrors):
+            for name in self._gains:
+                own, start = block.states[name], design.defaults[name]
+                assert isinstance(start, np.ndarray)  # none of them is a matrix
+                z[:, own.start : own.start + own.size] = start.ravel()
+        elif self._gains:
+            z = np.stack([at_rest(run, block, self._gains, t, p, one) for t, one in zip(times, z, strict=True)])
+        found = evaluate(self._slopes, times[:, None], np.tile(p, (len(z), 1)), z, np.tile(self._e, (len(z), 1)))
         shapes = [self._slopes.size_out(i) for i in range(len(found))]
         A0, E, H, _, K0, K = (values.reshape(-1, *shape) for values, shape in zip(found, shapes, strict=True))
+        kept = np.ones(A0.shape[1], dtype=bool)
+        for name in self._gains:
+            first = block.states[name].start - block.start
+            kept[first : first + block.states[name].size] = False
+        A0, E, H, K0 = A0[:, kept][:, :, kept], E[:, kept], H[:, :, kept], K0[:, :, kept]
         return np.block([[A0, E], [-K0, -K]]), H
 
     def _radii(self, timing: _Timing) -> Floats:

@@ -140,14 +140,16 @@ def _too_fast(run: PreparedRun, raw: Raw, j: int, again: Again) -> str | None:
 
 
 def _slower(block: ObserverBlock, rate: float) -> str:
-    """What to give so that an observer is no faster than a rate: a value of the key that sets its speed."""
+    """What to give so that an observer is no faster than a rate: a value of the key that sets its largest speed."""
     observer = block.observer
-    key = observer.speed_key if isinstance(observer, Speed) else None
-    if key is not None:
-        value = float(getattr(observer, key) * rate / observer.fastest_rate(block.form))
+    keys = observer.speed_keys if isinstance(observer, Speed) else ()
+    if isinstance(observer, Speed) and keys:
+        key, *others = keys
+        value = float(observer.speed_of(key) * rate / observer.fastest_rate(block.form))
         slower = observer.model_copy(update={key: value})
         if value > 0 and slower.fastest_rate(block.form) <= rate * (1 + 1e-9):
-            return f"{key} of at most {below(value)}"
+            beside = [other for other in others if observer.speed_of(other) >= value]
+            return f"{key} of at most {below(value)}" + "".join(f" with {other} below it" for other in beside)
     return "smaller gains"
 
 

@@ -36,8 +36,17 @@ def _whose(axis: str) -> str:
     return f"{end} of {'.'.join(owner)}" if owner else end
 
 
-def time_of(axis: str, units: Mapping[str, str]) -> str:
-    """The unit of an axis whose values are times; empty for others, and where the unit is not known."""
+def unit_of_axis(axis: str, units: Mapping[str, str]) -> str:
+    """The unit of an axis's values; empty where they have none, or it is not known.
+
+    Parameters
+    ----------
+    axis : str
+    units : mapping of str to str
+        Of ``time``, and of paths that are no times.
+    """
+    if "." in axis and axis in units:  # other names are those of states and outputs
+        return units[axis]
     return time_unit(units) if _end(axis) in TIMES else ""
 
 
@@ -68,7 +77,7 @@ def names_of_points(
         Values on the axes.
     axes : sequence of str
     units : mapping of str to str
-        That of ``time`` stands beside times.
+        Of ``time``, and of axes that are no times.
 
     Returns
     -------
@@ -77,12 +86,12 @@ def names_of_points(
     """
     values = {axis: names_of_values(point[axis] for point in points) for axis in axes}
     short = {axis: short_axis(axis, axes) for axis in axes}
-    time = {axis: time_of(axis, units) for axis in axes}
+    of_axes = {axis: unit_of_axis(axis, units) for axis in axes}
     full = [
-        ", ".join(f"{short[axis]} = {values[axis][point[axis]]} {time[axis]}".rstrip() for axis in axes)
+        ", ".join(f"{short[axis]} = {values[axis][point[axis]]} {of_axes[axis]}".rstrip() for axis in axes)
         for point in points
     ]
     if max(map(len, full), default=0) <= _LONG:
         return "", full
-    above = ", ".join(name + bracketed(time[axis]) for axis, name in short.items())
+    above = ", ".join(name + bracketed(of_axes[axis]) for axis, name in short.items())
     return above, [", ".join(values[axis][point[axis]] for axis in axes) for point in points]

@@ -11,11 +11,11 @@ from hgorun.ensemble.collected import Collected, levels, shown
 from hgorun.ensemble.points import points
 from hgorun.ensemble.statistics import Difference, Statistics, Summary, statistics
 from hgorun.result.metrics.base import all_metrics, unit_of
-from hgorun.tables.axis_names import bracketed, names_of_points, short_axis, time_of
+from hgorun.tables.axis_names import bracketed, names_of_points, short_axis, unit_of_axis
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.rows import NEVER
 from hgorun.tables.typeset import printable
-from hgorun.tables.uncertain import uncertain
+from hgorun.tables.uncertain import mean_and_half, uncertain
 
 NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
 _INTERVALS = "±: 95 % interval of the mean, over members that are ok or inaccurate; sem: its standard error; "
@@ -106,7 +106,7 @@ def summary(one: Compared) -> list[str]:
     if members.planned > len(members):
         count += f" of {members.planned}"
     axes = [
-        f"{axis} {_span(levels(values))} {time_of(axis, members.units)}".rstrip()
+        f"{axis} {_span(levels(values))} {unit_of_axis(axis, members.units)}".rstrip()
         for axis, values in members.axes.items()
     ]
     lines = [": ".join(printable(part) for part in (members.name, members.title) if part), "; ".join([count, *axes])]
@@ -148,10 +148,12 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
     for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
         own = {f"{label} {state}": s for (label, m, state), s in part.summaries.items() if m == metric}
         never = {f"{label} {state}" for label, m, state in part.never if m == metric}
-        columns = [["mean", *(NEVER if key in never else _cell(s.mean) for key, s in own.items())]]
+        means = [mean_and_half(s.mean, s.half)[0] for s in own.values()]
+        columns = [["mean", *(NEVER if key in never else mean for key, mean in zip(own, means, strict=True))]]
         own = {key: _NOTHING if key in never else s for key, s in own.items()}
         if part.independent:
-            columns += [["±", *(_half(s) for s in own.values())], ["sem", *(_cell(s.sem) for s in own.values())]]
+            halves = [mean_and_half(s.mean, s.half)[1] for s in own.values()]
+            columns += [["±", *halves], ["sem", *(_cell(s.sem) for s in own.values())]]
         for name in ("q05", "q25", "median", "q75", "q95"):
             columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
         for block in packed(list(own), [[column] for column in columns], title=metric + _unit_of(metric, one)):
@@ -186,10 +188,6 @@ def _cut(part: Statistics) -> str:
     """Of which times the mean is too small, and why."""
     who = [f"{metric} of {label} {state}: {n} of {part.members}" for (label, metric, state), n in part.cut.items()]
     return f"{', '.join(who)} members never settle; they count with the end of the run, so the mean is too small"
-
-
-def _half(summary: Summary) -> str:
-    return _cell(summary.half)
 
 
 def _cell(value: float) -> str:

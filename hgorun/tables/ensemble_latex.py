@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from hgorun.ensemble.statistics import Statistics
 from hgorun.result.metrics.base import unit_of
-from hgorun.tables.axis_names import names_of_values, short_axis, time_of
+from hgorun.tables.axis_names import names_of_values, short_axis, unit_of_axis
 from hgorun.tables.ensemble import Compared, best
 from hgorun.tables.latex import NEEDS, latex_head, latex_number, latex_unit
 from hgorun.tables.rows import NEVER
@@ -62,7 +62,7 @@ def _places(one: Compared) -> list[str]:
     names = {axis: names_of_values(part.at[axis] for part in one.points) for axis in one.by}
     return [
         ", ".join(
-            _equation(short_axis(axis, one.by), names[axis][value], value, time_of(axis, one.members.units))
+            _equation(short_axis(axis, one.by), names[axis][value], value, unit_of_axis(axis, one.members.units))
             for axis, value in part.at.items()
         )
         for part in one.parts

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.files import json_value
-from hgorun.tables.axis_names import bracketed, short_axis, time_of
+from hgorun.tables.axis_names import bracketed, short_axis, unit_of_axis
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.uncertain import uncertain
 
@@ -43,8 +43,8 @@ class TunedTable:
         How many.
     units : tuple of str
         Of the quantities; empty where they are not known.
-    time : str
-        The unit of time.
+    of_gains : mapping of str to str
+        Units of time, and of gains that are no times.
     ended : str
         Why so many of the budget's runs are left; nothing where only a few are.
     """
@@ -67,12 +67,12 @@ class TunedTable:
     seeds: int
     held_out_seeds: int
     units: tuple[str, ...] = ()
-    time: str = ""
+    of_gains: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def units_of_gains(self) -> dict[str, str]:
-        """Units of those gains that are times, by their paths."""
-        return {path: unit for path in self.paths if (unit := time_of(path, {"time": self.time}))}
+        """Units of those gains that have one, by their paths."""
+        return {path: unit for path in self.paths if (unit := unit_of_axis(path, self.of_gains))}
 
     @property
     def units_of_quantities(self) -> dict[str, str]:
@@ -112,7 +112,7 @@ def as_json(found: Sequence[TunedTable], name: str, files: Sequence[str]) -> dic
     """``{name, files, observers: {label: {runs, budget, ended, seeds, held_out, gains, chosen, front: [{gains, tuned,
     held_out, confidence, lost}]}}}``; quantities are ``{text: {mean, ci95}}``.
 
-    An observer has ``units``, too: of those of its gains that are times, and of its quantities, where they are known.
+    An observer has ``units``, too: of its gains and quantities, where they are known.
     """
     observers = {}
     for one in found:

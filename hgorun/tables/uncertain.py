@@ -7,7 +7,7 @@ import re
 
 from hgorun.tables.layout import number
 
-_DIGITS = 6  # of a number, at most
+_DIGITS = 15  # of a number, at most: more are those of rounding
 _FIXED = (1e-4, 1e6)  # numbers between are written without an exponent; below, those without uncertainty have one, too
 
 
@@ -22,6 +22,21 @@ def uncertain(value: float, half: float) -> str:
         return number(value)
     mean, error, exponent = parts
     return f"{mean} ± {error}" if exponent == 0 else f"({mean} ± {error})e{exponent:+03d}"
+
+
+def mean_and_half(value: float, half: float) -> tuple[str, str]:
+    """The same in two columns, with a dash for what is not known.
+
+    >>> mean_and_half(0.123456, 0.0056), mean_and_half(1.23456e-7, 2e-9), mean_and_half(3.0, float("nan"))
+    (('0.1235', '0.0056'), ('1.235e-07', '0.020e-07'), ('3.000', '-'))
+    """
+    parts = _parts(value, half)
+    if parts is None:
+        mean, error = ("-" if math.isnan(one) else number(one) for one in (value, half))
+        return mean, error
+    mean, error, exponent = parts
+    power = "" if exponent == 0 else f"e{exponent:+03d}"
+    return mean + power, error + power
 
 
 def latex_uncertain(value: float, half: float, *, bold: bool = False) -> str:

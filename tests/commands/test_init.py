@@ -195,7 +195,7 @@ def test_names_that_only_equations_have_are_asked_for(shell: Shell, monkeypatch:
     answers(monkeypatch, "own", "-", "pos, speed", "k = 4", "", *equations, *[""] * 8)
     code, out, err = shell("init", "--ask", "-o", "own.yaml")
     assert code == 0, err
-    asked = "F is not known. Its number, or as an input an expression of t (Enter: write it again)"
+    asked = "F is not known.\n  Its number, or as an input an expression of t (Enter: write it again)"
     assert asked in out
     found = yaml.safe_load((shell.folder / "own.yaml").read_text())
     assert found["time"]["unit"] == "-"

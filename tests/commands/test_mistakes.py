@@ -210,6 +210,14 @@ def test_an_unknown_figure_is_told_with_those_that_there_are(shell: Shell) -> No
     code, _, err = shell("figures", "lee9")
     assert code == 2
     assert "no figure or experiment is called 'lee9'. Known: astolfi2016: linear-eps" in err
+
+
+def test_an_observer_in_the_place_of_a_claim_is_told_as_what_it_is(shell: Shell) -> None:
+    _, _, err = shell("claims", "kalman_bucy")
+    assert "'kalman_bucy'. It is an observer: claims and figures have names of their own" in err
+    _, _, err = shell("claims", "shgo")
+    assert "; it is in astolfi2016/noise_linear, astolfi2016/noise_nonlinear, robles2023/" in err
+    assert "It is a plant: " in shell("figures", "lee_second_order")[2]
     assert "; lee2016: 1, 2, 3, 4, 5, 6; " in err
     assert "Did you mean `3.9`? Known: " in shell("claims", "3.99")[2]
 

@@ -34,6 +34,15 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("output: x1", "output: angle", "c.yaml:7: plant.output: `angle` is not known. Known names: t, x1, x2"),
         ("output: x1", "output: [x1, angle]", "c.yaml:7: plant.output: `angle` is not known."),
         ("output: x1", "output: {a: angle}", "c.yaml:7: plant.output.a: `angle` is not known."),
+        (
+            "x2: -x1\n",
+            "x2: -x1 + pump\n",
+            "c.yaml:6: plant.dynamics.x2: `-x1 + pump`: `pump` is not known. Known names: t, x1, x2, pi, e; an input "
+            "is declared in plant by inputs: {pump: expression of t}, a constant by parameters: {pump: number}\n",
+        ),
+        ("theta: 3", "theta: 3e400", "c.yaml:12: observers.FHGO.theta: 3e400 is larger than any number (1.8e308)"),
+        ("theta: 3", "theta: .inf", "c.yaml:12: observers.FHGO.theta: the number inf is not finite"),
+        ("x2: -x1", "x2: -x1*1e400", "c.yaml:6: plant.dynamics.x2: `-x1*1e400`: 1e400 is larger than any number"),
         ("    x2: -x1\n", "", "c.yaml:4: plant.dynamics: the right-hand side of x2 is missing: write a line `x2: ...`"),
         ("theta: 3", "theta: eight", "c.yaml:12: observers.FHGO.theta: `eight` is not a number."),
         (

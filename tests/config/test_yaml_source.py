@@ -96,7 +96,7 @@ def test_nan_is_a_float(text: str) -> None:
 def test_a_number_too_long_for_python_is_refused() -> None:
     assert "5000 characters" in str(refusal("a: " + "1" * 5000))
     assert data("a: " + "1" * 300) == {"a": int("1" * 300)}
-    assert data("1e400") == math.inf
+    assert "1e400 is larger than any number" in str(refusal("a: 1e400"))
 
 
 @pytest.mark.usefixtures("parser")

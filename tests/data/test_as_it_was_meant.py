@@ -84,6 +84,7 @@ def test_midnight_is_counted_when_that_is_asked_for(tmp_path: Path) -> None:
     found = recorded(tmp_path, dated(CLOCK), asked, time_unit="min")
     assert found.outputs["S"].taken.tolist() == MINUTES
     assert not any("one day" in note.message for note in found.notes)
+    assert any("of a gap of a day or more the days are lost" in note.message for note in found.notes)
 
 
 def test_days_are_counted_beside_missing_stamps_and_of_what_was_known(tmp_path: Path) -> None:

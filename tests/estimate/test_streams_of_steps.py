@@ -97,3 +97,15 @@ def test_a_late_sample_is_refused(block: Block) -> None:
     with pytest.raises(ValueError, match=r"taken at 0.1 is late, and O takes samples without delay: leave late ones"):
         estimator.update(0.1, {"y": 0.9}, available=0.2)
     assert estimator.t == 0.0
+
+
+def test_late_samples_that_are_left_out_have_not_been() -> None:
+    found = []
+    for late in (False, True):
+        estimator = Estimator(Experiment(config(ONE, {"type": "deadbeat", "late": "drop"})), inputs=["u"])
+        for k in range(4):
+            at_once(estimator, k)
+            if late and k < 3:
+                estimator.update(TAKEN[k] + 0.01, {"y": 9.0}, available=TAKEN[k] + 0.02)
+        found.append(estimator.estimate()["O"])
+    np.testing.assert_array_equal(found[1], found[0])

@@ -182,6 +182,7 @@ def test_the_page(served: Served) -> None:
     assert all("aria-label=" in one or 'id="file"' in one for one in named)
 
 
+@pytest.mark.measured
 @pytest.mark.slow
 def test_a_figure_is_of_what_the_address_says(served: Served) -> None:
     begin = f"/{served.page.secret}/figure"

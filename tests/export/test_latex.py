@@ -121,6 +121,16 @@ def test_every_family_can_be_typeset(name: str) -> None:
     assert_typeset(latex(exported(run, Wanted(steps=False))[0]))
 
 
+def test_an_abbreviation_is_defined_once() -> None:
+    """Between samples and at them, long expressions have numbers of one row."""
+    shared = "exp(-a*b/(1 + a**2 + b**2))"
+    plant = inline({"a": f"b*{shared}", "b": f"-a + {shared}"}, f"a*{shared}")
+    text = latex(exported_of(plant, {"type": "ekf", "Q": {"b": 0.1}, "R": 0.1}, SAMPLED))
+    defined = [line.split("&=")[0].strip() for line in text.splitlines() if line.startswith("  c_{")]
+    assert defined == [f"c_{{{i + 1}}}" for i in range(len(defined))]
+    assert len(defined) > 2
+
+
 def test_signs_and_brackets() -> None:
     x, y = ca.SX.sym("x"), ca.SX.sym("y")
     expressions = {

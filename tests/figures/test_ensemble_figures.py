@@ -124,6 +124,13 @@ def test_cells_of_a_map_are_medians() -> None:
     assert len(figure.axes[1].patches) == len(PERIODS)  # hatched: S is lost at the largest gain
 
 
+def test_captions_say_that_bands_leave_their_panels_where_estimates_are_lost() -> None:
+    members = made()
+    lost = int(np.sum(~members.sound.all(axis=1)))
+    assert f"where estimates are lost ({lost} of {len(members)} members)" in caption(against(members, THETA, ["rmse"]))
+    assert "lost" not in caption(against(made(lost=False), THETA, ["rmse"]))
+
+
 def test_fronts_join_medians_over_seeds() -> None:
     members = made().where(made().axes[PERIOD] == PERIODS[0])
     x, y = lines(front(members, "hf", "settling"), 0, "F")
@@ -261,4 +268,5 @@ def test_names_of_axes() -> None:
     assert axis_label("seed") == "seed"
     assert axis_label("observers.*.theta") == "$\\theta$"
     assert axis_label("measurement.noise.0.std") == "std of noise"
+    assert axis_label("measurement.noise.0.std", {"time": "s", "measurement.noise.0.std": "m"}) == "std of noise [m]"
     assert axis_label("plant.parameters.mu_max") == "$\\mu_{\\mathrm{max}}$"

@@ -6,7 +6,6 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -21,18 +20,14 @@ from matplotlib.colors import to_rgb
 
 from hgorun import ConfigError, HgorunError, Result
 from hgorun.errors import Problem
-from hgorun.figures.actors import Actor
 from hgorun.figures.data import Curve, moving_maximum, state_limits, thinned
 from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.files import save
-from hgorun.figures.looks import _FAMILIES, Look, family_colour, looks
+from hgorun.figures.looks import family_colour
 from hgorun.figures.names import RunNames, check
-from hgorun.figures.style import DASHES, PALETTE, TRUTH
-from hgorun.observers.base import OBSERVERS
 from hgorun.result.data import Measurements
 from hgorun.result.observer import ObserverResult
 from hgorun.result.status import OK, Verdict
-from hgorun.tables.typeset import latex_words, paragraph, shortened, symbol, unit, words
 
 CONFIG: dict[str, Any] = {
     "title": "Contois, sampled",
@@ -209,124 +204,6 @@ def test_nothing_overlaps_the_panels(result: Result) -> None:
 # What can be told apart
 
 
-def luminance(shade: str) -> float:
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(shade)]
-    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
-
-
-def lightness(shade: str) -> float:
-    """L* of CIELAB, 0 to 100; a step of 2.3 is just seen."""
-    return float(116 * np.cbrt(max(luminance(shade), 0.009)) - 16)
-
-
-def actors(*families: tuple[str, int | None]) -> list[Actor]:
-    return [Actor(i, "run", f"{i}", kind, r) for i, (kind, r) in enumerate(families)]
-
-
-def looks_of(*panels: list[Actor]) -> dict[int, Look]:
-    return looks(panels, {a.order: a.label for panel in panels for a in panel})
-
-
-FAMILIES: list[tuple[str, int | None]] = [
-    ("shgo", None),
-    ("fhgo1", 3),
-    ("fhgo2", 1),
-    ("fhgo2", 2),
-    ("fhgo2_nuos", 2),
-    ("lowpass", 1),
-    ("mine", None),
-]
-
-
-def test_observers_differ_in_greyscale() -> None:
-    """By line style or by luminance, in one panel of up to seven; all are dark enough for white paper."""
-    for families in (FAMILIES, [("shgo", None)] * 7, [("mine", None)] * 7):
-        for a, b in combinations(looks_of(actors(*families)).values(), 2):
-            assert a.dashes != b.dashes or abs(luminance(a.colour) - luminance(b.colour)) > 0.1
-    for shade in PALETTE:
-        assert 1.05 / (luminance(shade) + 0.05) > 2.1
-    assert TRUTH["linestyle"] not in DASHES
-
-
-@pytest.mark.costly
-@given(st.lists(st.lists(st.sampled_from(FAMILIES), max_size=12), min_size=1, max_size=4), st.randoms())
-def test_looks_in_a_panel_are_different(panels: list[list[tuple[str, int | None]]], random: Any) -> None:
-    everybody = actors(*(family for panel in panels for family in panel))
-    shown = [random.sample(everybody, min(len(everybody), len(panel))) for panel in panels]
-    found = looks_of(*shown)
-    for panel in shown:
-        own = [found[a.order] for a in panel]
-        assert len({(look.colour, look.dashes) for look in own}) == len(own) or len(found) > len(PALETTE)
-        if len(panel) <= len(PALETTE) and len(found) <= len(PALETTE):
-            assert len({look.colour for look in own}) == len(own)
-
-
-def test_35_observers_side_by_side_look_different() -> None:
-    for families in ([("shgo", None)] * 35, FAMILIES * 5):
-        found = looks_of(actors(*families))
-        assert len({(look.colour, look.dashes) for look in found.values()}) == 35
-
-
-def test_a_family_has_its_colour_in_every_figure() -> None:
-    """Whoever else is shown, unless two of it meet in one panel; then the first keeps it."""
-    assert family_colour("shgo", None) == family_colour("shgo_riccati", None) == family_colour("fhgo2", 0)
-    assert family_colour("fhgo2", 2) == family_colour("fhgo2_nuos", 2)
-    assert len({family_colour("fhgo2", r) for r in range(4)}) == 4
-    assert family_colour("fhgo2", 9) in PALETTE
-    for order in (FAMILIES, FAMILIES[::-1]):
-        alone = [a for a in actors(*order) if (a.type, a.filter_order) != ("fhgo2_nuos", 2)]
-        for actor in alone:
-            assert looks_of(alone)[actor.order].colour == family_colour(actor.type, actor.filter_order)
-    two = actors(("shgo", None), ("fhgo1", 3), ("shgo_riccati", None))
-    meeting, apart = looks_of(two), looks_of(two[:2], two[2:])
-    assert meeting[0].colour == apart[0].colour == apart[2].colour == family_colour("shgo", None)
-    assert meeting[2].colour not in (meeting[0].colour, meeting[1].colour)
-    assert apart[0].dashes != apart[2].dashes  # their texts differ, and the legend is one
-
-
-def look_alone(kind: str, r: int | None) -> tuple[str, Any, str]:
-    """Colour, line style and marker of an observer that is alone in its figure."""
-    own = looks_of(actors((kind, r)))[0]
-    return own.colour, own.dashes, own.marker
-
-
-def test_two_figures_agree_on_every_observer() -> None:
-    """Whoever stands beside it: colour, line style and marker are those that it has alone."""
-    beside = [("shgo", None), ("fhgo1", 3), ("fhgo2", 1), ("fhgo2", 2), ("levant", None), ("kalman_bucy", None)]
-    for order in (beside, beside[::-1]):
-        found = looks_of(actors(*order))
-        for actor in actors(*order):
-            own = found[actor.order]
-            assert (own.colour, own.dashes, own.marker) == look_alone(actor.type, actor.filter_order)
-
-
-def test_no_two_families_look_alike() -> None:
-    filtered = ("fhgo2", "fhgo2_nuos", "lowpass")
-    kinds = [*((kind, None) for kind in OBSERVERS.load()), *((kind, r) for kind in filtered for r in (1, 2, 3))]
-    known = [look_alone(*family)[:2] for family in kinds if family[0] in _FAMILIES or family[1]]
-    assert len({(colour, str(dashes)) for colour, dashes in known}) == len(known)
-
-
-def test_families_that_are_compared_differ() -> None:
-    """In colour, and of the many in the thesis also in luminance."""
-    for group in (
-        [("shgo", None), ("fhgo2", 1), ("fhgo2", 2), ("fhgo2", 3)],
-        [("shgo", None), ("direct", None), ("dynamic_gain", None), ("direct_dynamic", None), ("levant", None)],
-        [("hgo_fd", None), ("hgo_sa", None)],
-        [("reduced_sampled", None), ("deadbeat", None)],
-        [
-            ("shgo", None),
-            ("treangle", None),
-            ("low_power", None),
-            *((t, r) for t in ("lowpass", "fhgo2") for r in (1, 2, 3)),
-        ],
-    ):
-        colours = [family_colour(*family) for family in group]
-        assert len(set(colours)) == len(group)
-    thesis = [str(family_colour(*family)) for family in [("shgo", None), ("fhgo2", 1), ("fhgo2", 2), ("fhgo2", 3)]]
-    assert min(abs(lightness(a) - lightness(b)) for a, b in combinations([*thesis, "black"], 2)) > 9
-
-
 @pytest.mark.costly
 def test_the_filter_order_of_a_run_decides_the_colour(result: Result) -> None:
     assert [o.filter_order for o in result.observers.values()] == [None, 1, 2]
@@ -439,74 +316,6 @@ def test_the_moving_maximum_is_one(count: int, points: int, seed: int) -> None:
 
 
 # Words
-
-
-@pytest.mark.parametrize(
-    ("name", "plain", "hat"),
-    [
-        ("x1", "x_{1}", r"\hat{x}_{1}"),
-        ("x", "x", r"\hat{x}"),
-        ("x_1", "x_{1}", r"\hat{x}_{1}"),
-        ("x1_2", "x_{1,2}", r"\hat{x}_{1,2}"),
-        ("theta", r"\theta", r"\hat{\theta}"),
-        ("s_in", r"s_{\mathrm{in}}", r"\hat{s}_{\mathrm{in}}"),
-        ("al2", r"\mathrm{al}_{2}", r"\hat{\mathrm{a}}\mathrm{l}_{2}"),  # over the first letter: seen as a hat
-        ("speed", r"\mathrm{speed}", r"\hat{\mathrm{s}}\mathrm{peed}"),
-        ("x1a", r"\mathrm{x1a}", r"\hat{\mathrm{x}}\mathrm{1a}"),
-        ("_x", r"\mathrm{\_x}", r"\mathrm{\_}\hat{\mathrm{x}}"),
-        ("a\\b$", r"\mathrm{a?b?}", r"\hat{\mathrm{a}}\mathrm{?b?}"),
-    ],
-)
-def test_names_as_mathematics(name: str, plain: str, hat: str) -> None:
-    assert symbol(name) == plain
-    assert symbol(name, hat=True) == hat
-
-
-def test_units_in_brackets() -> None:
-    assert unit("") == ""
-    assert unit("g/L") == " [g/L]"
-    assert unit("rad s^-2") == " [rad s$^{-2}$]"
-    assert unit("$m^2$") == " [$m^2$]"
-
-
-@pytest.mark.slow
-@given(st.text(max_size=100))
-def test_any_label_can_be_drawn_and_is_short(text: str) -> None:
-    from matplotlib.mathtext import MathTextParser
-
-    shown = words(text)
-    if len(re.findall(r"(?<!\\)\$", shown)) > 1:
-        MathTextParser("path").parse(shown)
-    assert "\n" not in shown
-    assert len(shortened(text, 20)) <= max(20, min(len(text), 40))
-
-
-def test_mathematics_in_labels_is_kept_and_money_is_not() -> None:
-    assert words(r"$\theta = 2$") == r"$\theta = 2$"
-    assert words("5 $ and 6 $") != ""
-    assert words("costs 5 $") == r"costs 5 \$"
-    assert words(r"$\nosuchcommand{$") == r"\$\nosuchcommand{\$"
-    assert latex_words(r"5 % of $\theta$ & $\input{x}$") == (r"5 \% of $\theta$ \& \$\textbackslash{}input\{x\}\$")
-
-
-def test_titles_are_broken_between_formulas() -> None:
-    title = r"Estimates of $x_1$ where $\theta = 2 + 3 + 4$, " * 4
-    broken = paragraph(title.strip(), 6.0)
-    assert "\n" in broken
-    for line in broken.split("\n"):
-        assert line.count("$") % 2 == 0
-
-
-def test_titles_have_lines_about_equally_long_and_keep_numbers_with_their_units() -> None:
-    title = "points: tried with all seeds; star: the minimum, on held-out seeds with its 95 % interval"
-    lines = paragraph(title, 6.0).split("\n")
-    assert [line.split(" ")[-1] for line in lines] == ["minimum,", "interval"]  # and no `95` beside a `%` of its own
-    assert all("0.05 s" in broken or "0.05" not in broken for k in range(20, 60) for broken in
-               paragraph(f"{'a' * 9} largest error in a window of 0.05 s; dotted", k / 13).split("\n"))  # fmt: skip
-
-
-def test_a_formula_is_as_long_in_a_title_as_it_is_seen() -> None:
-    assert "\n" not in paragraph(r"rms of $\hat{\mathrm{s}}\mathrm{peed} - \mathrm{speed}$ [rad/s]", 2.4)
 
 
 @pytest.mark.costly

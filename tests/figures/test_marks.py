@@ -207,6 +207,21 @@ def test_a_knee_that_is_beaten_on_held_out_seeds_is_hollow() -> None:
     assert drawn(2).get_markerfacecolor() == "white"
 
 
+def test_the_interval_of_the_best_is_in_front_of_its_mark() -> None:
+    values = np.array([[1.0], [2.0]])
+    found = Tuned(
+        label="A", type="shgo", filter_order=None, paths=("observers.A.theta",), logarithmic=(True,), gains=values,
+        goals=values, met=np.array([True, True]), front_gains=values[:1], front=values[:1], half=np.array([[1e-3]]),
+        chosen=0,
+    )  # fmt: skip
+    ax = tuning([found], ["a"]).axes[0]
+    star = next(line for line in ax.lines if line.get_marker() == "*")
+    caps = [line for line in ax.lines if line.get_marker() == "_"]
+    assert len(caps) == 2
+    assert all(cap.get_zorder() > star.get_zorder() for cap in caps)
+    assert all(cap.get_markersize() > 0.8 * star.get_markersize() for cap in caps)
+
+
 def recorded(result: Result, used: np.ndarray) -> Result:
     """The run as an estimate of a recording, whose samples the observers have used or not."""
     t = result.time[::5]
@@ -225,6 +240,8 @@ def test_samples_that_one_of_two_observers_left_out_say_whose(result: Result) ->
     assert drawn["measured"].get_xdata().size == count - 1
     assert drawn["not used"].get_xdata().size == 1
     assert drawn["not used by A"].get_xdata().size == 1
+    assert drawn["measured"].get_zorder() > max(drawn[label].get_zorder() for label in "AB")
+    assert ax.get_ylabel().startswith("$x_{1}$")  # there is no truth beside what was measured
     assert drawn["not used by A"].get_color() == drawn["A"].get_color()
     assert "not used by B" not in drawn
 

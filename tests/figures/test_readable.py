@@ -126,6 +126,7 @@ def test_a_long_goal_fits_beside_its_panel_and_names_no_single_observer() -> Non
     task = SimpleNamespace(
         label="SHGO",
         goals=((text, read_sentence(text, ("run",))),),
+        gains=(),
         base=SimpleNamespace(
             blocks=SimpleNamespace(time=SimpleNamespace(unit="s")), plant=SimpleNamespace(units={"speed": "rad/s"})
         ),

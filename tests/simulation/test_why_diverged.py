@@ -89,3 +89,10 @@ def test_gains_for_which_no_step_is_short_enough_are_named_with_their_rate(step:
     assert "which make it as fast as 1e+09 per time unit" in (found.reason or "")
     if step == 0.01:  # RK4 is stable where theta times it is below 2.79
         assert (found.reason or "").endswith("give theta of at most 250")
+
+
+def test_of_two_gains_the_faster_is_named_for_which_no_step_is_short_enough() -> None:
+    plant: dict[str, Any] = {"type": "integrator_chain", "n": 2, "initial": {"x1": 1, "x2": 0}}
+    block: dict[str, Any] = {"type": "piecewise", "theta_1": 1e9, "theta_2": 1e8, "d": 0.1}
+    found = simulated(plant, {"S": block}, end=1, solver={"step": 0.01}).observers["S"]
+    assert (found.reason or "").endswith("give theta_1 of at most 250 with theta_2 below it")

@@ -55,7 +55,8 @@ def made(seeds: int = 30, *, gap: float = 0.5, lost: int = 0) -> Collected:
         (0.0, 0.01, "0.000 ± 0.010"),
         (6.4e-4, 2.2e-5, "0.000640 ± 0.000022"),
         (3e-7, 1.5e-6, "(0.3 ± 1.5)e-06"),
-        (1.0, 1e-12, "1.00000 ± 1.0e-12"),
+        (1.0, 1.2e-9, "1.0000000000 ± 0.0000000012"),
+        (1.0, 1e-16, "1.00000000000000 ± 1.0e-16"),
         (2.0, 0.0, "2.000"),
         (2.0, math.nan, "2.000"),
         (math.inf, math.nan, "inf"),
@@ -67,7 +68,7 @@ def test_numbers_have_the_digits_that_their_uncertainty_leaves(value: float, hal
 
 def test_uncertain_numbers_in_latex() -> None:
     assert latex_uncertain(0.123456, 0.0056) == r"$0.1235 \pm 0.0056$"
-    assert latex_uncertain(1.0, 1e-12) == r"$1.00000 \pm 1.0 \times 10^{-12}$"
+    assert latex_uncertain(1.0, 1e-16) == r"$1.00000000000000 \pm 1.0 \times 10^{-16}$"
     assert latex_uncertain(math.inf, math.nan) == r"$\infty$"
     assert latex_uncertain(math.nan, math.nan) == "--"
 

@@ -22,6 +22,7 @@ from hgorun.tables.tuning import TunedTable
 from hgorun.tables.tuning import as_json as tuned_json
 from hgorun.tables.tuning import text as tuned_text
 
+STD = "measurement.noise.0.std"
 PERIOD, THETA = "measurement.sampling.period", "observers.S.theta"
 
 
@@ -71,6 +72,8 @@ def test_of_axes() -> None:
         "",
         ["period = 0.1 h, theta = 2", "period = 0.2 h, theta = 2"],
     )
+    levels = [{STD: 0.1}, {STD: 0.2}]
+    assert names_of_points(levels, [STD], {STD: "m"}) == ("", ["std = 0.1 m", "std = 0.2 m"])
     assert names_of_points(points, [PERIOD], {})[1] == ["period = 0.1", "period = 0.2"]
     long = [{PERIOD: 0.1, THETA: 2, "measurement.delay_of_a_very_long_name_that_is_long": 1}]
     assert names_of_points(long, list(long[0]), {"time": "h"})[0].startswith("period [h], theta, ")
@@ -81,7 +84,7 @@ def test_of_gains_and_quantities() -> None:
     found = TunedTable(
         label="S", paths=(PERIOD, THETA), quantities=("settling(S, x1)", "rmse(S, x1)"), goals=2, gains=one, tuned=one,
         tuned_half=one, held_out=one, held_out_half=one, lost=np.zeros(1, dtype=np.int64), confidence=np.ones(1),
-        chosen=0, runs=1, budget=1, ended="", seeds=1, held_out_seeds=1, units=("h", ""), time="h",
+        chosen=0, runs=1, budget=1, ended="", seeds=1, held_out_seeds=1, units=("h", ""), of_gains={"time": "h"},
     )  # fmt: skip
     head = " ".join(tuned_text([found]).split())
     assert "period [h] theta settling(S, x1) [h] rmse(S, x1) " in head
