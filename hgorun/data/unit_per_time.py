@@ -36,9 +36,9 @@ def unlike_rate(unit: str, time: str, rate: str) -> str:
     right = per_time(unit, time)
     if rate == right or not is_time(time) or {unit, rate} & set(NO_UNIT) or not are_usual(unit, rate):
         return ""
-    of_differences = [_OFFSET.sub(r"delta_deg\1", one) for one in (f"{rate}*{SHORT.get(time, time)}", unit)]
+    back, state = (_OFFSET.sub(r"delta_deg\1", one) for one in (f"{rate}*{SHORT.get(time, time)}", unit))
     try:
-        (size,) = converted(np.ones(1), *of_differences, ()).tolist()
+        (size,) = converted(np.ones(1), back, state, ()).tolist()
     except Problem as problem:
         return f"{rate} is of another kind" if "of another kind" in problem.message else ""
     return "" if abs(size - 1) <= _NEAR else f"1 {right} is {1 / size:.6g} {rate}"

@@ -30,8 +30,8 @@ def unit_remarks(source: Source, model: PlantModel) -> Iterator[str]:
             of_state, of_rate, per = printable(units[name]), printable(units[rate]), printable(clock)
             yield (
                 f"{source.told(('plant', 'units', rate))}: {of_rate}, but {name}' = {rate} makes it "
-                f"{per_time(of_state, per)}, since {name} is in {of_state} and time in {per}: {printable(wrong)}. Write "
-                "the unit that the numbers have, or the factor into the equation"
+                f"{per_time(of_state, per)}, since {name} is in {of_state} and time in {per}: {printable(wrong)}. "
+                "Write the unit that the numbers have, or the factor into the equation"
             )
 
 
