@@ -110,8 +110,6 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
         told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, said=unit is not None)
     elif form is not None and not has_date(form) and not column.clock.next_day:
         told = f"the pattern {form} has no date: all times are taken to be of one day"
-    elif form is not None and column.clock.next_day:
-        told = "next_day counts the times that pass midnight: of a gap of a day or more the days are lost"
     else:
         return None
     return told and f"column {column.cells.column!r}: {told}"

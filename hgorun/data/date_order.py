@@ -9,6 +9,7 @@ from hgorun.data.cells import NAT
 _DAY = 86_400 * 10**9  # nanoseconds
 _HOUR = 3600 * 10**9
 _MONTHS = 12
+_TIMES = 3  # what is usual
 _FEWEST = 3  # different dates that are in order by more than chance
 
 
@@ -35,6 +36,25 @@ def days_counted(found: np.ndarray, before: int | None = None) -> np.ndarray:
     counted = found.copy()
     counted[there] = days * _DAY + of_day
     return counted
+
+
+def unlike_others(counted: np.ndarray) -> tuple[int, int] | None:
+    """The longest time between two, where it may be longer by whole days: what ends it, and how long it is.
+
+    Times of day say nothing of whole days, so that any gap may be longer. That is likely of none in a log without
+    holes, whose times are no more than an hour apart and no further than three times as far as usual: None there.
+    A gap that passes midnight and ends more than an hour before the time of day at which it began is as long as that,
+    too, though its day is not counted where it is of half a day or more.
+    """
+    there = np.flatnonzero(counted != NAT)
+    if there.size < _FEWEST - 1:
+        return None
+    gaps = np.diff(counted[there])
+    gaps = np.where(gaps < -_HOUR, gaps + _DAY, np.maximum(gaps, 0))
+    k = int(gaps.argmax())
+    longest, usual = int(gaps[k]), float(np.median(gaps))
+    alone = gaps.size > 1 and longest > _TIMES * usual
+    return (int(there[k + 1]), longest) if alone or longest > _HOUR else None
 
 
 def known_after(known: np.ndarray, taken: np.ndarray) -> np.ndarray:

@@ -10,7 +10,7 @@ from hgorun.config.data import Data, has_date
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, odd_dates, origin, origin_stamp, stamps, times_since
 from hgorun.data.date_hints import clock_key, with_exchanged
-from hgorun.data.date_order import days_counted, exchanged, known_after, passes_midnight
+from hgorun.data.date_order import days_counted, exchanged, known_after, passes_midnight, unlike_others
 from hgorun.data.day_counts import four_years_apart, span_of
 from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.recording import Note, Origin
@@ -18,6 +18,7 @@ from hgorun.data.sources import LogFile, Wanted
 from hgorun.data.table import Table
 from hgorun.data.units import alike_times
 from hgorun.errors import ConfigError, Problem
+from hgorun.progress import duration
 
 
 class OneClock:
@@ -146,10 +147,25 @@ class OneClock:
                 if there.size:
                     before = int(there[-1])
                     start = int(there[0]) if start is None else start
+        self.notes += [note for place in self._stamps if place in counted for note in self._days_lost(*place)]
         for part in (part for signal in signals for part in signal.parts):
             if part.available is not None and part.available.clock.next_day:
                 place = part.file, part.available
                 self._stamps[place] = known_after(self._stamps[place], self._stamps[part.file, part.time])
+
+    def _days_lost(self, file: LogFile, clock: ClockColumn) -> Iterator[Note]:
+        """What is told of the longest gap between times of day, where whole days may have passed."""
+        found = unlike_others(self._stamps[file, clock])
+        if found is None:
+            return
+        place, gap = found
+        column, line = clock.cells.column, int(self._tables[file].lines[place])
+        told = (
+            f"column {column!r}: next_day counts the times that pass midnight: the gap of {duration(gap / 1e9)} before "
+            "this line, the longest, may be of a day or more, whose days are lost; such logs need dates"
+        )
+        key = ".".join(map(str, clock.path))
+        yield Note(kind="clock", signal=key, file=str(file.path), line=line, message=told)
 
     def _require_order(self, file: LogFile, clock: ClockColumn, signals: Sequence[Wanted]) -> None:
         """Refuse dates that run backwards as they are read, and not as they may be meant.

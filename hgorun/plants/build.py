@@ -12,7 +12,8 @@ import casadi as ca
 import numpy as np
 
 from hgorun.config.controller import DRIVEN, Controller
-from hgorun.config.expressions import CONSTANTS, ExpressionError, parse
+from hgorun.config.expressions import CONSTANTS, ExpressionError, nearest, parse
+from hgorun.config.grammar import short
 from hgorun.config.reads import Reads
 from hgorun.errors import KeyPath, Problem, called
 from hgorun.memo import Memo
@@ -242,22 +243,30 @@ def _triangular(
 def _equations(block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[ca.SX, ca.SX]:
     values = {**vars(p), **vars(u), **vars(x), "t": t}
     for place, text in block.expressions().items():
-        _require_readable(("plant", *place), text, values)
+        _require_readable(("plant", *place), text, values, tuple(vars(x)))
     with called("plant", block.type, "equations"):
         dynamics, output = watched.equations(t, x, u, p)
         return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
 
 
-def _require_readable(path: KeyPath, text: str, values: Mapping[str, ca.SX]) -> None:
-    """Refuse an equation that cannot be read; of a name that nothing declares the keys are told that do."""
+def _require_readable(path: KeyPath, text: str, values: Mapping[str, ca.SX], states: Sequence[str]) -> None:
+    """Refuse an equation that cannot be read; of a name that nothing declares the keys are told that do.
+
+    In an output a misspelt state is likelier than an input or a constant, so that the nearest state comes first.
+    """
     try:
         _symbol(path, text, values)
     except Problem as error:
         with suppress(ExpressionError):
             for name in sorted(parse(text).names - values.keys() - CONSTANTS.keys()):
+                before, told, listed = error.message.partition(f"`{short(name)}` is not known.")
+                if not told:  # another name is reported
+                    continue
                 as_input, as_number = f"inputs: {{{name}: expression of t}}", f"parameters: {{{name}: number}}"
                 declared = f"an input is declared in plant by {as_input}, a constant by {as_number}"
-                raise Problem(path, f"{error.message}; {declared}") from error
+                if path[1] == "output" and (near := nearest(name, states)):
+                    listed = f"{near} States: {', '.join(states)}"
+                raise Problem(path, f"{before}{told}{listed}; {declared}") from error
         raise
 
 

@@ -6,10 +6,11 @@ import numpy as np
 
 from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
-from hgorun.measurement.channels import continuous_delays
+from hgorun.measurement.channels import Channel, continuous_delays
 from hgorun.measurement.samples import AnySamples
 from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
+from hgorun.measurement.together import not_beside
 from hgorun.observers.base import AnyObserver, CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
@@ -200,10 +201,19 @@ def check_jumps(run: PreparedRun) -> None:
         if any(s.continuous for s in channel.stretches):
             raise Problem(stepped[0], f"this needs sampled outputs, but {channel.name} is continuous")
         if samples.identity != first.identity and not np.array_equal(samples.arrival, first.arrival):
-            raise Problem(stepped[0], "this needs all outputs sampled at the same times")
+            raise Problem(stepped[0], _not_together(run, channel))
         if samples.late:
             raise Problem(stepped[0], f"this takes samples without delay, but {channel.name} is late: {_instead(run)}")
     _check_schedules(run, first.arrival[first.used])
+
+
+def _not_together(run: PreparedRun, channel: Channel) -> str:
+    """Where samples of an output are not those of the first one."""
+    one, other = ((c.name, np.sort(c.samples.arrival)) for c in (run.channels[0], channel))
+    recorded = isinstance(run.structure.groups[0].truth, Recording)
+    right = "leave such rows out of the data" if recorded else "give all outputs one sampling"
+    where = not_beside(one, other, run.origin)
+    return f"this needs all outputs sampled at the same times, but {where}: {right}, or take ekf or impulsive_riccati"
 
 
 def _instead(run: PreparedRun) -> str:

@@ -276,6 +276,6 @@ def test_a_plant_gives_one_initial_estimate(tmp_path: Path) -> None:
 
 def test_without_plots_there_are_the_tables_only(tmp_path: Path) -> None:
     asked = load_benchmark(written(tmp_path))
-    files = _write(asked, [], {}, tmp_path, plots=False)
+    files = _write(asked, [], {}, tmp_path, page=None)
     assert [file.name for file in files] == ["standings.md", "entries.csv"]
     assert all(file.exists() for file in files)

@@ -34,6 +34,11 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("output: x1", "output: angle", "c.yaml:7: plant.output: `angle` is not known. Known names: t, x1, x2"),
         ("output: x1", "output: [x1, angle]", "c.yaml:7: plant.output: `angle` is not known."),
         ("output: x1", "output: {a: angle}", "c.yaml:7: plant.output.a: `angle` is not known."),
+        (  # a misspelt state is likelier there than an input
+            "output: x1",
+            "output: 2*X2",
+            "c.yaml:7: plant.output: `2*X2`: `X2` is not known. Did you mean `x2`? States: x1, x2; an input is",
+        ),
         (
             "x2: -x1\n",
             "x2: -x1 + pump\n",

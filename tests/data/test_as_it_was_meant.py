@@ -84,7 +84,31 @@ def test_midnight_is_counted_when_that_is_asked_for(tmp_path: Path) -> None:
     found = recorded(tmp_path, dated(CLOCK), asked, time_unit="min")
     assert found.outputs["S"].taken.tolist() == MINUTES
     assert not any("one day" in note.message for note in found.notes)
-    assert any("of a gap of a day or more the days are lost" in note.message for note in found.notes)
+    assert [(note.line, note.message) for note in found.notes if "next_day" in note.message] == [
+        (
+            6,
+            "column 't': next_day counts the times that pass midnight: the gap of 11 h 50 min before this line, the "
+            "longest, may be of a day or more, whose days are lost; such logs need dates",
+        )
+    ]
+
+
+@pytest.mark.parametrize(
+    ("stamps", "line"),
+    [
+        (("23:57", "23:58", "00:00", "00:01"), None),  # as far apart as ever
+        (("23:57", "23:58", "00:02", "00:03", "00:04"), 4),
+        (("20:00", "21:00", "22:00", "23:00", "00:00"), None),
+        (("20:00", "21:01", "22:00", "23:00", "00:00"), 3),  # 25 h 1 min of 1 h 1 min cannot be told
+        (("23:00", "23:01"), None),
+        (("12:00", "03:00", "03:01"), 3),  # 15 h or more, in which midnight passes
+        (("00:00", "22:00", "22:30"), 3),
+    ],
+)
+def test_a_gap_that_may_be_of_days_is_told(tmp_path: Path, stamps: tuple[str, ...], line: int | None) -> None:
+    time = {"column": "t", "format": "%H:%M", "next_day": True}
+    found = recorded(tmp_path, dated(stamps), {"time": time, "faults": {"backwards": "sort"}})
+    assert [note.line for note in found.notes if "next_day" in note.message] == [line] * (line is not None)
 
 
 def test_days_are_counted_beside_missing_stamps_and_of_what_was_known(tmp_path: Path) -> None:

@@ -92,7 +92,7 @@ def alone(base: Experiment, members: Members, i: int, block: Block) -> None:
     assert (block.method[i], block.evaluations[i]) == (how.method, how.evaluations)
     assert np.array_equal(block.step[i], np.nan if how.step is None else how.step, equal_nan=True)
     if not callable(how.error):
-        errors = [how.error.get(label, np.nan) for label in (PLANT, *block.observers)]
+        errors = [how.error.relative.get(label, np.nan) for label in (PLANT, *block.observers)]
         assert np.array_equal(block.integration_error[i], errors, equal_nan=True)
 
 

@@ -51,8 +51,8 @@ def test_pieces_of_a_log_give_the_numbers_of_the_whole(
 
     def found() -> list[object]:
         result = estimate_prepared(prepared, log, {})
-        assert result.integration is not None
-        return [result.integration.error, *(one.assessed and one.assessed.scores for one in result.observers.values())]
+        scores = [one.assessed and one.assessed.scores for one in result.observers.values()]
+        return [result.integration_error, result.unresolved, *scores]
 
     expected = found()
     monkeypatch.setattr(carrying, "_ROWS", 7)

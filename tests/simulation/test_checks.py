@@ -42,7 +42,8 @@ BOTH = inline({"x1": "x3", "x2": "-x2", "x3": "-x1"}, ["x1", "x2"])
             DEADBEAT,
             {"measurement": {"outputs": {"x1": SAMPLED, "x2": {"sampling": {"period": 0.2}}}}},
             "observers.o",
-            "this needs all outputs sampled at the same times",
+            "same times, but x2 has no sample beside that of x1 at t = 0.1, the nearest is 0.1 earlier: give all "
+            "outputs one sampling, or take ekf or impulsive_riccati",
         ),
         (
             chain(2),
