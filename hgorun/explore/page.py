@@ -19,7 +19,9 @@ from hgorun.version import __version__
 
 _PAID = ("hf", "settling")
 _MOST_STATES, _MOST_ROWS = 8, 20_000
-_COLUMN = 70  # pixels that a column of a table has at least: where the page is narrower, the table is scrolled
+_WRAPPED = {"flex-wrap": "wrap"}  # figures that have no room beside each other stand one below the other
+# Pixels that a column of a table has at least, and for each character: a narrower page scrolls the table.
+_COLUMN, _CHARACTER, _WIDEST = 88, 7, 300
 # Four significant digits, as tables in a terminal have them; a column is sorted by the numbers themselves.
 _NUMBER = """<%- value == null || isNaN(value) ? "-" : !isFinite(value) ? (value > 0 ? "inf" : "-inf")
   : value == 0 ? "0" : Math.abs(value) < 1e-4 || Math.abs(value) >= 1e5 ? value.toExponential(3)
@@ -86,12 +88,10 @@ def _tabs(contents: Mapping[str, list[Any]]) -> list[dict[str, str]]:
     from bokeh.embed import json_item
     from bokeh.layouts import row
 
+    rows = {title: row(plots, sizing_mode="scale_width", styles=_WRAPPED) for title, plots in contents.items()}
     return [
-        {
-            "title": escape(title),
-            "figures": serialize_json(json_item(row(plots, sizing_mode="scale_width"))).replace("<", "\\u003c"),
-        }
-        for title, plots in contents.items()
+        {"title": escape(title), "figures": serialize_json(json_item(one)).replace("<", "\\u003c")}
+        for title, one in rows.items()
     ]
 
 
@@ -219,9 +219,16 @@ def _table(columns: dict[str, list[Any]]) -> Any:
             return {"formatter": HTMLTemplateFormatter(template=_NUMBER)}
         return {}
 
-    shown = [TableColumn(field=name, title=name, **formatted(values)) for name, values in columns.items()]
+    widths = {name: _width(name, values) for name, values in columns.items()}
+    shown = [TableColumn(field=n, title=n, width=widths[n], **formatted(values)) for n, values in columns.items()]
     height = min(28 * (len(next(iter(columns.values()))) + 1) + 4, 420)
     return DataTable(
         source=ColumnDataSource(columns), columns=shown, height=height, sizing_mode="stretch_width", sortable=True,
-        index_position=None, reorderable=False, min_width=_COLUMN * len(columns),
+        index_position=None, reorderable=False, min_width=sum(widths.values()),
     )  # fmt: skip
+
+
+def _width(name: str, values: Sequence[Any]) -> int:
+    """Of a column, so that its texts are seen to their ends; numbers have room in any."""
+    longest = max(map(len, [name, *{value for value in values if isinstance(value, str)}]))
+    return min(max(_COLUMN, _CHARACTER * longest + 16), _WIDEST)

@@ -13,6 +13,7 @@ from hgorun.figures.data import MAX_POINTS, Curve, magnitude_limits, state_limit
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
+from hgorun.figures.page import AS_IT_IS, LIGHT, Page
 from hgorun.figures.style import TRUTH, styled
 from hgorun.tables.typeset import symbol, unit
 
@@ -24,6 +25,7 @@ _ROW = 1.8
 _WIDE, _NARROW = 0.13, 0.22
 POINTS = 1_000  # of a band, along time
 _FEWEST = 20  # members whose quantiles are drawn: of fewer there is no 5 %
+_SCALES = {"light": (0.0, 0.92), "dark": (0.36, 1.0)}  # what of the scale of colours is seen on a page
 _TICKS = 8  # of a scale of colours
 
 
@@ -109,7 +111,7 @@ def band(ax: Axes, time: Floats, values: Floats, look: Look) -> Floats:
 
 
 def family(
-    members: Collected, axis: str, *, observers: tuple[str, ...] = (), error: bool = False, width: float = WIDTH
+    members: Collected, axis: str, *, observers: tuple[str, ...] = (), error: bool = False, page: Page = LIGHT
 ) -> Figure:
     """The estimates of every member that was kept, in one panel for each state and observer, coloured by an axis.
 
@@ -122,22 +124,22 @@ def family(
         Which; by default those whose estimates differ from member to member.
     error : bool
         Draw the estimate minus the truth.
-    width : float
-        Of the page in inches; on a narrow one panels stand one below the other.
+    page : Page
+        What it is drawn for; on a narrow one panels stand one below the other.
 
     Raises
     ------
     ConfigError
         When no trajectories were kept.
     """
-    cast, kept = Cast(members, width), _kept(members)
+    cast, kept = Cast(members, page.width), _kept(members)
     shown_ones = observers or _different(members, kept)
     values = members.axes[axis][kept.member]
     with styled():
         each = len(shown_ones)
         columns, count = cast.columns(each), len(cast.states) * each
         figure, axes = grid(count, columns, cast.width(3.0 * each), 2.0 * (count // columns) + TOP, share=True)
-        colours = _colours(values)
+        colours = _colours(values, _SCALES[page.style])
         for k, ax in enumerate(axes):
             state, label = cast.states[k // each], shown_ones[k % each]
             i, j = members.observers.index(label), members.states.index(state)
@@ -188,16 +190,16 @@ def _family(
         curves.append((Curve(kept.time[known], shown_values[known]), colours[value]))
     curves.sort(key=lambda one: -float(np.abs(np.diff(one[0].v)).sum()))
     for curve, colour in curves:
-        ax.plot(*thinned(curve, MAX_POINTS // 2), color=colour, linewidth=0.8, label="_", zorder=3)
+        ax.plot(*thinned(curve, MAX_POINTS // 2), color=colour, linewidth=0.8, label="_", zorder=3, gid=AS_IT_IS)
     return [curve.v for curve, _ in curves]
 
 
-def _colours(values: Any) -> dict[Any, Any]:
-    """A colour for each value, from dark to light."""
+def _colours(values: Any, part: tuple[float, float]) -> dict[Any, Any]:
+    """A colour for each value, from dark to light, on a part of the scale."""
     import matplotlib
 
-    known = levels(values)
-    return {v: matplotlib.colormaps["viridis"](0.92 * i / max(len(known) - 1, 1)) for i, v in enumerate(known)}
+    known, scale, (low, high) = levels(values), matplotlib.colormaps["viridis"], part
+    return {v: scale(low + (high - low) * i / max(len(known) - 1, 1)) for i, v in enumerate(known)}
 
 
 def _scale(figure: Figure, axes: list[Axes], label: str, colours: dict[Any, Any], *, aspect: float) -> None:

@@ -37,12 +37,13 @@ def figures_of(members: Collected, metrics: Sequence[str] = (), *, page: Page = 
         are two axes, ``front`` of settling time and noise amplification where gains of observers were chosen; ``bands``
         and ``family-AXIS`` of the trajectories that were kept. Nothing where there are no observers, or all are lost.
     """
-    for name, figure in _figures(members, metrics, page.width):
+    for name, figure in _figures(members, metrics, page):
         yield name, on_page(figure, page.style)
 
 
-def _figures(members: Collected, metrics: Sequence[str], width: float) -> Iterator[tuple[str, Figure]]:
-    """The same on a light page."""
+def _figures(members: Collected, metrics: Sequence[str], page: Page) -> Iterator[tuple[str, Figure]]:
+    """The same before they are made dark."""
+    width = page.width
     if not members.observers or not members.sound.any():
         return
     chosen = [name for name in metrics or _SHOWN if name in members.metrics] or list(members.metrics)[:2]
@@ -58,7 +59,7 @@ def _figures(members: Collected, metrics: Sequence[str], width: float) -> Iterat
     if members.trajectories is not None and len(members.trajectories.member) > 1:
         yield "bands", bands(members, width=width)
         for axis in members.chosen:
-            yield f"family-{_last(axis, members)}", family(members, axis, width=width)
+            yield f"family-{_last(axis, members)}", family(members, axis, page=page)
 
 
 def _last(axis: str, members: Collected) -> str:

@@ -12,6 +12,7 @@ from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.statistics import quantiles
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, places, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.page import AS_IT_IS, seen_on
 from hgorun.figures.style import styled
 from hgorun.tables.typeset import words
 
@@ -115,9 +116,9 @@ def _draw(ax: Axes, found: Floats, norm: Normalize) -> Any:
     if found.size <= _WRITTEN:
         for (row, column), value in np.ndenumerate(found):
             if math.isfinite(value):
-                dark = float(norm(value)) < 0.6
-                ax.text(column + 0.5, row + 0.5, _short(value), ha="center", va="center", fontsize=6.5,
-                        color="white" if dark else "black")  # fmt: skip
+                colour = seen_on(mesh.cmap(float(norm(value))))
+                ax.text(column + 0.5, row + 0.5, _short(value), ha="center", va="center", fontsize=6.5, color=colour,
+                        gid=AS_IT_IS)  # fmt: skip
     return mesh
 
 

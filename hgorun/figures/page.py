@@ -10,6 +10,7 @@ from hgorun.config.nearest import meant
 from hgorun.config.study import WIDTHS
 from hgorun.config.study import Figure as FigureBlock
 from hgorun.errors import ConfigError
+from hgorun.figures.style import GRID
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -19,6 +20,7 @@ STYLES = ("light", "dark")
 TWO = WIDTHS["two"]
 NARROW = 5.0  # inches: below it, panels stand one below the other
 _PAPER, _INK = "#16181d", "#f2f2f2"  # of a dark page
+AS_IT_IS = "on a colour that every page has"  # what has it as its gid keeps its colour
 _GREY = 0.08  # differences of red, green and blue up to which a colour counts as a grey
 
 
@@ -82,11 +84,12 @@ def on_page(figure: Figure, style: str) -> Figure:
     style : {"light", "dark"}
     """
     if style == "dark":
-        for artist in figure.findobj():
+        for artist in figure.findobj(lambda one: one.get_gid() != AS_IT_IS):
             _darken(artist)
         figure.set_facecolor(_PAPER)
         for ax in figure.findobj(lambda one: hasattr(one, "tick_params")):
-            ax.tick_params(which="both", color=_INK, labelcolor=_INK)  # type: ignore[attr-defined]  # found by it
+            colours = {"color": _INK, "labelcolor": _INK, "grid_color": dark(GRID)}
+            ax.tick_params(which="both", **colours)  # type: ignore[attr-defined]  # found by it
     return figure
 
 
@@ -112,10 +115,22 @@ def dark(colour: object) -> tuple[float, float, float, float]:
         grey = (red + green + blue) / 3
         red, green, blue = (i + (p - i) * grey for p, i in zip(paper, ink, strict=True))
         return red, green, blue, alpha
-    light = 0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2
+    light = _luminance(red, green, blue)
     white = max(0.0, (0.3 - light) / (1.0 - light))
     red, green, blue = ((part**2.2 * (1 - white) + white) ** (1 / 2.2) for part in (red, green, blue))
     return red, green, blue, alpha
+
+
+def seen_on(colour: object) -> str:
+    """White or black, whichever has the larger contrast with a colour."""
+    from matplotlib.colors import to_rgb
+
+    light = _luminance(*to_rgb(colour))  # type: ignore[arg-type]  # of matplotlib's own types
+    return "white" if 1.05 / (light + 0.05) > (light + 0.05) / 0.05 else "black"
+
+
+def _luminance(red: float, green: float, blue: float) -> float:
+    return float(0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2)
 
 
 def _shown(colour: Any) -> Any:

@@ -12,7 +12,7 @@ from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve
 from hgorun.figures.recorded import draw_bands, draw_unseen
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import DOTS, IN_FRONT, OTHER_MEASUREMENTS, PALE, TRACE, WIDTHS
+from hgorun.figures.style import DOTS, IN_FRONT, OTHER_MEASUREMENTS, PALE, TRACE, WIDER, WIDTHS
 from hgorun.result.data import ResultData
 from hgorun.tables.typeset import symbol, unit, words
 
@@ -143,7 +143,7 @@ def lines_of(
         curve = data.inside(curve, scene.window)
         drawn.append((actor, curve))
     count = len(scene.actors)
-    widths = np.linspace(*WIDTHS, count) if count > 1 else [1.0]
+    widths = np.linspace(min(WIDTHS[0], WIDTHS[1] + WIDER * (count - 1)), WIDTHS[1], count) if count > 1 else [1.0]
     back = sorted(range(len(drawn)), key=lambda k: scene.ranks[drawn[k][0].order])
     place = data.behind([drawn[k][1] for k in back])
     front = {drawn[back[k]][0].order: i for i, k in enumerate(place)}

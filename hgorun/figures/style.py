@@ -82,7 +82,9 @@ REFERENCE: dict[str, Any] = {
 # Greys and markers where one panel shows the measurements of several runs.
 OTHER_MEASUREMENTS = (("0.62", "0.45", "o"), ("0.8", "0.7", "s"), ("0.5", "0.25", "^"))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
-WIDTHS = (1.4, 0.8)  # of the lines at the back and at the front of several
+# Of the lines at the back and at the front of several, and the most between neighbours: a smooth one at the back stands
+# in front of rougher ones in some panels, and would hide them.
+WIDTHS, WIDER = (1.4, 0.8), 0.3
 PALE = 0.4  # opacity of a line that fills an area
 POINTS: dict[str, Any] = {
     "color": "0.3",
@@ -99,6 +101,7 @@ THEORY: dict[str, Any] = {"color": "0.3", "linestyle": "solid", "linewidth": 0.7
 INSET: dict[str, Any] = {"labelsize": 7.0, "pad": 1.8, "length": 2.0}
 INSET_FRAME: dict[str, Any] = {"edgecolor": "0.6", "alpha": 1.0, "linewidth": 0.5, "zorder": 4.9}
 DPI = 300
+GRID = "0.9"  # colour of its lines
 # Sides in inches: least width; least height of a figure without panels and of each panel; largest of both.
 NARROWEST, LOWEST, LARGEST = 2.0, (0.6, 0.6), 100.0
 PANEL = 2.2  # inches: the height of a row of panels
@@ -132,7 +135,7 @@ _RC: dict[str, Any] = {
     "axes.formatter.limits": (-4, 5),
     "axes.grid": True,
     "axes.axisbelow": True,
-    "grid.color": "0.9",
+    "grid.color": GRID,
     "grid.linewidth": 0.4,
     "xtick.direction": "in",
     "ytick.direction": "in",

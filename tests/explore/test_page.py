@@ -152,6 +152,10 @@ def test_in_a_real_browser(shell: Shell) -> None:
         seen["unmade"] = await page.value("document.querySelectorAll('.panel > script').length")
         await page.resize(320, 800)  # 1280 at 400 %
         await page.until("document.documentElement.scrollWidth <= 320")
+        figures = "[...document.querySelectorAll('.part')].filter(part => part.querySelector('.tabs'))"
+        await page.until(f"{figures}.every(part => part.scrollWidth <= part.clientWidth)")  # one below the other
+        cut = "deep('.slick-cell').filter(one => one.scrollWidth > one.clientWidth).map(one => one.textContent)"
+        assert await page.value(cut) == []
 
     page = browser.opened(path, look)
     assert page.complaints == []

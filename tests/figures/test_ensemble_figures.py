@@ -8,7 +8,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from drawn import luminance
 from matplotlib.collections import QuadMesh
+from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from hgorun.ensemble.collected import Collected, Trajectories
@@ -20,7 +22,7 @@ from hgorun.figures.files import save
 from hgorun.figures.fronts import front
 from hgorun.figures.looks import family_colour
 from hgorun.figures.maps import heat_map
-from hgorun.figures.page import Page
+from hgorun.figures.page import STYLES, Page, on_page
 from hgorun.figures.spread import against, boxes
 
 THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
@@ -216,6 +218,32 @@ def test_a_map_names_both_ends_of_its_axes() -> None:
     wide = replace(members, axes={THETA: np.arange(108.0) % 12, PERIOD: np.arange(108.0) // 12})
     shown = [label.get_text() for label in heat_map(wide, (THETA, PERIOD), "hf").axes[2].get_xticklabels()]
     assert (shown[0], shown[-1]) == ("0", "11")
+
+
+@pytest.mark.costly
+def test_what_stands_on_colours_of_a_scale_is_read_on_every_page() -> None:
+    """By the contrast that WCAG 2.2 asks of text, 4.5:1; the cells keep the colours of their bar."""
+    for style in STYLES:
+        ax = on_page(heat_map(made(), (THETA, PERIOD), "hf"), style).axes[0]
+        mesh = next(c for c in ax.collections if isinstance(c, QuadMesh))
+        found = {text.get_position(): text.get_color() for text in ax.texts}
+        assert len(found) == len(PERIODS) * len(THETAS)
+        for (row, column), value in np.ndenumerate(np.asarray(mesh.get_array()).reshape(len(PERIODS), len(THETAS))):
+            here, text = (luminance(c) for c in (mesh.to_rgba(value), found[column + 0.5, row + 0.5]))
+            assert (max(here, text) + 0.05) / (min(here, text) + 0.05) > 4.5
+
+
+@pytest.mark.costly
+def test_lines_of_a_family_have_the_colours_of_its_bar_on_every_page() -> None:
+    for style in STYLES:
+        figure = on_page(family(made(), THETA, page=Page(style=style)), style)
+        bar = next(c for c in figure.axes[-1].collections if isinstance(c, QuadMesh))
+        own = {to_hex(colour) for colour in bar.cmap(np.arange(len(THETAS)))}
+        drawn = {to_hex(line.get_color()) for line in figure.axes[0].lines if line.get_label() != "true"}
+        assert drawn == own
+        if style == "dark":
+            page = luminance(figure.get_facecolor())
+            assert all((luminance(colour) + 0.05) / (page + 0.05) > 3 for colour in own)
 
 
 @pytest.mark.costly

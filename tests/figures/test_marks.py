@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from drawn import block, lines
+from drawn import block, lines, luminance
 from examples import chain, simulated
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
@@ -146,11 +146,6 @@ def test_an_inset_covers_no_data(result: Result, shape: str) -> None:
 
 
 # The page
-
-
-def luminance(colour: Any) -> float:
-    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour)]
-    return float(np.dot([0.2126, 0.7152, 0.0722], linear))
 
 
 def test_everything_on_a_dark_page_stands_out(result: Result) -> None:

@@ -71,6 +71,12 @@ def test_of_lines_about_as_rough_those_with_gaps_are_in_front(result: Result) ->
     assert min(widths, key=lambda text: widths[text]) == "B"
 
 
+def test_of_two_lines_the_one_at_the_back_is_only_a_little_thicker(result: Result) -> None:
+    """It may stand in front in a panel where it is the smoother one."""
+    widths = [line.get_linewidth() for line in lines(comparison(result).axes[0]).values() if line.get_label() in "AB"]
+    assert 1.2 < max(widths) / min(widths) < 1.5
+
+
 def test_lines_in_front() -> None:
     curves = [Curve(np.arange(3.0), np.array([0.0, size, 0.0])) for size in (1.0, 1.5, 8.0, 0.4)]
     assert behind(curves) == [2, 0, 1, 3]
