@@ -167,11 +167,19 @@ def _make_room(folder: Path, size: int) -> None:
     KiB that it has written; whoever finds it full removes it, and lists. What others write meanwhile counts anew.
     """
     tally = folder / ".written"
-    with open(tally, "ab", buffering=0) as file:  # each appends in one piece
-        file.write(bytes(-(-size // _GRAIN)))
-        written = file.tell() * _GRAIN
+    # neither followed where it is a link nor waited for where it is a pipe; each appends in one piece
+    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
+    try:
+        with open(os.open(tally, flags, 0o600), "ab", buffering=0) as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise OSError("no file of ours")
+            file.write(bytes(-(-size // _GRAIN)))
+            written = file.tell() * _GRAIN
+    except OSError:  # whatever stands there counts nothing: entries are listed
+        written = _UNLISTED
     if written >= _UNLISTED:
-        tally.unlink(missing_ok=True)
+        with suppress(OSError):
+            tally.unlink(missing_ok=True)
         _prune(folder, _ALLOWED - _UNLISTED)
 
 
@@ -181,7 +189,9 @@ def _prune(folder: Path, allowed: int) -> None:
     with os.scandir(folder) as found:
         for entry in found:
             with suppress(FileNotFoundError):  # another process prunes, too
-                entries.append((entry.stat(follow_symlinks=False), entry.path))
+                status = entry.stat(follow_symlinks=False)
+                if stat.S_ISREG(status.st_mode):
+                    entries.append((status, entry.path))
     left = sum(status.st_size for status, _ in entries)
     for status, path in sorted(entries, key=lambda entry: entry[0].st_mtime):
         if left <= allowed:

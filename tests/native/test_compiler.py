@@ -120,6 +120,26 @@ def test_entries_are_listed_once_enough_has_been_written_by_whoever_wrote_it(
     assert not listed[1:]
 
 
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="pipes with a name are POSIX's")
+@pytest.mark.parametrize("kind", ["pipe", "link", "folder"])
+def test_entries_are_listed_where_no_file_counts_what_is_written(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, kind: str
+) -> None:
+    folder.mkdir(mode=0o700)
+    tally, elsewhere = folder / ".written", tmp_path / "elsewhere"
+    elsewhere.write_text("of another program")
+    make = {"pipe": os.mkfifo, "link": lambda path: path.symlink_to(elsewhere), "folder": Path.mkdir}
+    make[kind](tally)
+    old = folder / "old.o"
+    old.write_bytes(bytes(1000))
+    os.utime(old, (1, 1))
+    monkeypatch.setattr("hgorun.native.compiler._ALLOWED", compiler._UNLISTED + 900)
+    NativeModule(IR, ("number",))
+    assert not old.exists()
+    assert elsewhere.read_text() == "of another program"
+    assert kind == "folder" or not tally.exists()
+
+
 def test_entries_that_others_remove_meanwhile_are_passed_over(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder.mkdir(mode=0o700)
     entries = [folder / f"{name}.o" for name in "abc"]
