@@ -81,6 +81,7 @@ WITHOUT_NUMBERS = {
     "hgorun.config.validation",
     "hgorun.config.yaml_errors",
     "hgorun.config.yaml_source",
+    "hgorun.data.unit_per_time",
     "hgorun.data.units",
     "hgorun.code",
     "hgorun.errors",

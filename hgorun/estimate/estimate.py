@@ -21,7 +21,7 @@ from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.outcome import internal
-from hgorun.simulation.units import unknown_units
+from hgorun.simulation.units import unit_remarks
 
 _MOST = 200_000  # samples for which runs with other gains are made
 _OUTLIERS = 0.2  # of the samples: more are none
@@ -145,7 +145,7 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
     """What was found in the data, and where estimates start from them."""
     told = [
         *map(str, recording.notes),
-        *unknown_units(prepared.experiment.source),
+        *unit_remarks(prepared.experiment.source, prepared.experiment.plant.model),
         *known_later(prepared.experiment, recording),
         *known_too_late(recording),
     ]

@@ -9,13 +9,18 @@ import numpy as np
 
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.simulation.too_large import too_large_for
 from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.levels import distinct
 
 _ROWS = 512  # of the grid that are looked at
 _CLOSER = 64  # times between the last point of the grid and the loss
 _GROWN = 1e3  # times what it mostly was on the grid
 _NEARLY = 0.1  # of the bound
 _MOST = 100_000  # samples up to which the run is made again to look closer
+_FEWEST = 10  # samples that have a usual time between them
+_USUAL = 0.9  # of the times between samples are no longer than what is called the longest usual one
+_EVEN = 0.05  # of the usual time
 _LOOK = "look at its initial values, its gains and the units of the columns"
 
 
@@ -53,7 +58,12 @@ def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> st
         The longest step of the run.
     """
     bound = f"{prepared.bound:.3g} (solver.divergence): {_LOOK}"
-    beyond = f"its numbers passed the bound of {bound}"
+    too_large = _too_large(prepared, j)
+    if too_large is not None:
+        bound, said = bound.partition(":")[0], f"{too_large}; "
+    else:
+        said = ""
+    beyond = f"{said}its numbers passed the bound of {bound}"
     if sum(one.values.size for one in prepared.samples) > _MOST:
         return beyond
     grid = prepared.experiment.grid[0]
@@ -64,7 +74,20 @@ def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> st
     closer = _followed(prepared, j, np.linspace(before.times[-1], lost, _CLOSER), step)
     last = closer if closer.times.size else before
     when = f"t = {prepared.run.origin + last.times[-1]:.6g}"
-    return f"{grown(prepared.run.plant.model.states, before, last, when, prepared.bound)}, the bound is {bound}"
+    return f"{said}{grown(prepared.run.plant.model.states, before, last, when, prepared.bound)}, the bound is {bound}"
+
+
+def _too_large(prepared: PreparedEstimate, j: int) -> str | None:
+    """That its gain is too large for how far samples are apart; None where that is not so, or not known."""
+    if any(one.available is not one.taken or one.taken.size < _FEWEST for one in prepared.samples):
+        return None
+    first, *others = prepared.samples
+    if any(not np.array_equal(one.taken, first.taken) for one in others):
+        return None
+    short, usual, long = np.quantile(np.diff(distinct(first.taken)), [1 - _USUAL, 0.5, _USUAL]).tolist()
+    regular = long - short <= _EVEN * usual
+    period, name = (usual, "period") if regular else (long, "longest usual gap")
+    return too_large_for(prepared.run, j, period, name)
 
 
 def _followed(prepared: PreparedEstimate, j: int, times: Floats, step: float) -> Followed:

@@ -25,7 +25,7 @@ from hgorun.simulation.plant_alone import plant_extremes, plant_kinks, plant_rem
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.signs import sign_remarks
 from hgorun.simulation.unheard import unheard
-from hgorun.simulation.units import unknown_units
+from hgorun.simulation.units import unit_remarks
 from hgorun.simulation.unstable import unstable
 
 _EVENTS = 100_000  # of schedules that are kept in memory
@@ -142,7 +142,7 @@ def remarks(experiment: Experiment) -> tuple[str, ...]:
     return (
         *of_all,
         *unstable(experiment),
-        *unknown_units(experiment.source),
+        *unit_remarks(experiment.source, experiment.plant.model),
         *of_observers,
         *_uneven(experiment),
         *_long_step(experiment),

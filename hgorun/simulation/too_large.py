@@ -39,6 +39,7 @@ class _Timing:
 
     period: float | None
     delay: float
+    name: str = "period"
 
     @property
     def longest(self) -> float:
@@ -47,7 +48,7 @@ class _Timing:
 
     def scaled(self, part: float) -> _Timing:
         """The same with a part of all times, so that as many samples are on their way."""
-        return _Timing(None if self.period is None else part * self.period, part * self.delay)
+        return _Timing(None if self.period is None else part * self.period, part * self.delay, self.name)
 
 
 @dataclass(frozen=True)
@@ -79,16 +80,27 @@ def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
     Of gains that are states it is that of large errors, where they follow errors, or where they rest, where they
     follow the plant. Not said of others, and of what decides otherwise, jumps, looks back or has no linearisation.
     """
-    block, timing = run.observers[j], _timing(run)
+    timing = _timing(run)
+    return None if timing is None else _found(run, run.observers[j], timing, raw.rows[:, run.structure.truths[j], 0])
+
+
+def too_large_for(run: PreparedRun, j: int, period: float, name: str) -> str | None:
+    """The same of recorded samples, in time and so far apart; along no truth, but where the estimate begins."""
+    begins = run.structure.estimates[j].along(run.grid[:1], run.numbers.p, run.numbers.z0[None])
+    return _found(run, run.observers[j], _Timing(period, 0.0, name), np.asarray(begins))
+
+
+def _found(run: PreparedRun, block: ObserverBlock, timing: _Timing, x: Floats) -> str | None:
+    """Of an observer, along the states x of the plant."""
     observer = block.observer
-    if timing is None or not isinstance(observer, ContinuousObserver) or block.recalled or run.closed:
+    if not isinstance(observer, ContinuousObserver) or block.recalled or run.closed:
         return None
     if not isinstance(observer, GainOfErrors):
         moved = "gain" in observer.roles(block.form).values() and not isinstance(observer, FollowingGain)
         if moved or isinstance(observer, NotLinear | SlidingMode | DecidedObserver):
             return None
     try:
-        error = _Error(run, block, raw.rows[:, run.structure.truths[j], 0])
+        error = _Error(run, block, x)
         gains = _Gain.of(observer, block, error)
         told = (_limits(run, error, gains[i:], timing, len(gains) > 1) for i in range(len(gains)))
         return next(filter(None, told), None)
@@ -125,10 +137,11 @@ def _told(
     name = printable(run.time.unit)
     unit = f" {name}" if name else ""
     period, late = timing.period, f"the delay {timing.delay:.4g}{unit}"
-    what = late if period is None else f"the period {period:.4g}{unit}" + (f" with {late}" if timing.delay else "")
+    beside_it = f" with {late}" if timing.delay else ""
+    what = late if period is None else f"the {timing.name} {period:.4g}{unit}{beside_it}"
     limits = [] if value is None else [f"{gain.key} of at most {below(value)}{beside}"]
     if part is not None and (period is None or not timing.delay):
-        one, used = ("delay", timing.delay) if period is None else ("period", period)
+        one, used = ("delay", timing.delay) if period is None else (timing.name, period)
         limits.append(f"a {one} of at most {below(part * used)}{unit}")
     if not limits:
         return None

@@ -1,17 +1,43 @@
-"""Units of the plant's signals that nobody knows: labels, which are never converted."""
+"""Units of the plant's signals that nobody knows, or that do not fit the plant's equations."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
+import casadi as ca
+
 from hgorun.config.yaml_source import Source
+from hgorun.data.unit_per_time import per_time, unlike_rate
 from hgorun.data.units import not_known
+from hgorun.errors import printable
+from hgorun.symbolic.plant import PlantModel
 
 
-def unknown_units(source: Source) -> Iterator[str]:
-    """A remark for every unit of ``plant.units`` that is not known."""
+def unit_remarks(source: Source, model: PlantModel) -> Iterator[str]:
+    """Remarks on ``plant.units``: labels, which are never converted, and units of derivatives that are others."""
     plant = source.data.get("plant")
-    units = plant.get("units") if isinstance(plant, dict) else None
-    for name, unit in units.items() if isinstance(units, dict) else ():
-        if isinstance(unit, str) and (told := not_known(unit)):
+    given = plant.get("units") if isinstance(plant, dict) else None
+    units = {name: unit for name, unit in given.items() if isinstance(unit, str)} if isinstance(given, dict) else {}
+    for name, unit in units.items():
+        if told := not_known(unit):
             yield f"{source.told(('plant', 'units', name))}: {told} It is taken as a label, and converted to no other"
+    time = source.data.get("time")
+    clock = time.get("unit") if isinstance(time, dict) else None
+    if len(units) < 2 or not isinstance(clock, str):
+        return
+    for name, rate in _derivatives(model):
+        if name in units and rate in units and (wrong := unlike_rate(units[name], clock, units[rate])):
+            of_state, of_rate, per = printable(units[name]), printable(units[rate]), printable(clock)
+            yield (
+                f"{source.told(('plant', 'units', rate))}: {of_rate}, but {name}' = {rate} makes it "
+                f"{per_time(of_state, per)}, since {name} is in {of_state} and time in {per}: {printable(wrong)}. "
+                "Write the unit that the numbers have, or the factor into the equation"
+            )
+
+
+def _derivatives(model: PlantModel) -> Iterator[tuple[str, str]]:
+    """The states whose derivative is another state, neither more nor less; and that one."""
+    for i, name in enumerate(model.states):
+        for j, other in enumerate(model.states):
+            if i != j and ca.is_equal(model.dynamics[i], model.x[j]):
+                yield name, other

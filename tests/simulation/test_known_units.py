@@ -66,3 +66,57 @@ def test_usual_units_are_known_without_the_library_which_knows_them_too(
 def test_what_is_unusual_is_asked_of_the_library(unit: str) -> None:
     known = unit in ("fortnight", "parsec", "°C", "m3")
     assert (not_known(unit) == "") is known
+
+
+@pytest.mark.parametrize(
+    ("place", "speed", "time", "wrong"),
+    [
+        ("rad", "deg/s", "s", "rad/s, since x1 is in rad and time in s: 1 rad/s is 57.2958 deg/s"),
+        ("m", "km/h", "s", "m/s, since x1 is in m and time in s: 1 m/s is 3.6 km/h"),
+        ("m", "m/s", "ms", "m/ms, since x1 is in m and time in ms: 1 m/ms is 1000 m/s"),
+        ("m/s", "m/s^2", "h", "m/s per h, since x1 is in m/s and time in h: 1 m/s per h is 0.000277778 m/s^2"),
+        ("degC", "degF/min", "min", "degC/min, since x1 is in degC and time in min: 1 degC/min is 1.8 degF/min"),
+        ("rad", "rpm", "min", "rad/min, since x1 is in rad and time in min: 1 rad/min is 0.159155 rpm"),
+        ("m", "kg", "s", "m/s, since x1 is in m and time in s: kg is of another kind"),
+        ("m", "m", "s", "m/s, since x1 is in m and time in s: m is of another kind"),
+        *(
+            (*right, "")
+            for right in [
+                ("rad", "rad/s", "s"),
+                ("rad", "1/s", "s"),
+                ("m", "m s^-1", "s"),
+                ("km", "km/h", "hours"),
+                ("m/s", "m/s^2", "s"),
+                ("degC", "K/s", "s"),
+                ("°C", "°C/h", "h"),
+                ("g/L", "g/(L h)", "h"),
+                ("turn", "Hz", "s"),
+                ("turn", "rpm", "min"),
+                ("-", "kg", "s"),
+                ("m", "1", "s"),
+                ("m", "a.u.", "s"),
+                ("a.u.", "m/s", "s"),
+                ("m", "kg", "steps"),
+                ("m", "kg", "year"),
+            ]
+        ),
+    ],
+)
+def test_the_unit_of_a_derivative_is_that_of_its_state_per_time(place: str, speed: str, time: str, wrong: str) -> None:
+    plant = inline({"x1": "x2", "x2": "-x1"}, "x1", units={"x1": place, "x2": speed})
+    made = experiment(plant, OBSERVER).varied({"time.unit": time})
+    found = [one.partition(" makes it ")[2].partition(". Write")[0] for one in remarks(made) if "makes it" in one]
+    assert found == [wrong] * (wrong != "")
+
+
+@pytest.mark.parametrize("right_side", ["2*x2", "-x2", "x2 + 0.1*x1"])
+def test_with_a_factor_nothing_is_said_of_a_derivative(right_side: str) -> None:
+    plant = inline({"x1": right_side, "x2": "-x1"}, "x1", units={"x1": "rad", "x2": "deg/s"})
+    assert not remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"}))
+
+
+def test_a_derivative_with_its_own_unit_asks_for_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = inline({"x1": "x2", "x2": "-x1"}, "x1", units={"x1": "rad", "x2": "rad/s"})
+    monkeypatch.setitem(sys.modules, "pint", None)
+    _registry.cache_clear()
+    assert not remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"}))
