@@ -51,7 +51,7 @@ class Progress:
         done : float
             Of the total, with what was done before this piece of work began.
         failed : int
-            How many of those done have failed.
+            How many of those done have failed, or have an estimate without numbers.
         what : str, optional
             What is being done now.
         """
@@ -78,7 +78,7 @@ class Progress:
             rate = since / passed
             words += [f"{rate:.3g}/s"] if self._unit else []
             words.append(f"{duration((self._total - self._done) / rate)} left")
-        return ", ".join([*words, *([f"{self._failed} failed"] if self._failed else [])])
+        return ", ".join([*words, *([f"{self._failed} lost or failed"] if self._failed else [])])
 
     def _draw(self) -> None:
         if self._bar is None:

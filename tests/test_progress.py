@@ -36,8 +36,8 @@ def test_lines_come_every_few_seconds(
             clock.now += 1
     lines = capsys.readouterr().err.splitlines()
     assert lines == [
-        "hgorun: a sweep: 55 %, 550 of 1000 members, 10/s, 45 s left, 1 failed",
-        "hgorun: a sweep: 60 %, 600 of 1000 members, 10/s, 40 s left, 2 failed",
+        "hgorun: a sweep: 55 %, 550 of 1000 members, 10/s, 45 s left, 1 lost or failed",
+        "hgorun: a sweep: 60 %, 600 of 1000 members, 10/s, 40 s left, 2 lost or failed",
     ]
 
 
@@ -66,7 +66,7 @@ def test_a_bar_is_drawn_at_a_terminal(
         clock.now += 2
         told.update(50, failed=3, what="another [b] sweep")
     err = capsys.readouterr().err
-    assert "25 %, 50 of 200 members, 25/s, 6 s left, 3 failed" in err
+    assert "25 %, 50 of 200 members, 25/s, 6 s left, 3 lost or failed" in err
     assert "another [b] sweep" in err
 
 

@@ -20,8 +20,8 @@ from hgorun.version import __version__
 _PAID = ("hf", "settling")
 _MOST_STATES, _MOST_ROWS = 8, 20_000
 _WRAPPED = {"flex-wrap": "wrap"}  # figures that have no room beside each other stand one below the other
-# Pixels that a column of a table has at least, and for each character: a narrower page scrolls the table.
-_COLUMN, _CHARACTER, _WIDEST = 88, 7, 300
+# Pixels of a column: of numbers with four digits, of one beside its characters, of each of them; of any at most.
+_NUMBERS, _RIMS, _CHARACTER, _WIDEST = 88, 24, 7, 300
 # Four significant digits, as tables in a terminal have them; a column is sorted by the numbers themselves.
 _NUMBER = """<%- value == null || isNaN(value) ? "-" : !isFinite(value) ? (value > 0 ? "inf" : "-inf")
   : value == 0 ? "0" : Math.abs(value) < 1e-4 || Math.abs(value) >= 1e5 ? value.toExponential(3)
@@ -221,14 +221,15 @@ def _table(columns: dict[str, list[Any]]) -> Any:
 
     widths = {name: _width(name, values) for name, values in columns.items()}
     shown = [TableColumn(field=n, title=n, width=widths[n], **formatted(values)) for n, values in columns.items()]
-    height = min(28 * (len(next(iter(columns.values()))) + 1) + 4, 420)
+    height, width = min(28 * (len(next(iter(columns.values()))) + 1) + 4, 420), sum(widths.values()) + _RIMS
     return DataTable(
-        source=ColumnDataSource(columns), columns=shown, height=height, sizing_mode="stretch_width", sortable=True,
-        index_position=None, reorderable=False, min_width=sum(widths.values()),
+        source=ColumnDataSource(columns), columns=shown, height=height, width=width, sortable=True,
+        index_position=None, reorderable=False, sizing_mode="fixed", autosize_mode="none",
     )  # fmt: skip
 
 
 def _width(name: str, values: Sequence[Any]) -> int:
-    """Of a column, so that its texts are seen to their ends; numbers have room in any."""
-    longest = max(map(len, [name, *{value for value in values if isinstance(value, str)}]))
-    return min(max(_COLUMN, _CHARACTER * longest + 16), _WIDEST)
+    """Of a column, so that what stands in it is seen to its end; where the page is narrower, the table is scrolled."""
+    longest = max(map(len, [name, *{str(value) for value in values if not isinstance(value, float)}]))
+    least = _NUMBERS if any(isinstance(value, float) for value in values) else 0
+    return min(max(least, _CHARACTER * longest + _RIMS), _WIDEST)
