@@ -89,25 +89,28 @@ def _said(verdict: Verdict) -> dict[str, str | float | None]:
 
 
 def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
-    """One number a line: name, observer, status, state, metric, value, unit.
+    """One number a line: name, observer, status, state, metric, value, unit, note.
 
     Values have all their digits; what is not finite is ``inf`` or ``nan``. What theory predicts, where it is given
-    for each result, follows an observer's metrics, without a state. Units that are not known are empty.
+    for each result, follows an observer's metrics, without a state. Units that are not known are empty, and so is the
+    note but for times that the integration does not resolve: ``not resolved``.
     """
     buffer = io.StringIO()
     writer = csv_module.writer(buffer, lineterminator="\n")
-    writer.writerow(["name", "observer", "status", "state", "metric", "value", "unit"])
+    writer.writerow(["name", "observer", "status", "state", "metric", "value", "unit", "note"])
     for row in rows_of(results):
         start, units = [row.run, row.label, row.status], row.result.units
+        unresolved = row.result.unresolved.get(row.label, {})
         for metric, values in row.observer.metrics.items():
             for state, value in zip(row.result.states, values, strict=True):
-                writer.writerow([*start, state, metric, repr(float(value)), unit_of(metric, state, units)])
+                note = "not resolved" if state in unresolved.get(metric, ()) else ""
+                writer.writerow([*start, state, metric, repr(float(value)), unit_of(metric, state, units), note])
         assessed = row.observer.assessed
         for score, of in assessed.scores.items() if assessed else ():
             for name, value in of.items():
-                writer.writerow([*start, name, score, repr(float(value)), ""])
+                writer.writerow([*start, name, score, repr(float(value)), "", ""])
         for key, prediction in _theory(row, results, predicted).items():
-            writer.writerow([*start, "", key, repr(float(prediction)), _unit_of_theory(key, time_unit(units))])
+            writer.writerow([*start, "", key, repr(float(prediction)), _unit_of_theory(key, time_unit(units)), ""])
     return buffer.getvalue()
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from pathlib import Path
 
 import h5py
@@ -53,6 +55,8 @@ def test_tables_and_json_have_the_mark(rounded: Result) -> None:
     assert f" ~{shown}" in text
     assert "~: the integration" in text
     assert tables.as_json(rounded)["observers"]["S"]["unresolved"] == {"settling": ["x"]}
+    notes = {row["metric"]: row["note"] for row in csv.DictReader(io.StringIO(tables.csv([rounded])))}
+    assert {metric for metric, note in notes.items() if note == "not resolved"} == {"settling"}
     assert rf"$\sim {shown}$" in latex([rounded])
 
 

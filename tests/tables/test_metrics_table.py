@@ -222,8 +222,8 @@ def test_csv_round_trip(result: Result) -> None:
 def test_csv_of_a_diverged_observer(result: Result) -> None:
     odd = with_metrics(result, A={"rmse": [math.inf, math.nan]})
     assert tables.csv([odd]).split("\n")[1:3] == [
-        "vdp,A,diverged at t=1.25 s,x1,rmse,inf,",
-        "vdp,A,diverged at t=1.25 s,x2,rmse,nan,",
+        "vdp,A,diverged at t=1.25 s,x1,rmse,inf,,",
+        "vdp,A,diverged at t=1.25 s,x2,rmse,nan,,",
     ]
 
 
