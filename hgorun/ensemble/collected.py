@@ -18,6 +18,7 @@ from hgorun.result.status import STATUSES
 from hgorun.simulation.grid import points_up_to
 
 SEED = "seed"
+_NAMED = 20  # values of an axis in a message
 _OK = (STATUSES.index("ok"), STATUSES.index("inaccurate"))  # there are numbers
 
 Floats = NDArray[np.float64]
@@ -225,8 +226,10 @@ class Collected:
         else:
             found = np.array([as_text(v) == as_text(value) for v in values], dtype=bool)
         if not found.any():
-            known = ", ".join(shown(v) for v in levels(values)[:20])
-            raise ConfigError(f"no member has the value {shown(value)}; there are {known}", key=axis)
+            known = [shown(v) for v in levels(values)]
+            if len(known) > _NAMED:
+                known[_NAMED - 1 : -1] = [f"... ({len(known)} values) ..."]
+            raise ConfigError(f"no member has the value {shown(value)}; there are {', '.join(known)}", key=axis)
         return np.asarray(found)
 
 

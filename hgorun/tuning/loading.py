@@ -60,7 +60,7 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     refuse_file_of_another_command(source.data, path, "tune")
     data = mapping(source, "base and tune")
     if "tune" not in data:
-        goal = "holdout_rmse(*, y)" if "data" in data else "rmse(*, x1)"
+        goal = f"holdout_rmse(*, {_first_output(data['data'])})" if "data" in data else "rmse(*, x1)"
         example = f"tune: {{gains: {{observers.*.theta: {{log: [0.5, 20]}}}}, minimise: '{goal}'}}"
         message = f"the key tune is missing: it says which gains to tune, and for which goal; such as {example}"
         raise ConfigError(message, file=str(path))
@@ -78,6 +78,13 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     for task in asked.tasks:
         refuse(task.base, _ends(task))
     return asked
+
+
+def _first_output(data: object) -> str:
+    """A name for an example: of what is recorded, where that can be read."""
+    outputs = data.get("outputs") if isinstance(data, dict) else None
+    names = [str(name) for name in outputs] if isinstance(outputs, dict) else []
+    return next((name for name in names if name.isidentifier()), "y")
 
 
 def _ends(task: Task) -> Iterator[Experiment]:

@@ -80,6 +80,13 @@ def test_a_value_is_found_by_the_digits_that_are_shown(tmp_path: Path) -> None:
         found.at("time.end", 3)
 
 
+def test_values_that_a_message_leaves_out_are_counted(tmp_path: Path) -> None:
+    axes = {"time.end": [float(i) for i in range(50)]}
+    path = write(tmp_path / "l.sweep.h5", axes, {"rmse": np.zeros((50, 1, 1))}, observers=["F"], states=["x"])
+    with pytest.raises(ConfigError, match=r"900; there are 0, 1, .*, 18, \.\.\. \(50 values\) \.\.\., 49$"):
+        read(path).at("time.end", 900)
+
+
 def test_a_collected_file_is_told_from_a_result(tmp_path: Path) -> None:
     assert is_sweep(product(tmp_path / "a.sweep.h5"))
     with h5py.File(tmp_path / "r.h5", "w") as file:

@@ -333,6 +333,13 @@ def test_without_the_key_nothing_is_tuned(shell: Shell) -> None:
     assert "plain.yaml: the key tune is missing" in err
 
 
+@pytest.mark.parametrize(("outputs", "named"), [("{S: glucose}", "S"), ("{1: a, E: b}", "E"), ("[S]", "y")])
+def test_without_the_key_an_output_that_is_recorded_is_the_example(shell: Shell, outputs: str, named: str) -> None:
+    (shell.folder / "log.yaml").write_text(f"data: {{outputs: {outputs}}}\n")
+    code, _, err = shell("tune", "log.yaml")
+    assert (code, f"minimise: 'holdout_rmse(*, {named})'" in err) == (2, True)
+
+
 def test_a_wrong_block_is_refused_by_all_commands(shell: Shell) -> None:
     (shell.folder / "c.yaml").write_text(CONFIG + TUNE.replace("budget: 120", "budget: many"))
     for command in ("simulate", "tune"):
