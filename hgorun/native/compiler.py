@@ -146,14 +146,22 @@ def _private(folder: Path) -> bool:
     return status.st_uid == os.getuid() and not status.st_mode & (stat.S_IWGRP | stat.S_IWOTH)
 
 
-def _own_file(path: Path) -> bytes:
-    """What is in a regular file of this user, which counts as used now; OSError for anything else."""
+def _own_file(path: str, flags: int) -> int:
+    """An opener: a regular file of this user; OSError for anything else."""
     # not followed where it is a link, not waited for where it is a pipe
-    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0))
-    with os.fdopen(handle, "rb") as file:
-        status = os.fstat(handle)
-        mine = not hasattr(os, "getuid") or status.st_uid == os.getuid()
-        if not stat.S_ISREG(status.st_mode) or not mine or status.st_size > _LARGEST:
+    handle = os.open(path, flags | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0), 0o600)
+    status = os.fstat(handle)
+    mine = not hasattr(os, "getuid") or status.st_uid == os.getuid()
+    if stat.S_ISREG(status.st_mode) and mine:
+        return handle
+    os.close(handle)
+    raise OSError("no file of ours")
+
+
+def _entry(path: Path) -> bytes:
+    """What is in an entry, which counts as used now; OSError where it is none of ours."""
+    with open(path, "rb", opener=_own_file) as file:
+        if os.fstat(file.fileno()).st_size > _LARGEST:
             raise OSError("no entry of ours")
         content = file.read()
     os.utime(path)
@@ -167,12 +175,8 @@ def _make_room(folder: Path, size: int) -> None:
     KiB that it has written; whoever finds it full removes it, and lists. What others write meanwhile counts anew.
     """
     tally = folder / ".written"
-    # neither followed where it is a link nor waited for where it is a pipe; each appends in one piece
-    flags = os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     try:
-        with open(os.open(tally, flags, 0o600), "ab", buffering=0) as file:
-            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-                raise OSError("no file of ours")
+        with open(tally, "ab", buffering=0, opener=_own_file) as file:  # each appends in one piece
             file.write(bytes(-(-size // _GRAIN)))
             written = file.tell() * _GRAIN
     except OSError:  # whatever stands there counts nothing: entries are listed
@@ -205,7 +209,7 @@ def _read_cache(key: str) -> bytes | None:
     try:
         if not _private(folder):
             return None
-        content = _own_file(folder / f"{key}.o")
+        content = _entry(folder / f"{key}.o")
     except OSError:
         return None
     digest, image = content[:32], content[32:]
