@@ -148,12 +148,11 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
     for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
         own = {f"{label} {state}": s for (label, m, state), s in part.summaries.items() if m == metric}
         never = {f"{label} {state}" for label, m, state in part.never if m == metric}
-        means = [mean_and_half(s.mean, s.half)[0] for s in own.values()]
-        columns = [["mean", *(NEVER if key in never else mean for key, mean in zip(own, means, strict=True))]]
         own = {key: _NOTHING if key in never else s for key, s in own.items()}
+        both = {key: mean_and_half(s.mean, s.half) for key, s in own.items()}
+        columns = [["mean", *(NEVER if key in never else mean for key, (mean, _) in both.items())]]
         if part.independent:
-            halves = [mean_and_half(s.mean, s.half)[1] for s in own.values()]
-            columns += [["±", *halves], ["sem", *(_cell(s.sem) for s in own.values())]]
+            columns += [["±", *(half for _, half in both.values())], ["sem", *(_cell(s.sem) for s in own.values())]]
         for name in ("q05", "q25", "median", "q75", "q95"):
             columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
         for block in packed(list(own), [[column] for column in columns], title=metric + _unit_of(metric, one)):
