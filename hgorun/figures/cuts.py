@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
 _SIZE = 7.0  # points
 _ROW, _LETTER = 1.15 * _SIZE, 0.52 * _SIZE  # points: height of a row, about the width of a letter
 _ROWS = 6  # of marks, one below the other
+_TOUCH = 1e-6  # points
 _UNSEEN = 0.01  # of an axis' range: so much is inside the line that the edge is drawn with
 _ARROWS = {"top": "↑", "bottom": "↓"}
 
@@ -86,14 +87,31 @@ def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str, *, band: boo
     return found
 
 
-def mark_cuts(ax: Axes, width: float) -> list[Any]:
+@dataclass(frozen=True)
+class _Place:
+    """Where a mark stands: its row from the edge, how far beside the cut, and whether its arrow is at its right end."""
+
+    cut: Cut
+    row: int
+    shift: float  # points
+    turned: bool
+    more: int = 0  # cuts without room, which this mark tells of
+
+    @property
+    def text(self) -> str:
+        return f"{self.cut.text}, {self.more} more" if self.more else self.cut.text
+
+
+def mark_cuts(ax: Axes, width: float, height: float) -> list[Any]:
     """Draw an arrow with its value for every cut, one below the other where they would hide each other.
+
+    Where all rows are full they stand side by side. If there is no room left, the last one says how many are not drawn.
 
     Parameters
     ----------
     ax : Axes
         With its limits.
-    width : float
+    width, height : float
         Of the axes, in points.
 
     Returns
@@ -101,19 +119,60 @@ def mark_cuts(ax: Axes, width: float) -> list[Any]:
     list of matplotlib.text.Annotation
         The values.
     """
-    places = ax.transData.transform
-    rows: dict[str, list[list[tuple[float, float]]]] = {"top": [], "bottom": []}
-    drawn = []
-    for one in cuts(ax):
-        at = _fraction(places, ax, one.x) * width
+    return [_mark(ax, place) for side in _ARROWS for place in _places(ax, side, width, height)]
+
+
+def make_room(ax: Axes, width: float, height: float) -> None:
+    """Raise the upper limit of a logarithmic axis until the marks at it stand above all that it has shown.
+
+    Parameters
+    ----------
+    ax : Axes
+    width, height : float
+        Of the axes, in points.
+    """
+    low, high = ax.get_ylim()
+    for rows in range(_most(height) + 1):
+        taken = (rows + 0.5) * _ROW / height if rows else 0.0
+        ax.set_ylim(low, low * (high / low) ** (1.0 / (1.0 - taken)))
+        if all(place.row < rows for place in _places(ax, "top", width, height)):
+            break
+
+
+def _most(height: float) -> int:
+    """Rows of marks at an edge of axes so many points high, half of which are left for the other edge."""
+    return min(_ROWS, max(int(height / 2 / _ROW), 1))
+
+
+def _places(ax: Axes, side: str, width: float, height: float) -> list[_Place]:
+    rows: list[list[tuple[float, float]]] = [[] for _ in range(_most(height))]
+    found: list[_Place] = []
+    here = [one for one in cuts(ax) if one.side == side]
+    for one in here:
+        at = _fraction(ax.transData.transform, ax, one.x) * width
         length = (len(one.text) + 2) * _LETTER
         turned = at + length > width  # it would leave the panel on the right
-        span = (at - length, at) if turned else (at, at + length)
-        row = _free(rows[one.side], span)
-        if row >= _ROWS:
-            continue
-        drawn.append(_mark(ax, one, row, turned=turned))
-    return drawn
+        start = at - length if turned else at
+        free = [
+            (abs(left - start), i, left)
+            for i, row in enumerate(rows)
+            for left in _free(row, start, length)
+            if left == start or 0 <= left <= width - length
+        ]
+        if free:
+            _, i, left = min(free)
+            rows[i].append((left, left + length))
+            found.append(_Place(one, i, left - start, turned))
+    if len(found) < len(here):
+        found[-1] = replace(found[-1], more=len(here) - len(found))
+    return found
+
+
+def _free(row: list[tuple[float, float]], start: float, length: float) -> Iterator[float]:
+    """Where a mark of this length may begin in a row: at its start, or beside what stands there."""
+    for left in (start, *(high for _, high in row), *(low - length for low, _ in row)):
+        if all(left + length <= low + _TOUCH or left >= high - _TOUCH for low, high in row):
+            yield left
 
 
 def _fraction(places: Any, ax: Axes, x: float) -> float:
@@ -122,19 +181,10 @@ def _fraction(places: Any, ax: Axes, x: float) -> float:
     return float((here - left) / (right - left))
 
 
-def _free(rows: list[list[tuple[float, float]]], span: tuple[float, float]) -> int:
-    """The first row in which nothing stands in this span, which is taken then."""
-    for i, row in enumerate(rows):
-        if all(span[1] <= low or span[0] >= high for low, high in row):
-            row.append(span)
-            return i
-    rows.append([span])
-    return len(rows) - 1
-
-
-def _mark(ax: Axes, one: Cut, row: int, *, turned: bool) -> Any:
+def _mark(ax: Axes, place: _Place) -> Any:
+    one, turned = place.cut, place.turned
     top = one.side == "top"
-    place: dict[str, Any] = {
+    how: dict[str, Any] = {
         "xy": (one.x, 1.0 if top else 0.0),
         "xycoords": ax.get_xaxis_transform(),
         "textcoords": "offset points",
@@ -144,11 +194,11 @@ def _mark(ax: Axes, one: Cut, row: int, *, turned: bool) -> Any:
         "zorder": 8,
         "annotation_clip": False,
     }
-    down = -(1.0 + _ROW * row) if top else 1.0 + _ROW * row
+    down = -(1.0 + _ROW * place.row) if top else 1.0 + _ROW * place.row
     step = -_SIZE if turned else _SIZE
-    start = -1.0 if turned else 1.0
-    arrow = ax.annotate(_ARROWS[one.side], xytext=(start, down), color=one.colour, fontweight="bold", **place)
-    value = ax.annotate(one.text, xytext=(start + step, down), **place)
+    start = place.shift + (-1.0 if turned else 1.0)
+    arrow = ax.annotate(_ARROWS[one.side], xytext=(start, down), color=one.colour, fontweight="bold", **how)
+    value = ax.annotate(place.text, xytext=(start + step, down), **how)
     for text in (arrow, value):
         text.set_in_layout(False)
         text.set_path_effects(halo("white"))
@@ -165,4 +215,16 @@ def halo(colour: Any) -> list[Any]:
 def mark_all(axes: Sequence[Axes], dpi: float) -> None:
     """Mark what the limits of these axes cut off, once the layout is known."""
     for ax in axes:
-        mark_cuts(ax, ax.get_window_extent().width * 72.0 / dpi)
+        mark_cuts(ax, *_size(ax, dpi))
+
+
+def make_room_all(axes: Sequence[Axes], dpi: float) -> None:
+    """Raise the upper limits of logarithmic axes for their marks, once the layout is known."""
+    for ax in axes:
+        make_room(ax, *_size(ax, dpi))
+
+
+def _size(ax: Axes, dpi: float) -> tuple[float, float]:
+    """Width and height in points."""
+    extent = ax.get_window_extent()
+    return extent.width * 72.0 / dpi, extent.height * 72.0 / dpi

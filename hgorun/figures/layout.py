@@ -52,6 +52,7 @@ def finished(
     *,
     grow: bool,
     cuts: bool = False,
+    room: bool = False,
 ) -> Figure:
     """Ticks and legend, which need to know all panels; a figure may grow for a long legend.
 
@@ -59,8 +60,10 @@ def finished(
     ----------
     cuts : bool
         Mark what the limits of the panels cut off.
+    room : bool
+        Raise the upper limits of the panels, whose axes are logarithmic, so that these marks lie on nothing.
     """
-    from hgorun.figures.cuts import mark_all
+    from hgorun.figures.cuts import make_room_all, mark_all
     from hgorun.figures.ticks import tick
 
     for i, ax in enumerate(axes):
@@ -76,6 +79,11 @@ def finished(
         taller = max(legend.get_window_extent().height / figure.dpi - TOP, 0)
         figure.set_figheight(min(figure.get_figheight() + taller, LARGEST))
     figure.draw_without_rendering()  # makes the ticks now, in our style, not when somebody saves
+    if room:
+        make_room_all(axes, figure.dpi)
+        for ax in axes:
+            tick(ax)
+        figure.draw_without_rendering()  # the labels of the new ticks may be wider
     figure.set_layout_engine("none")  # every format gets this layout
     if cuts:
         mark_all([*axes, *(inset for ax in axes for inset in _insets(ax))], figure.dpi)

@@ -82,8 +82,10 @@ def _cells(values: NDArray[Any]) -> tuple[list[str], NDArray[np.int64]]:
     """What the places along an axis are called, and whose they are."""
     at, whose = places(values)
     if values.dtype.kind in "iuf":
-        short = [f"{v:.2g}" for v in at]
-        return short if len(set(short)) == len(short) else [f"{v:.3g}" for v in at], whose
+        from hgorun.figures.ticks import written
+
+        short = [written(float(v), 2) for v in at]
+        return short if len(set(short)) == len(short) else [written(float(v), 3) for v in at], whose
     return [words(str(v), limit=12) for v in levels(values)], whose
 
 

@@ -27,7 +27,6 @@ _BOUND, _NOMINAL = (0, (3, 2)), (0, (1, 2))
 # Of all observers alike, each in the observer's colour: the legend has them once.
 _BESIDE = {_BOUND: "bound of the theorem", _NOMINAL: "decay of the theorem, which does not hold here"}
 _DECADES = 12  # that an axis shows at most
-_MARKS = 0.12  # of the decades: room for marks
 _MAX_POINTS = 2000  # points of a line: noise is a band of them
 
 
@@ -63,7 +62,6 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
         for ax, name in zip(axes, names, strict=False):
             ax.set_yscale("log")
             drawn: list[np.ndarray] = []
-            left_out = False
             for actor in actors:
                 transient = transients[actor.label]
                 if name not in transient.names:
@@ -84,11 +82,9 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
                     how = {"color": own.colour, "linestyle": line, "label": text, "linewidth": thickness}
                     above = height[actor.order] if line is own.dashes else 3  # bounds hide nothing
                     ax.plot(*thinned(curve, _MAX_POINTS), **how, zorder=above)
-                    if line is _NOMINAL:  # what does not hold is marked where it leaves the panel
-                        left_out = True
-                    else:
+                    if line is not _NOMINAL:  # what does not hold is marked where it leaves the panel
                         drawn.append(curve.v)
-            ax.set_ylim(*_limits(drawn, above=left_out))
+            ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))
             ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$" + unit(result.units.get(name, "")))
         drawn_beside = {
@@ -100,12 +96,12 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
         title = window_words("error", [result])
         if others:
             title += f"; not drawn, having no bound: {', '.join(others)}"
-        return on_page(finished(figure, axes, 1, title, grow=True, cuts=True), page.style)
+        return on_page(finished(figure, axes, 1, title, grow=True, cuts=True, room=True), page.style)
 
 
-def _limits(drawn: list[np.ndarray], *, above: bool) -> tuple[float, float]:
-    """From what is seen of the smallest to the largest, with room for marks of what is ``above``."""
+def _limits(drawn: list[np.ndarray]) -> tuple[float, float]:
+    """From what is seen of the smallest to the largest."""
     values = np.concatenate([v for v in drawn if v.size] or [np.array([1.0])])
     high = float(np.max(values))
     low = max(float(np.percentile(values, 1)), high * 10.0**-_DECADES)
-    return low / 2, high * 2 * ((high / low) ** _MARKS if above else 1.0)
+    return low / 2, high * 2

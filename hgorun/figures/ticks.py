@@ -32,6 +32,28 @@ class PlainFormatter(ScalarFormatter):
         return super().__call__(x, pos).removeprefix(r"$\mathdefault{").removesuffix("}$")
 
 
+def written(value: float, digits: int) -> str:
+    r"""A number as an axis of numbers writes it: a large or a small one with a power of ten, set as mathematics.
+
+    Parameters
+    ----------
+    value : float
+    digits : int
+        To which it is rounded; those before the point of a whole number are always written.
+
+    Examples
+    --------
+    >>> [written(value, 2) for value in (0.025, 200.0, 1250.0, 1.5e6, 1e-5)]
+    ['0.025', '200', '1250', '$1.5 \\times 10^{6}$', '$10^{-5}$']
+    """
+    mantissa, _, exponent = f"{value:.{digits - 1}e}".partition("e")
+    power = int(exponent or 0)
+    if -4 <= power < 5:
+        return f"{value:.{max(digits, power + 1)}g}"
+    mantissa = mantissa.rstrip("0").rstrip(".") if "." in mantissa else mantissa
+    return f"$10^{{{power}}}$" if mantissa == "1" else rf"${mantissa} \times 10^{{{power}}}$"
+
+
 def _between(low: float, high: float, most: int) -> Locator:
     """Labels at 1, 2 and 5 times the powers of ten; where these are fewer than three, at more digits, or evenly.
 

@@ -130,11 +130,13 @@ def _front(ax: Axes, one: Tuned, look: Look) -> None:
         ax.plot(*tried[~one.met].T, **_MISSED, label="misses a limit")
     ax.plot(*tried[one.met].T, linestyle="none", marker=".", markersize=2.2, color=look.colour, alpha=0.35, zorder=1.5)
     front, best = drawable(one.front), non_dominated(one.front)
+    half = one.half.copy()
+    half[one.chosen] = np.nan  # drawn with its star
     order = np.flatnonzero(best)[np.argsort(front[best, 0], kind="stable")]
     marks: dict[str, Any] = {"color": look.colour, "marker": look.marker, "markersize": 3.5, "label": "_"}
     bars: dict[str, Any] = marks | {"elinewidth": 0.7, "capsize": 1.5, "zorder": 3}
     for which, line in ((order, {"linestyle": look.dashes}), (~best, {"linestyle": "none", "markerfacecolor": "none"})):
-        x_half, y_half = one.half[which].T
+        x_half, y_half = half[which].T
         ax.errorbar(front[which, 0], front[which, 1], xerr=x_half, yerr=y_half, **bars, **line)
     ax.plot([], [], **marks | {"linestyle": look.dashes, "label": look.text})
     face = look.colour if best[one.chosen] else "white"
@@ -144,11 +146,12 @@ def _front(ax: Axes, one: Tuned, look: Look) -> None:
 
 
 def _limits(ax: Axes, found: Sequence[Tuned]) -> None:
-    """So much that the fronts are seen well; what was tried far away is not."""
-    front = drawable(np.concatenate([one.front for one in found]))
-    front = front[np.isfinite(front).all(axis=1)]
+    """So much that the fronts are seen well; what was tried far away is not, unless the front is a single point."""
+    front = _known(drawable(np.concatenate([one.front for one in found])))
     if not len(front):
         return
+    if len(np.unique(front, axis=0)) == 1:
+        front = np.concatenate([front, *(_most(_known(drawable(one.goals[one.met]))) for one in found)])
     intervals = np.concatenate(
         [one.front[one.chosen] + sign * one.half[one.chosen] for one in found for sign in (-1, 1)]
     )
@@ -163,6 +166,15 @@ def _limits(ax: Axes, found: Sequence[Tuned]) -> None:
             ends = limits(low, high, logarithmic=logarithmic, margin=0.25)
         wide = limits(*_span([*values, *known]), logarithmic=logarithmic)
         (ax.set_xlim if which == "x" else ax.set_ylim)(min(ends[0], wide[0]), max(ends[1], wide[1]))
+
+
+def _known(points: Floats) -> Floats:
+    return points[np.isfinite(points).all(axis=1)]
+
+
+def _most(points: Floats) -> Floats:
+    """Points without the tenth that is largest in each goal."""
+    return points[(points <= np.quantile(points, 0.9, axis=0)).all(axis=1)] if len(points) else points
 
 
 def _span(values: Sequence[float]) -> tuple[float, float]:

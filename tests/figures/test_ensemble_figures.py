@@ -220,6 +220,15 @@ def test_a_map_names_both_ends_of_its_axes() -> None:
     assert (shown[0], shown[-1]) == ("0", "11")
 
 
+def test_a_map_writes_numbers_as_axes_do() -> None:
+    theta, period = (grid.ravel() for grid in np.meshgrid([50.0, 125.0, 200.0], [2e-5, 1e-3, 0.25], indexing="ij"))
+    members = made()
+    wide = replace(members, axes={THETA: np.tile(theta, 12), PERIOD: np.tile(period, 12)})
+    axes = heat_map(wide, (THETA, PERIOD), "hf").axes
+    assert [label.get_text() for label in axes[2].get_xticklabels()] == ["50", "125", "200"]
+    assert [label.get_text() for label in axes[2].get_yticklabels()] == [r"$2 \times 10^{-5}$", "0.001", "0.25"]
+
+
 @pytest.mark.costly
 def test_what_stands_on_colours_of_a_scale_is_read_on_every_page() -> None:
     """By the contrast that WCAG 2.2 asks of text, 4.5:1; the cells keep the colours of their bar."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from drawn import block, lines, luminance
 from examples import chain, simulated
+from matplotlib.collections import LineCollection
 from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Annotation
@@ -200,6 +201,23 @@ def test_a_knee_that_is_beaten_on_held_out_seeds_is_hollow() -> None:
 
     assert drawn(1).get_markerfacecolor() == drawn(1).get_color()
     assert drawn(2).get_markerfacecolor() == "white"
+
+
+def test_a_front_of_one_point_is_shown_with_what_was_tried() -> None:
+    """And the interval of the knee is drawn once."""
+    goals = np.array([[1.0, 3.0], [2.0, 5.0], [4.0, 9.0], [6.0, 11.0], [900.0, 900.0]])
+    found = Tuned(
+        label="A", type="shgo", filter_order=None, paths=("observers.A.theta",), logarithmic=(True,),
+        gains=np.ones((5, 1)), goals=goals, met=np.ones(5, dtype=bool), front_gains=np.ones((1, 1)),
+        front=goals[:1] + 0.01, half=np.array([[0.1, 0.2]]), chosen=0,
+    )  # fmt: skip
+    ax = tuning([found], ["a", "b"]).axes[0]
+    for values, (low, high) in zip(goals.T, (ax.get_xlim(), ax.get_ylim()), strict=True):
+        assert low < values[0]
+        assert values[3] < high < values[4]
+    intervals = [one for one in ax.collections if isinstance(one, LineCollection)]
+    bars = [part for one in intervals for part in one.get_segments() if len(part)]
+    assert len(bars) == 2
 
 
 def test_the_interval_of_the_best_is_in_front_of_its_mark() -> None:

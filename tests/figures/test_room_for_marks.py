@@ -1,0 +1,79 @@
+"""Marks at the edge of a panel: none is missing, and in a figure of bounds none lies on a curve."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import chain, simulated
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.text import Annotation
+
+from hgorun import Result
+from hgorun.figures.cuts import mark_cuts
+from hgorun.figures.page import Page
+from hgorun.figures.peaking import peaking
+from hgorun.figures.style import PALETTE
+from hgorun.result.observer import ObserverResult
+from hgorun.result.theory import Transient
+
+STARTS = {"A": 3.4, "B": 12.9, "C": 48.2, "D": 187.0, "E": 374.0}
+
+
+@pytest.fixture(scope="module")
+def result() -> Result:
+    found = simulated(chain(2, "-x1"), {"A": {"type": "shgo", "theta": 2}}, end=5)
+    one = ObserverResult(type="shgo", xhat=found.x, internal={}, gains={}, dimension=2)
+    return replace(found, observers=dict.fromkeys(STARTS, one))
+
+
+def values(ax: Any) -> list[Annotation]:
+    return [child for child in ax.get_children() if isinstance(child, Annotation) and child.get_text() not in "↑↓"]
+
+
+@pytest.mark.parametrize("width", ["one", "two"])
+def test_the_decay_that_leaves_a_panel_is_marked_above_all_errors(result: Result, width: str) -> None:
+    time = result.time[:, None]
+    one = Transient(("x1",), result.time, np.exp(-time), 0 * time, 0 * time, False)
+    transients = {label: replace(one, nominal=start * np.exp(-0.01 * time)) for label, start in STARTS.items()}
+    (ax,) = peaking(result, transients, Page.named(width, "light")).axes
+    high = ax.get_ylim()[1]
+    beyond = [f"{start:.3g}" for start in STARTS.values() if start > 1.1 * high]
+    found = values(ax)
+    assert len(beyond) > 2
+    assert sorted(text.get_text() for text in found) == sorted(beyond)
+    boxes = [text.get_window_extent() for text in found]
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    largest = ax.transData.transform((0.0, 1.0))[1]  # of the errors
+    assert all(box.y0 > largest for box in boxes)
+
+
+def panel(count: int, width: float, height: float) -> tuple[Any, list[Annotation]]:
+    """A panel of so many points with lines that all leave it at one place, and their marks."""
+    figure = Figure(figsize=(width / 72, height / 72), dpi=72)
+    FigureCanvasAgg(figure)
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    for k, colour in enumerate(PALETTE[:count]):
+        ax.plot([0.0, 1.0], [10.0 + k, 0.0], color=colour)
+    ax.set(xlim=(0, 1), ylim=(-1, 1))
+    return ax, mark_cuts(ax, width, height)
+
+
+def test_marks_stand_side_by_side_where_the_rows_are_full() -> None:
+    ax, found = panel(10, 300.0, 120.0)
+    assert sorted(text.get_text() for text in found) == sorted(str(10 + k) for k in range(10))
+    boxes = [text.get_window_extent() for text in found]
+    assert not any(a.overlaps(b) for a, b in combinations(boxes, 2))
+    inside = ax.get_window_extent()
+    assert all(inside.x0 <= box.x0 and box.x1 <= inside.x1 and box.y0 > inside.y1 / 2 for box in boxes)
+
+
+def test_a_panel_too_small_for_its_marks_says_how_many_more_there_are() -> None:
+    _, found = panel(10, 40.0, 40.0)
+    shown = [text.get_text() for text in found]
+    assert len(shown) < 10
+    assert shown[-1].endswith(f", {10 - len(shown)} more")
