@@ -11,7 +11,7 @@ import numpy as np
 
 from hgorun.export.equations import Symbolic, symbolic
 from hgorun.export.observer import Exported
-from hgorun.export.typeset import Formula, Written, broken, dotted, number, written
+from hgorun.export.typeset import INDICATOR, Formula, Written, broken, dotted, number, written
 from hgorun.symbolic.states import StateBlock
 from hgorun.tables.typeset import latex_words, symbol
 from hgorun.version import __version__
@@ -85,14 +85,21 @@ class Document:
         yield f"% Observer {_comment(observer.label)} ({kind}) of {_comment(observer.run)}, by hgorun {__version__}."
         yield "% Needs the package amsmath."
         yield ""
+        equations = list(self._of_time())
+        yield from equations
+        if any(INDICATOR in line for line in equations):
+            yield f"Here ${INDICATOR}(A)$ is 1 where $A$ holds, and 0 elsewhere."
+        yield from self._start()
+
+    def _of_time(self) -> Iterator[str]:
+        """What goes on between samples and at them."""
         abbreviated = 0
-        if observer.flows:
+        if self.observer.flows:
             flow = self._of_flow()
             abbreviated = len(flow.abbreviations)
             yield from self._flow(flow)
         if self.equations.jump is not None:
             yield from self._jump(first=abbreviated + 1)  # each abbreviation is one thing in the whole document
-        yield from self._start()
 
     def _of_flow(self) -> Written:
         names, outputs = ["rate", "estimate", "guess"], self.equations.outputs

@@ -14,10 +14,17 @@ from hgorun.symbolic.interpreter import CALLS
 
 _SUM, _PRODUCT, _POWER, _ATOM = range(4)  # what binds more tightly is larger
 _SHORT = 10  # characters: what is as short is written again wherever it is needed
+_SHORT_CONDITION = 20
 _LINE = 70  # characters of a line
 _NAMES = {"asin": "arcsin", "acos": "arccos", "atan": "arctan", "log": "ln"}
 _KNOWN = {"sin", "cos", "tan", "arcsin", "arccos", "arctan", "sinh", "cosh", "tanh", "ln", "exp"}
 _RELATIONS = {ca.OP_LT: "<", ca.OP_LE: r"\leq", ca.OP_EQ: "=", ca.OP_NE: r"\neq"}
+_OPPOSITE = {"<": r"\geq", r"\leq": ">", "=": r"\neq", r"\neq": "=", ">": r"\leq", r"\geq": "<"}
+_FROM_THE_RIGHT = {"<": ">", r"\leq": r"\geq", "=": "=", r"\neq": r"\neq"}
+_AND, _OR, _NOT = r"\wedge", r"\vee", r"\neg"
+_LOGICAL = {ca.OP_AND: _AND, ca.OP_OR: _OR}
+INDICATOR = r"\mathbf{1}"
+"""Of what stands in brackets behind it: 1 where that holds, else 0."""
 
 
 @dataclass(frozen=True)
@@ -29,10 +36,13 @@ class Formula:
     terms : tuple of str
         What is added; those behind the first begin with a sign.
     level : int
+    condition : str
+        Where it is 1, being 0 elsewhere; empty for what has other values.
     """
 
     terms: tuple[str, ...]
     level: int = _ATOM
+    condition: str = ""
 
     @property
     def text(self) -> str:
@@ -93,10 +103,11 @@ def written(function: ca.Function, names: Mapping[tuple[int, int], str], letter:
             found[outputs[i.place[0]]][i.place[1]] = known[i.arguments[0]]
             continue
         formula = _formula(i, known, names)
-        if uses[i.value] > 1 and width(formula.text) > _SHORT:
+        short_enough = _SHORT_CONDITION if formula.condition else _SHORT
+        if uses[i.value] > 1 and width(formula.text) > short_enough:
             name = rf"{letter}_{{{len(short) + first}}}"
             short.append((name, formula))
-            formula = Formula((name,))
+            formula = Formula((name,), condition=f"{name} = 1" if formula.condition else "")
         known[i.value] = formula
     return Written({name: [of[k] for k in range(len(of))] for name, of in found.items()}, short)
 
@@ -177,9 +188,13 @@ def _other(op: int, a: Sequence[Formula]) -> Formula:
             return _negative(Formula((rf"\frac{{{_negative(above).text}}}{{{below.text}}}",), _PRODUCT))
         return Formula((rf"\frac{{{above.text}}}{{{below.text}}}",), _PRODUCT)
     if op in _RELATIONS:
-        return Formula((rf"\left[{first} {_RELATIONS[op]} {a[1].text}\right]",))
+        return _where(_relation(first, _RELATIONS[op], a[1].text))
+    if op == ca.OP_NOT and a[0].condition == f"{first} = 1":  # an abbreviation
+        return Formula(("1", f"- {first}"), _SUM, f"{first} = 0")
     if op == ca.OP_NOT:
-        return Formula((_opposite(first),))
+        return _where(_opposite(_condition(a[0])))
+    if op in _LOGICAL:
+        return _where(f" {_LOGICAL[op]} ".join(_apart(_condition(one)) for one in a))
     if op == ca.OP_IF_ELSE_ZERO:
         return _product(a[0], a[1])
     return Formula((_called(op, [one.text for one in a]),))
@@ -195,12 +210,36 @@ def _base(a: Formula) -> str:
     return a.text if plain else bracketed(a.text)
 
 
-def _opposite(relation: str) -> str:
-    """Where something does not hold."""
-    for this, other in (("<", r"\geq"), (r"\leq", ">"), (r"\neq", "="), ("=", r"\neq")):
-        if relation.count(r"\left[") == 1 and relation.count(f" {this} ") == 1:
-            return relation.replace(f" {this} ", f" {other} ")
-    return rf"\left[{relation} = 0\right]"
+def _where(condition: str) -> Formula:
+    """What is 1 where a condition holds, else 0."""
+    return Formula((rf"{INDICATOR}\!{bracketed(condition)}",), condition=condition)
+
+
+def _relation(left: str, sign: str, right: str) -> str:
+    """A relation, a number on its right."""
+    if re.fullmatch(r"-?[\d.]+", left):
+        return f"{right} {_FROM_THE_RIGHT[sign]} {left}"
+    return f"{left} {sign} {right}"
+
+
+def _condition(a: Formula) -> str:
+    """Where a formula is not 0."""
+    return a.condition or rf"{a.text} \neq 0"
+
+
+def _apart(condition: str) -> str:
+    """A condition as it stands beside others."""
+    return bracketed(condition) if any(sign in condition for sign in (_AND, _OR)) else condition
+
+
+def _opposite(condition: str) -> str:
+    """Where a condition does not hold."""
+    parts = condition.split(" ")
+    signs = [i for i, part in enumerate(parts) if part in _OPPOSITE]
+    if len(signs) != 1 or INDICATOR in condition:  # several relations, or one within a value
+        return rf"{_NOT}{bracketed(condition)}"
+    parts[signs[0]] = _OPPOSITE[parts[signs[0]]]
+    return " ".join(parts)
 
 
 def _called(op: int, a: Sequence[str]) -> str:
@@ -213,8 +252,6 @@ def _called(op: int, a: Sequence[str]) -> str:
         ca.OP_FMIN: r"\min\left({0}, {1}\right)",
         ca.OP_FMAX: r"\max\left({0}, {1}\right)",
         ca.OP_SIGN: r"\operatorname{{sign}}\left({0}\right)",
-        ca.OP_AND: r"\left[{0} \neq 0\right] \, \left[{1} \neq 0\right]",
-        ca.OP_OR: r"\max\left(\left[{0} \neq 0\right], \left[{1} \neq 0\right]\right)",
         ca.OP_COPYSIGN: r"\left|{0}\right| \, \operatorname{{sign}}\left({1}\right)",
     }
     if op in special:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Sequence
+from itertools import product
 
 from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.result.result import Result
@@ -15,6 +16,7 @@ from hgorun.tables.typeset import latex_words, symbol
 
 NEEDS = r"% needs \usepackage{booktabs}"
 _PAGE = 6  # numbers side by side on a page
+_UNRESOLVED = r"$\sim$: not resolved by the integration"
 
 
 def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> str:
@@ -22,7 +24,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
 
     The best number of every column is bold, in every run, since runs may be measured otherwise: the smallest, for tv
     the nearest to 1. Metrics that do not fit side by side follow below each other; observers that are not ok are named
-    at the end, as are units that differ among the runs.
+    at the end, as are units that differ among the runs, and the mark of times that are not resolved.
 
     Parameters
     ----------
@@ -60,8 +62,11 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     for name, texts in stated.items():
         if len(texts) > 1:
             notes.append(f"{name} in {', '.join(f'{text} ({run})' for text, run in texts.items())}")
+    notes = [latex_words(note) for note in notes]
+    if any(row.unresolved(*column) for row in rows for column in product(chosen, states)):
+        notes.append(_UNRESOLVED)
     if notes:
-        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{'; '.join(map(latex_words, notes))}}} \\"]
+        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{'; '.join(notes)}}} \\"]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 

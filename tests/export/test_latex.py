@@ -140,6 +140,8 @@ def test_signs_and_brackets() -> None:
         "d": -x / (1 + y),
         "e": 1e-7 * x + ca.fmin(x, ca.fabs(y)),
         "f": ca.if_else(x > 0, ca.exp(-y), ca.log(x) ** 2),
+        "g": ca.logic_and(x < y, ca.logic_or(y >= 2, x == 0)),
+        "h": ca.logic_not(ca.logic_and(x < y, y <= 2)) + ca.logic_or(x, ca.logic_and(x < 2, y < 3)),
     }
     function = ca.Function("f", [x, y], list(expressions.values()), ["x", "y"], list(expressions))
     found = written(function, {(0, 0): "x", (1, 0): "y"}, "k").formulas
@@ -149,8 +151,38 @@ def test_signs_and_brackets() -> None:
         "c": r"\left(x + y\right)^{3}",
         "d": r"-\frac{x}{1 + y}",
         "e": r"1 \cdot 10^{-7} \, x + \min\left(x, \left|y\right|\right)",
-        "f": (r"\left[0 < x\right] \, \exp\left(-y\right) + \left[0 \geq x\right] \, \ln\left(x\right)^{2}"),
+        "f": (
+            r"\mathbf{1}\!\left(x > 0\right) \, \exp\left(-y\right)"
+            r" + \mathbf{1}\!\left(x \leq 0\right) \, \ln\left(x\right)^{2}"
+        ),
+        "g": r"\mathbf{1}\!\left(x < y \wedge \left(y \geq 2 \vee x = 0\right)\right)",
+        "h": (
+            r"\mathbf{1}\!\left(\neg\left(x < y \wedge y \leq 2\right)\right)"
+            r" + \mathbf{1}\!\left(x \neq 0 \vee \left(x < 2 \wedge y < 3\right)\right)"
+        ),
     }
+
+
+def test_a_long_condition_is_abbreviated() -> None:
+    x, y = ca.SX.sym("x"), ca.SX.sym("y")
+    condition = ca.sin(x * y + 1) * ca.exp(x) > ca.cos(y - 2 * x) * y
+    function = ca.Function("f", [x, y], [ca.if_else(condition, x, y)])
+    found = written(function, {(0, 0): "x", (1, 0): "y"}, "k")
+    ((name, formula),) = found.abbreviations
+    assert formula.text.startswith(r"\mathbf{1}\!\left(")
+    ((whole,),) = found.formulas.values()
+    assert (name, whole.text) == ("k_{1}", r"k_{1} \, x + \left(1 - k_{1}\right) \, y")
+
+
+def test_what_stands_before_a_condition_is_explained_where_there_is_one() -> None:
+    """And one of two cases has the values of the plant's equation."""
+    plant = inline({"a": "b", "b": "where(a > 0.5, a**2, 2*a)"}, "a")
+    text = latex(exported_of(plant, {"type": "shgo", "theta": 3}))
+    assert r"\mathbf{1}\!\left(\hat{a} > 0.5\right) \, \hat{a}^{2}" in text
+    assert r"2 \, \hat{a} \, \mathbf{1}\!\left(\hat{a} \leq 0.5\right)" in text
+    assert text.count(r"Here $\mathbf{1}(A)$ is 1 where $A$ holds, and 0 elsewhere.") == 1
+    assert_typeset(text)
+    assert "Here" not in latex(exported_of(chain(2, "-x1"), {"type": "shgo", "theta": 3}))
 
 
 def test_the_sign_of_either_factor_stands_before_both() -> None:

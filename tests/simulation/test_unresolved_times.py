@@ -58,6 +58,8 @@ def test_tables_and_json_have_the_mark(rounded: Result) -> None:
     notes = {row["metric"]: row["note"] for row in csv.DictReader(io.StringIO(tables.csv([rounded])))}
     assert {metric for metric, note in notes.items() if note == "not resolved"} == {"settling"}
     assert rf"$\sim {shown}$" in latex([rounded])
+    assert r"}{l}{$\sim$: not resolved by the integration} \\" in latex([rounded])
+    assert r"\sim" not in latex([rounded], ["rmse"])
 
 
 def test_files_keep_the_mark(rounded: Result, tmp_path: Path) -> None:
