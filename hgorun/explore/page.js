@@ -277,6 +277,8 @@
   });
   for (const box of document.querySelectorAll("[data-observer]"))
     box.addEventListener("change", () => ask({ do: "observer", label: box.dataset.observer, on: box.checked }));
+  const plots = document.querySelector(".plots");
+  new ResizeObserver(() => document.documentElement.style.setProperty("--plots", `${plots.offsetHeight}px`)).observe(plots);
   for (const one of ["undo", "redo", "reset"]) byId(one).addEventListener("click", () => ask({ do: one }));
   byId("write").addEventListener("submit", (event) => {
     event.preventDefault();

@@ -316,6 +316,11 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
             "['#estimate0', '[data-knob=\"5\"]'].map(one => document.querySelector(one).getBoundingClientRect().bottom)"
         )
         seen["telephone"] = await page.value("document.documentElement.scrollWidth")
+        seen["heads"] = await page.value(
+            """['metrics-head', 'theory-head'].map(id => { document.getElementById(id).scrollIntoView();
+            return document.getElementById(id).getBoundingClientRect().top
+              - document.querySelector('.plots').getBoundingClientRect().bottom; })"""
+        )
         await page.resize(320, 500)  # 1280 at 400 %
         await asyncio.sleep(1)
         seen["width"] = await page.value("document.documentElement.scrollWidth")
@@ -341,6 +346,7 @@ def test_labels_contrast_and_zoom(tmp_path: Path) -> None:
     assert seen["head"] == "status"  # in sight also where it is wider
     assert 200 < seen["strip"][0] < seen["strip"][1] < 800
     assert seen["telephone"] <= 320
+    assert all(0 <= below < 40 for below in seen["heads"]), seen["heads"]  # what is scrolled to is not hidden by them
     assert seen["width"] <= 320
     assert seen["columns"] == 1
     beyond, blocks = map(int, seen["narrow"].split())
