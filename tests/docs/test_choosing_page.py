@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import csv
+import re
 from pathlib import Path
+
+import yaml
+
+from hgorun.observers.base import OBSERVERS
 
 ROOT = Path(__file__).parents[2]
 RECORD = ROOT / "experiments" / "benchmark" / "record" / "standings.md"
@@ -34,6 +39,20 @@ def test_the_page_of_the_benchmark_has_the_whole_record() -> None:
     page = (ROOT / "docs" / "benchmark.md").read_text()
     assert len(rows) > 40
     assert "\n".join(rows) in page
+
+
+def test_how_many_observers_took_part_of_how_many_there_are() -> None:
+    with (RECORD.parent / "entries.csv").open() as file:
+        labels = {row["observer"] for row in csv.DictReader(file)}
+    block = yaml.safe_load((ROOT / "experiments" / "benchmark" / "benchmark.yaml").read_text())["observers"]
+    types = {block[label]["block"]["type"] if label in block else label for label in labels}
+    own = {name for name, cls in OBSERVERS.all().items() if cls.__module__.startswith("hgorun.")}
+    assert types <= own
+    said = f"{len(types)} of the {len(own)} "
+    choosing, benchmark = ((ROOT / "docs" / page).read_text() for page in ("choosing.md", "benchmark.md"))
+    assert f"has {said}observers" in choosing
+    assert f"{len(labels)} rows" in choosing
+    assert re.search(rf"scores of {len(labels)} observers \({said}in the package", benchmark)
 
 
 def test_what_late_samples_cost_is_what_the_entries_say() -> None:
