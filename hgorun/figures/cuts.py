@@ -131,12 +131,11 @@ def make_room(ax: Axes, width: float, height: float) -> None:
     width, height : float
         Of the axes, in points.
     """
-    low, high = ax.get_ylim()
-    for rows in range(_most(height) + 1):
-        taken = (rows + 0.5) * _ROW / height if rows else 0.0
+    (low, high), rows = ax.get_ylim(), 0
+    while any(place.row >= rows for place in _places(ax, "top", width, height)):
+        rows += 1
+        taken = (rows + 0.5) * _ROW / height
         ax.set_ylim(low, low * (high / low) ** (1.0 / (1.0 - taken)))
-        if all(place.row < rows for place in _places(ax, "top", width, height)):
-            break
 
 
 def _most(height: float) -> int:
