@@ -183,6 +183,7 @@ def _with(base: type[Plugin], name: str, attribute: object) -> type[Plugin]:
     return cast(type[Plugin], new_class("Mine", (base,), exec_body=lambda space: space.update({name: attribute})))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("base", "name"), HOOKS, ids=lambda v: getattr(v, "__name__", v))
 def test_whatever_method_raises_is_named(base: type[Plugin], name: str) -> None:
     def raising(*_: object) -> None:

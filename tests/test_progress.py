@@ -54,6 +54,7 @@ def test_what_is_over_soon_says_nothing(clock: Clock, capsys: pytest.CaptureFixt
     assert capsys.readouterr().err == ""
 
 
+@pytest.mark.costly
 def test_a_bar_is_drawn_at_a_terminal(
     clock: Clock, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:

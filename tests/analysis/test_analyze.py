@@ -212,6 +212,7 @@ def test_the_figure_draws_bounds_where_they_hold(analysis: Analysis) -> None:
     assert np.max(error.get_ydata()) < np.max(bound.get_ydata())
 
 
+@pytest.mark.costly
 def test_the_table_takes_what_is_declared(analysis: Analysis) -> None:
     given: dict[str, Any] = {"noise": {"x1": 0.125, "x2": 2.5}, "anything": 42.0, "nothing": math.inf}
     extra = tuple(Finding(name=name, meaning="", of=lambda _: 0.0, group=name, title=name) for name in given)

@@ -143,6 +143,7 @@ def test_nothing_steers_the_terminal(
     assert len(refusal(tmp_path, text, monkeypatch, capsys)) < 1_100
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "arguments",
     [

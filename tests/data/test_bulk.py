@@ -161,6 +161,7 @@ def short_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(csv_table, "blocks", partial(blocks, size=2**13))
 
 
+@pytest.mark.costly
 @pytest.mark.usefixtures("short_blocks")
 @pytest.mark.parametrize(
     "odd", ["", "# a comment", "\n", "3,NULL,5", "3,1.00000000000000000000001,0", '3,"4",5', "3,4,n/a"]

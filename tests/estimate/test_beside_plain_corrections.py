@@ -138,6 +138,7 @@ def compared(group: str, names: Sequence[str], seed: int, folder: Path) -> None:
         np.testing.assert_allclose(found[label], one, rtol=0, atol=1e-12 * np.max(np.abs(one)), err_msg=label)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("group", "names"),
     [

@@ -210,6 +210,7 @@ def compared(case: Case, seed: int, folder: Path) -> None:
         np.testing.assert_allclose(found[label], one, rtol=0, atol=1e-12 * np.max(np.abs(one)), err_msg=label)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", CASES)
 def test_estimates_of_a_random_log(name: str, tmp_path: Path) -> None:
     compared(CASES[name], list(CASES).index(name), tmp_path)

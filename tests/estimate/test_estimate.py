@@ -207,6 +207,7 @@ def test_a_reference_is_a_state_or_an_output() -> None:
         estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), log)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("delay", ["0.5", "0.1 + 0.3*abs(sin(3*t))"], ids=["whole periods", "out of order"])
 def test_late_samples_as_each_observer_is_told(delay: str) -> None:
     """A filter that is taken back, an observer that is, one that drops them, and one with the innovation: the bits."""

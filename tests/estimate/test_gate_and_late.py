@@ -135,6 +135,7 @@ def test_samples_that_are_left_out_when_late_are_not_judged() -> None:
     assert assessed_of(result, "O").scores["gated"] == {"a": float(len(outliers))}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("most", [2, 64])
 @pytest.mark.parametrize("block", [EKF, SHGO, SHGO | {"late": "innovation"}], ids=["ekf", "replay", "innovation"])
 @pytest.mark.parametrize("delays", [0 * DELAYS, DELAYS], ids=["in time", "late"])

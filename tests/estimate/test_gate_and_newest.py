@@ -65,6 +65,7 @@ def test_the_estimate_is_that_of_the_log_without_the_rows_of_outliers(blocks: di
         assert assessed_of(whole, label).scores["gated"]["ya"] == len(OUT)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("blocks", [CASES["one output"], CASES["two"]], ids=["one output", "two"])
 def test_a_stream_goes_on_as_without_them(blocks: dict[str, Block]) -> None:
     """Also one that is begun again from a checkpoint after every seventh sample; each sees the same rows."""

@@ -107,6 +107,7 @@ def of_stream(
     return whole, {label: np.array([rows[k][label] for k in whole]) for label in estimator.labels}, estimator
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", FAMILIES)
 def test_a_stream_has_the_bits_of_the_file(kind: str) -> None:
     agree(config(kind, FAMILIES[kind], ONE), {})
@@ -120,6 +121,7 @@ def test_so_it_has_where_samples_become_known_when_others_are_taken(kind: str, p
     agree(config(kind, FAMILIES[kind], plant), {}, by_whole_periods)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("late", ["innovation", "replay"])
 @pytest.mark.parametrize("kind", ["shgo", "fhgo2", "kalman_bucy", "extended", "dead_zone"])
 def test_so_it_has_with_a_gate(kind: str, late: str) -> None:
@@ -137,6 +139,7 @@ def test_so_it_has_of_a_filter_that_goes_back(gates: dict[str, float]) -> None:
     agree(config("ekf", OF_TWO["kalman_bucy"], TWO, "replay"), gates)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("late", ["innovation", "replay"])
 @pytest.mark.parametrize("plant", [ONE, TWO], ids=["one output", "two"])
 def test_so_it_has_where_many_become_known_at_once(plant: Block, late: str) -> None:

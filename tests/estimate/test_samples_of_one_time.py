@@ -78,6 +78,7 @@ def lines(outputs: dict[str, str], *, by_output: bool) -> list[tuple[float, floa
     return [(t, t, name, value) for t, _, _, name, value in rows]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("gate", [None, GATE])
 @pytest.mark.parametrize("outputs", [ONE, TWO], ids=["one output", "two"])
 def test_a_file_has_the_bits_of_the_stream(outputs: dict[str, str], gate: float | None) -> None:

@@ -70,6 +70,7 @@ def compared(kinds: list[str], late: str, seed: int, folder: Path) -> None:
                 np.testing.assert_array_equal(xhat, expected[label][round(t / GRID)], err_msg=f"{label} at {t}")
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("late", "kinds"), [("innovation", ["fhgo2", "stubborn"]), ("replay", ["fhgo2", "ekf"])])
 def test_a_restored_stream_has_the_bits_of_a_random_log(late: str, kinds: list[str], tmp_path: Path) -> None:
     compared(kinds, late, 1, tmp_path)

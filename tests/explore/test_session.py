@@ -138,6 +138,7 @@ def test_a_settling_time_that_noise_decides_is_never(file: Path) -> None:
     assert shown["settling x2"] == ["never", repr(row.value("settling", "x2"))]
 
 
+@pytest.mark.costly
 def test_bounds_that_will_not_take_long_come_with_the_curves(file: Path) -> None:
     """Once it is known how long they take: in one message, and otherwise after the curves, with the same numbers."""
     told = {}

@@ -125,6 +125,7 @@ def drawn(seed: int, *, late: bool) -> tuple[list[Sample], Input]:
     return random_samples(seed, [0.15, 0.4], late=late), random_input(seed)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("late", [False, True])
 def test_c_gives_the_estimates_of_a_random_log(late: bool, tmp_path: Path) -> None:
     few = {kind: FLOWING[kind] for kind in ("fhgo2", "stubborn")} if late else {"ekf": FILTER}

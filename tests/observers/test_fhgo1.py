@@ -79,6 +79,7 @@ def test_noise_passes_as_many_filters_as_there_are_components() -> None:
         np.testing.assert_allclose(amplitude, expected, rtol=(3 * theta * delta / omega))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("delta", "limit"), [(2, 1.079), (3, 1.307), (7, 2.028)])
 def test_largest_sampling_period(delta: float, limit: float) -> None:
     """With the first form of alpha' in (2.75); the second has 0.623 for delta = 3 and 0.373 for 7."""

@@ -62,6 +62,7 @@ def test_poles_are_assigned(n: int, r: int) -> None:
     assert_assigned(M, [3 * p for p in poles])
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_against_the_plain_simulator(plant: str, scenario: str) -> None:

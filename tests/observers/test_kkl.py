@@ -94,6 +94,7 @@ def test_errors_of_the_inverse_computed_elsewhere(duffing: Result) -> None:
     np.testing.assert_allclose(found["m 3"], [6.5e-4, 2.1e-3], rtol=2e-2)
 
 
+@pytest.mark.costly
 def test_what_noise_does_computed_elsewhere() -> None:
     blocks = {"1": {**KKL, "degree": 1}, "3": KKL, "m 3": {**KKL, "m": 3}}
     measurement = {"noise": sinusoid(0.01, 20)}

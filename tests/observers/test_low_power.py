@@ -34,6 +34,7 @@ KNOWN: dict[int, list[tuple[float, float]]] = {  # all poles at -1
 }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("n", range(2, 9))
 def test_poles_are_assigned(n: int) -> None:
     for seed in range(4):
@@ -66,6 +67,7 @@ def test_gains_are_taken_block_by_block() -> None:
     np.testing.assert_allclose(one.xhat, two.xhat, rtol=0, atol=1e-12)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("scenario", SCENARIOS)
 def test_two_states_are_the_standard_observer(scenario: str) -> None:
     blocks = {name: {"type": name, "theta": 1.5, "poles": [-1, -2]} for name in ("low_power", "shgo")}
@@ -92,6 +94,7 @@ def in_xi(f: Callable[[Array], Array], n: int, theta: float) -> Callable[[Array,
     return rates
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_against_the_plain_simulator(plant: str, scenario: str) -> None:
@@ -130,6 +133,7 @@ def inline(dynamics: dict[str, str], output: Any = "a", **more: Any) -> dict[str
     }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("plant", "words"),
     [

@@ -43,6 +43,7 @@ def test_standard(n: int) -> None:
     np.testing.assert_allclose(exponents(chain(n, WEAK), SHGO), 1, rtol=0.02)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("r", [1, 2, 3])
 @pytest.mark.parametrize("name", ["fhgo2", "integral", "lowpass"])
 def test_filter_of_order_r(name: str, r: int) -> None:
@@ -71,6 +72,7 @@ def test_treangle_with_phi_in_every_equation() -> None:
     np.testing.assert_allclose(exponents(plant, TREANGLE, 1e-4), [2, 3, 3, 3, 3], rtol=0.02)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("n", [2, 3, 4, 5, 6, 7])
 def test_low_power(n: int) -> None:
     """1, 2, ..., n - 1, n - 1; phi(x_1) brings 2 to the last component, and one more to each before it."""

@@ -142,6 +142,7 @@ def test_with_two_states_a_lyapunov_function_does_not_grow() -> None:
     assert V[-1] < 1e-9 * V[0]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("n", "block", "factors"),
     [

@@ -515,6 +515,7 @@ def test_without_excitation_an_observer_is_flagged_or_finite(
         assert observer.lost
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("delay", ["0.05", "0.05 + 0.04*sin(t)"])
 @pytest.mark.parametrize("block", EVERY, ids=str)
 def test_a_late_continuous_output_is_no_obstacle(block: dict[str, Any], delay: str) -> None:

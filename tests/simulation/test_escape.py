@@ -35,6 +35,7 @@ def test_a_plant_that_is_singular_where_it_stays_finite_has_not_diverged() -> No
         simulated(inline({"x": "-1/x"}, "x", 1.0), SHGO, time=RUN, solver={"method": "dopri5"})
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("solver", [{}, {"method": "dopri5"}, {"step": 0.01}], ids=["auto", "dopri5", "given"])
 def test_a_level_that_falls_below_zero_under_a_root_is_named(solver: Block) -> None:
     """x' = -1 - sqrt(x) reaches 0 at 2 - 2 log 2 = 0.6137, with all steps."""

@@ -117,6 +117,7 @@ RECORDED: list[dict[str, Any]] = [
 ]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("solver", "records"),
     [({"step": 0.01, "method": "rk4"}, RECORDED), ({"step": "auto"}, RECORDED[:1])],
@@ -133,6 +134,7 @@ def test_it_does_not_depend_on_what_is_recorded(
         assert {label: one.status for label, one in found.items()} == {"A": "ok", "B": "diverged"}, recorded
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("recorded", [RECORDED[0], RECORDED[3]])
 def test_a_sweep_does_not_depend_on_it_either(recorded: dict[str, Any], tmp_path: Path) -> None:
     base = load(tmp_path, van_der_pol({"S": 1}, SAMPLED, **recorded))

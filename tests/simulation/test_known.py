@@ -72,6 +72,7 @@ def test_only_what_differs_is_integrated(integrated: list[list[str]]) -> None:
     assert integrated == [["S", "F", "G"], ["F"], ["F"], ["S"], ["F"]]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "other",
     [

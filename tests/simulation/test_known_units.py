@@ -48,6 +48,7 @@ def test_a_unit_of_a_state_that_is_not_known_is_told() -> None:
     )
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "unit", ["g/L", "g/(L h)", "1/h", "rad/s", "m**2", "m s^-1", "mV", "degC", "-", "", "1", "kPa"]
 )

@@ -50,6 +50,7 @@ def samples_of(result: Result) -> list[tuple[float, float, float]]:
     return list(zip(m.taken[:, 0], m.time, m.y[:, 0], strict=True))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "delay",
     ["0.5", "0.37", "0.4 + 0.3*sin(9*t)"],

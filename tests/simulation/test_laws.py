@@ -133,6 +133,7 @@ def test_runs_repeat_bit_for_bit(solver: dict[str, Any], tmp_path: Path, monkeyp
         assert results[0].metrics() == again.metrics()
 
 
+@pytest.mark.costly
 @pytest.mark.skipif(platform.machine() not in ("x86_64", "AMD64"), reason="names processors of this family")
 @pytest.mark.parametrize("solver", [{"step": 0.02}, {"method": "dopri5", "rtol": 1e-8}])
 @pytest.mark.parametrize("processor", ["x86-64", "x86-64-v2", "x86-64-v3"])
@@ -148,6 +149,7 @@ def test_no_bit_depends_on_the_processor(
     assert here.metrics() == there.metrics()
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["continuous", "delayed"])
 def test_pieces_of_a_long_segment_do_not_change_bits(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
@@ -403,6 +405,7 @@ def growth(folder: Path, measurement: dict[str, Any], thetas: dict[str, float]) 
     }
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("measurement", "limits"),
     [

@@ -37,6 +37,7 @@ def test_a_root_in_a_step() -> None:
     assert found.reason.startswith("sqrt of a negative number (h1 = -")
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("solver", [{"step": "auto"}, {"method": "rodas5p"}], ids=["auto", "rodas5p"])
 def test_a_logarithm_before_which_controlled_steps_end(solver: Block) -> None:
     """The gain takes the estimate of x2 from 0 to -2, where no step is small enough any more."""
@@ -50,6 +51,7 @@ def test_a_logarithm_before_which_controlled_steps_end(solver: Block) -> None:
     assert float(said[1]) == pytest.approx(2 / 800, rel=0.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("period", [0.25, 1.0])
 def test_a_root_behind_a_jump_of_controlled_steps(period: float) -> None:
     """A sample takes the estimate of h1 below 0: h1+ = h1 + P12/(P22 + R) (y - h2), before any step."""

@@ -137,6 +137,7 @@ def test_rk4_keeps_its_order_through_jumps(measurement: dict[str, Any], plant: d
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("where", KINKED)
 def test_rk4_keeps_its_order_through_kinks(where: str, tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.025), {"noise": SINE}, plant=KINKED[where])
@@ -150,6 +151,7 @@ def test_rk4_between_its_steps_is_of_order_four(name: str, tmp_path: Path) -> No
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [{"noise": SINE}, {"noise": HELD}, PERIODIC, PERIODIC | LATE])
 def test_dopri5_with_fixed_steps_is_of_order_five(measurement: dict[str, Any], tmp_path: Path) -> None:
     """Its fifth-order terms are small on purpose: only short steps show them alone."""
@@ -157,6 +159,7 @@ def test_dopri5_with_fixed_steps_is_of_order_five(measurement: dict[str, Any], t
     assert found == pytest.approx(dict.fromkeys(found, 5.0), abs=0.2)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [{"noise": SINE}, PERIODIC | LATE])
 @pytest.mark.parametrize("plant", [VAN_DER_POL, JUMPING], ids=["smooth", "jumping input"])
 def test_rodas5p_with_fixed_steps_is_of_order_five(
@@ -181,6 +184,7 @@ def test_dopri5_with_a_continuous_delay_has_the_order_of_the_cubic_history(tmp_p
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [{"noise": SINE}, PERIODIC | LATE, {"delay": 0.25}])
 def test_euler_is_of_order_one(measurement: dict[str, Any], tmp_path: Path) -> None:
     found = orders(tmp_path, halved(0.0025), measurement, "euler")

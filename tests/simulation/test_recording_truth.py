@@ -68,6 +68,7 @@ def assert_same_bits(run: PreparedRun, inputs: RecordedInputs | None = None) -> 
     assert np.ptp(simulated, axis=0).max() > 0.1  # something has happened
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("delay", ["0", "0.15", "0.1 + 0.05*sin(3*t)"])
 @pytest.mark.parametrize(
     "inputs", [None, INPUT, HELD], ids=["input of time", "input with slopes of zero", "held input"]
@@ -78,6 +79,7 @@ def test_every_family_on_samples(delay: str, inputs: RecordedInputs | None) -> N
     assert_same_bits(prepare(experiment(PENDULUM, observers, end=4, step=0.01, measurement=measurement)), inputs)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "inputs", [None, INPUT, HELD], ids=["input of time", "input with slopes of zero", "held input"]
 )

@@ -98,6 +98,7 @@ def test_a_pole_of_a_function_of_time_is_at_its_time() -> None:
         simulate(config("-c*x1/t"))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("start", [0.0, 7.0])
 def test_a_step_longer_than_the_run_is_told(start: float) -> None:
     found = config("-c*x1")

@@ -102,6 +102,7 @@ def test_van_der_pol_with_jumps_between_slow_arcs(tmp_path: Path) -> None:
     np.testing.assert_allclose(result.x[:, 0], exact[:, 0], atol=1e-5)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("theta", [1e3, 1e5, 1e7])
 def test_very_high_gains(theta: float, tmp_path: Path) -> None:
     """The error is that of a linear system but for phi, and dies out within some 1/theta: after 0.1, xhat = x.
@@ -151,6 +152,7 @@ def test_the_same_as_an_explicit_method(name: str, tmp_path: Path) -> None:
     assert gaps[1] < 1e-7
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [{}, {"delay": 0.3}], ids=["continuous", "late"])
 @pytest.mark.parametrize("rate", [1e2, 1e5, 1e8])
 def test_the_error_follows_the_tolerance_where_a_state_follows_time(
@@ -196,6 +198,7 @@ def test_a_slope_that_is_infinite_is_left_out_of_the_matrix(tmp_path: Path) -> N
     np.testing.assert_array_equal(result.x[:, 1], 0)
 
 
+@pytest.mark.costly
 def test_many_observers_have_the_bits_of_one(tmp_path: Path) -> None:
     """Where there are many states they are computed in vectors and loops; with few, one by one."""
     config = {"time": {"end": 2, "output_step": 0.1}, "plant": OSCILLATOR, "measurement": {"sampling": {"period": 0.3}}}

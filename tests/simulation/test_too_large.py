@@ -23,6 +23,7 @@ def reason(plant: Block, observer: Block, measurement: Block, **more: object) ->
     return found.reason
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("what", "measurement", "limits"),
     [  # three integrators: theta T and theta d from which on errors grow, computed apart from this program
@@ -76,6 +77,7 @@ def test_what_is_advised_holds_for_a_plant_of_ones_own() -> None:
         assert np.all(np.abs(result.observers["S"].xhat[-1] - result.x[-1]) < 0.01)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("period", "delay", "theta"),
     [(0.1, 0.05, 80), (0.1, 0.3, 10), (0.01, 0.9, 60)],  # the delay alone is too much for theta, or nearly so

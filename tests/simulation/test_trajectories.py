@@ -101,6 +101,7 @@ def test_jitter_and_dropout(tmp_path: Path) -> None:
     assert difference_to_plain(result, VAN_DER_POL, options) < CLOSE
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["sampled", "varying delay", "continuous, held"])
 def test_initial_filter_state_gains_and_theta(name: str, tmp_path: Path) -> None:
     eta0, gains = [0.3, -0.2], [3.0, 4.0, 2.5, 1.0]
@@ -199,6 +200,7 @@ def test_two_outputs_of_two_separate_plants(tmp_path: Path) -> None:
     np.testing.assert_array_equal(seen.time[~np.isnan(seen.y[:, 1])], result.time)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "measurement",
     [{"noise": SINE}, PERIODIC | {"delay": MIXED}, {"delay": "0.25 + 0.1*sin(2*t)", "noise": SINE}],

@@ -80,6 +80,7 @@ def test_a_jacobian_is_named_that_holds_an_estimate(kind: dict[str, Any]) -> Non
     assert float(at) == pytest.approx(found.status_at, rel=1e-2)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("step", [0.01, "auto"])
 def test_gains_for_which_no_step_is_short_enough_are_named_with_their_rate(step: float | str) -> None:
     """e_1' = e_2 - 2 theta e_1 and e_2' = -theta^2 e_1: both eigenvalues are -theta."""

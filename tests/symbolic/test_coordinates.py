@@ -62,6 +62,7 @@ def test_the_order_of_states_decides_nothing(block: dict[str, Any]) -> None:
             np.testing.assert_allclose(other[name], found[0][name], rtol=1e-12, atol=1e-13)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("written", ["k*(b - a)", "k**2*b - a", "b/k - a", "(b - a)*k*k"])
 def test_a_parameter_that_is_one_is_the_number_one(written: str) -> None:
     number = simulated(plant({"a": "b - a", "b": "-b + cos(t)"}, "a"))
@@ -76,6 +77,7 @@ def test_a_parameter_that_is_zero_links_nothing() -> None:
     assert taken(simulated(plant(dynamics, "a", parameters={"k": 0.5}))).map == "derivatives"
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("unit", [1e-12, 1e-3, 60.0, 1e12])
 def test_another_unit_of_a_state_is_not_another_observer(unit: float) -> None:
     """b in other units: b = unit B."""
@@ -184,6 +186,7 @@ def test_a_variation_keeps_what_was_taken() -> None:
     assert base.varied({"measurement.noise": []}).coordinates == base.coordinates
 
 
+@pytest.mark.costly
 def test_files_say_what_was_taken(tmp_path: Path) -> None:
     result = simulated(plant(CHAIN, "a"))
     file = hgorun.read(result.save(tmp_path / "run.h5"))
@@ -227,6 +230,7 @@ def test_more_outputs_than_states() -> None:
     assert np.max(np.abs(result.observers["S"].xhat[-1] - result.x[-1])) < 1e-3
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("output", [{"y": "3.2 + s - v - r*I"}, {"y": "s*s - v - r*I"}])
 def test_a_refusal_names_only_observers_that_take_the_plant(output: dict[str, str]) -> None:
     block = plant({"s": "-I*s", "v": "-v + I*s*v"}, output, inputs={"I": "1 + sin(t)"}, parameters={"r": 0.1})
@@ -262,6 +266,7 @@ def test_a_short_cut_says_of_a_matrix_what_its_singular_values_say(data: st.Data
     assert ranks.is_regular(matrix) == (ranks.singular_value_ratio(matrix) > ranks.SINGULAR)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("dynamics", "output", "unseen"),
     [

@@ -114,6 +114,7 @@ def test_a_pole_is_looked_for_where_that_of_other_constants_is() -> None:
     assert largest(of(1.3), low, high).bound == np.inf
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("text", ["x*y", "x - y", "1/(x + 4)", "x**3 + y", "sin(x) + cos(y)"])
 def test_many_boxes_are_rounded_like_one(text: str) -> None:
     """Numbers that are counted through by their bits end where nextafter takes them: zero and infinity are not."""

@@ -108,6 +108,7 @@ def is_number(word: str) -> bool:
     return True
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("states", [1, 2, 3, 7, 30])
 def test_text_fits_a_terminal_and_is_aligned(result: Result, states: int) -> None:
     names = tuple(f"x{i}" for i in range(states))

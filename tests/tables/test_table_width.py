@@ -62,6 +62,7 @@ def test_a_long_title_stands_above() -> None:
     assert block == ["error / that of the best of all", "     x", "a  1.0"]
 
 
+@pytest.mark.costly
 @given(WORDS, st.integers(20, 80))
 def test_wide_characters_count_as_two(words: str, room: int) -> None:
     lines = wrapped(words, room=room)
