@@ -24,6 +24,7 @@ from importlib import import_module
 from importlib.machinery import PathFinder
 from importlib.util import find_spec
 from pathlib import Path
+from threading import RLock
 from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar
 
 from hgorun.errors import HgorunError, PluginError, PluginWarning
@@ -60,6 +61,7 @@ class Registry(Generic[T]):
         self._package, self._accepts, self._expected = package, accepts, expected
         self._registered: dict[str, T] = {}
         self._complete = False  # whether all built-in ones have been imported
+        self._importing, self._underway = RLock(), False
         self._settled: set[tuple[str, str]] = set()  # names and values of entry points that were looked at
 
     def register(self, name: str) -> Callable[[Registered], Registered]:
@@ -151,13 +153,21 @@ class Registry(Generic[T]):
         return {name: self._registered[name] for name in self.names()}
 
     def _import_built_in(self) -> None:
+        """Import all built-in ones: other threads wait, and after an interruption whoever asks next goes on."""
         if self._complete:
             return
-        self._complete = True
-        for folder in import_module(self._package).__path__:
-            for file in sorted(Path(folder).glob("*.py")):
-                if not file.stem.startswith("_"):
-                    import_module(f"{self._package}.{file.stem}")
+        with self._importing:
+            if self._complete or self._underway:  # a file that asks for names while it is imported gets those so far
+                return
+            self._underway = True
+            try:
+                for folder in import_module(self._package).__path__:
+                    for file in sorted(Path(folder).glob("*.py")):
+                        if not file.stem.startswith("_"):
+                            import_module(f"{self._package}.{file.stem}")
+                self._complete = True
+            finally:
+                self._underway = False
 
     def _entry_points(self) -> tuple[EntryPoint, ...]:
         return _entry_points(self.group, tuple(sys.path))

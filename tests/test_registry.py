@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from importlib import invalidate_caches
 from importlib.machinery import PathFinder
 from pathlib import Path
+from threading import Event
 from typing import TypeGuard
 
 import pytest
@@ -44,6 +47,7 @@ def tools(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Registry[
 
 
 current: list[Registry[Tool]] = []
+asked, heard = Event(), Event()
 
 
 @pytest.fixture
@@ -61,6 +65,40 @@ def entry_point(tmp_path: Path) -> Callable[[str, str, str, str], None]:
 def test_a_file_may_hold_several(tools: Registry[Tool]) -> None:
     assert isinstance(tools.find("file"), Tool)
     assert tools.names() == ["file", "saw"]
+
+
+def test_a_thread_that_asks_while_another_imports_gets_all_names(tools: Registry[Tool], tmp_path: Path) -> None:
+    (tmp_path / "toolbox" / "adze.py").write_text(
+        "from test_registry import Tool, current, asked, heard\n"
+        "asked.set()\n"
+        "heard.wait(0.1)\n"  # the other thread would have its answer by then, if it did not wait
+        "current[0].add('adze', Tool())\n"
+    )
+    asked.clear()
+    heard.clear()
+    with ThreadPoolExecutor(2) as pool:
+        first = pool.submit(tools.names)
+        asked.wait()
+        second = pool.submit(tools.names)
+        second.add_done_callback(lambda _: heard.set())
+        assert first.result() == second.result() == ["adze", "file", "saw"]
+
+
+def test_after_an_interruption_the_rest_is_imported(tools: Registry[Tool], tmp_path: Path) -> None:
+    wrench = tmp_path / "toolbox" / "wrench.py"
+    wrench.write_text("raise KeyboardInterrupt\n")
+    with pytest.raises(KeyboardInterrupt):
+        tools.names()
+    wrench.write_text("from test_registry import Tool, current\ncurrent[0].add('wrench', Tool())\n")
+    invalidate_caches()
+    assert tools.names() == ["file", "saw", "wrench"]
+
+
+def test_a_file_that_asks_while_it_is_imported_gets_the_names_so_far(tools: Registry[Tool], tmp_path: Path) -> None:
+    (tmp_path / "toolbox" / "vice.py").write_text(
+        "from test_registry import Tool, current\ncurrent[0].add(' and '.join(current[0].names()), Tool())\n"
+    )
+    assert tools.names() == ["file", "file and saw", "saw"]
 
 
 def test_an_unknown_name(tools: Registry[Tool]) -> None:

@@ -27,7 +27,7 @@ import llvmlite
 import llvmlite.binding as llvm
 import numpy as np
 
-_FORMAT = "2"
+_FORMAT = "3"
 _LARGE = 4_000_000  # characters of IR: the code is the same, and takes half the time or less
 _ALLOWED, _LARGEST = 2**28, 2**26  # bytes of all entries, and of one
 _UNLISTED, _GRAIN = 2**24, 2**10  # bytes that are written before entries are listed again, and that are counted as one
@@ -213,7 +213,14 @@ def _read_cache(key: str) -> bytes | None:
     except OSError:
         return None
     digest, image = content[:32], content[32:]
-    return image if hashlib.sha256(image).digest() == digest else None
+    return image if _digest(key, image) == digest else None
+
+
+def _digest(key: str, image: bytes) -> bytes:
+    """With the key: code of another program under this name is none of this one."""
+    digest = hashlib.sha256(key.encode())
+    digest.update(image)
+    return digest.digest()
 
 
 def _write_cache(key: str, image: bytes) -> None:
@@ -226,7 +233,7 @@ def _write_cache(key: str, image: bytes) -> None:
         handle, name = tempfile.mkstemp(dir=folder, prefix=".new-")
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(hashlib.sha256(image).digest() + image)
+                file.write(_digest(key, image) + image)
             os.replace(name, folder / f"{key}.o")
         except BaseException:
             Path(name).unlink(missing_ok=True)

@@ -71,10 +71,22 @@ def test_rubbish_with_the_right_digest_is_compiled_again(folder: Path, compiled:
     NativeModule(IR, ("number",))
     (entry,) = folder.glob("*.o")
     whole, rubbish = entry.read_bytes(), b"not an object file"
-    entry.write_bytes(hashlib.sha256(rubbish).digest() + rubbish)
+    entry.write_bytes(hashlib.sha256(entry.stem.encode() + rubbish).digest() + rubbish)
     assert number(NativeModule(IR, ("number",))) == 42.0
     assert len(compiled) == 2
     assert entry.read_bytes() == whole
+
+
+def test_an_entry_under_the_name_of_another_is_not_run(folder: Path, compiled: list[str]) -> None:
+    other = IR.replace("42.0", "43.0")
+    NativeModule(other, ("number",))
+    (wrong,) = folder.glob("*.o")
+    NativeModule(IR, ("number",))
+    (entry,) = set(folder.glob("*.o")) - {wrong}
+    entry.write_bytes(wrong.read_bytes())
+    compiled.clear()
+    assert NativeModule(IR, ("number",)).function("number", ctypes.c_double)() == 42
+    assert compiled == [IR]
 
 
 @pytest.mark.parametrize("kind", ["link", "pipe"])
