@@ -105,9 +105,9 @@ def _band(prepared: PreparedEstimate, found: Evaluated, j: int, output: int) -> 
     aside = found.held_out.get(sampled.output)
     if aside is not None:
         return band_of(aside.residuals[j], since(sampled, aside.taken))
-    predicted, taken, used = found.predicted[output][j], sampled.taken, found.carried.used[prepared.slots[output], j]
-    if not used.all():
-        predicted, taken = predicted[used], taken[used]
+    predicted, taken, used = found.predicted[output], sampled.taken, found.carried.used[prepared.slots[output], j]
+    taken = taken if (all_used := used.all()) else taken[used]
     late = settled_from(taken.size)
     chosen = slice(late, None, max(1, -(-(taken.size - late) // _RESIDUALS)))
-    return band_of(predicted[chosen], since(sampled, taken[chosen], before=True))
+    innovations = predicted.of(j, chosen) if all_used else predicted.of(j)[used][chosen]
+    return band_of(innovations, since(sampled, taken[chosen], before=True))

@@ -100,6 +100,6 @@ def _errors(prepared: PreparedEstimate, found: Evaluated, goal: Goal, report: bo
     used = [found.carried.used[prepared.slots[i], 0] for i in chosen]
     outputs = [prepared.samples[i].output for i in chosen]
     return [
-        settled(found.predicted[i][0][taken]) / size.get(name, 1.0)
+        settled(found.predicted[i].of(0)[taken]) / size.get(name, 1.0)
         for i, taken, name in zip(chosen, used, outputs, strict=True)
     ]

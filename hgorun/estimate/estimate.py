@@ -232,7 +232,7 @@ def _recorded(prepared: PreparedEstimate, found: Evaluated) -> Recorded:
             origin + one.available,
             one.values,
             found.carried.used[slots][:, own],
-            np.ascontiguousarray(found.predicted[i][own].T),
+            np.column_stack([found.predicted[i].of(j) for j in own]),
             np.column_stack(nis),
         )
     return Recorded(outputs, unseen(found.held_out, origin), unseen(found.reference, origin))

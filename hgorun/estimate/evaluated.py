@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 
@@ -56,6 +57,29 @@ class Normal:
     nis: list[Floats]
 
 
+class Innovations(Protocol):
+    """Of an output measured minus estimated at the time of each sample, as it was estimated without that sample."""
+
+    def of(self, j: int, some: slice = slice(None)) -> Floats:
+        """Those of observer j, of some samples."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InnovationsInMemory:
+    """Innovations of a run that is carried out at once.
+
+    Attributes
+    ----------
+    values : ndarray, shape (m, n_k)
+    """
+
+    values: Floats
+
+    def of(self, j: int, some: slice = slice(None)) -> Floats:
+        """Those of observer j, of some samples, which are not to be changed."""
+        return self.values[j, some]
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Evaluated:
     """A run, its estimates on the output grid, and what they are compared with.
@@ -68,8 +92,8 @@ class Evaluated:
     xhat : sequence of ndarray, shape (Nt, n)
         Of every observer.
     rows : ndarray, shape (Nt, states)
-    predicted : sequence of ndarray, shape (m, n_k)
-        Of every output measured minus estimated at the time of each sample, as it was estimated without that sample.
+    predicted : sequence of Innovations
+        Of every output.
     held_out, reference : mapping of str to Compared
     normal : sequence of Normal or None
         Of every observer what it knows of its own errors.
@@ -81,7 +105,7 @@ class Evaluated:
     grid: Floats
     xhat: Sequence[Floats]
     rows: Floats
-    predicted: Sequence[Floats]
+    predicted: Sequence[Innovations]
     held_out: Mapping[str, Compared]
     reference: Mapping[str, Compared]
     normal: Sequence[Normal | None]
@@ -137,7 +161,7 @@ def evaluate_run(
         shown,
         [x[on_grid] for x in everywhere],
         carried.raw.rows[on_grid, :, 0],
-        predicted,
+        [InnovationsInMemory(one) for one in predicted],
         {name: one for (which, name), one in compared.items() if which == 0},
         {name: one for (which, name), one in compared.items() if which == 1},
         normal,

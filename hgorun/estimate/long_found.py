@@ -10,7 +10,6 @@ import numpy as np
 from hgorun.engine.methods import METHODS
 from hgorun.estimate.carrying import ORDER, UNEVEN, note_difference, relative_error
 from hgorun.estimate.evaluated import Compared
-from hgorun.estimate.samples import Sampled
 from hgorun.result.recorded import RecordedOutput
 from hgorun.simulation.steps import part_of_difference
 from hgorun.symbolic.evaluate import Floats
@@ -47,7 +46,6 @@ class Found:
 
     Attributes
     ----------
-    predicted : list of ndarray, shape (m, n_k)
     compared : mapping of Key to list of Compared
         Stretch by stretch.
     sizes, gaps : ndarray, shape (m, n)
@@ -64,7 +62,6 @@ class Found:
         With the other steps, so far.
     """
 
-    predicted: list[Floats]
     compared: dict[Key, list[Compared]]
     sizes: Floats
     gaps: Floats
@@ -79,10 +76,9 @@ class Found:
         return np.concatenate(self.shown[path])
 
     @classmethod
-    def begin(cls, m: int, n: int, samples: Sequence[Sampled], keys: Iterable[Key]) -> Found:
+    def begin(cls, m: int, n: int, keys: Iterable[Key]) -> Found:
         """Nothing has been seen yet, of m observers and n states."""
         return cls(
-            predicted=[np.empty((m, one.taken.size)) for one in samples],  # all are told by the last stretch
             compared={key: [] for key in keys},
             sizes=np.zeros((m, n)),
             gaps=np.zeros((m, n)),

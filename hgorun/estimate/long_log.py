@@ -1,8 +1,9 @@
 """Logs of very many samples: carried out stretch by stretch, each from where the one before has ended.
 
-The numbers are those of the whole at once, bit by bit. What is held in memory beside the log are the innovations; the
-estimates are written as they come, and the bands that follow from all innovations are written behind them. The error
-of the integration is told from some of the stretches, each of which begins without one.
+The numbers are those of the whole at once, bit by bit. Nothing as long as the log is held in memory beside it:
+estimates and innovations are written as they come. At the end the innovations are read again, output by output, and
+the bands that follow from them are written. The error of the integration is told from some of the stretches, each of
+which begins without one.
 """
 
 from __future__ import annotations
@@ -39,6 +40,7 @@ from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of
 from hgorun.estimate.stretches import LONG, Stretches, count_of, is_plain
+from hgorun.estimate.written import WrittenInnovations
 from hgorun.result.parts import ResultInParts
 from hgorun.result.recorded import Assessed, Recorded
 from hgorun.result.result import Result
@@ -167,8 +169,8 @@ class LongLog:
         return Sweep(z=run.numbers.z0, w=None, diverged=np.full(len(run.observers), np.inf))
 
     def _nothing_yet(self) -> Found:
-        run, samples = self._prepared.run, self._prepared.samples
-        return Found.begin(len(run.observers), len(run.plant.model.states), samples, self._asked)
+        run = self._prepared.run
+        return Found.begin(len(run.observers), len(run.plant.model.states), self._asked)
 
     def _tell(self, one: Passed, step: float, other: Sweep, found: Found, file: ResultInParts) -> None:
         """Tell and write what a stretch gives, with ``other`` steps as well where that is planned."""
@@ -194,7 +196,6 @@ class LongLog:
         for i, sampled in enumerate(prepared.samples):
             predicted = innovations_of(prepared, i, times, everywhere, carried)
             first = found.done.setdefault((i, ""), 0)
-            found.predicted[i][:, first : first + sampled.values.size] = predicted
             found.done[i, ""] += sampled.values.size
             for path, rows in self._of_output(i, sampled, first, predicted):
                 self._write(file, found, path, rows, self._prepared.samples[i].values.size)
@@ -235,12 +236,16 @@ class LongLog:
         used = np.broadcast_to(np.True_, (count, m))
         whole = {key: with_lag(prepared, together(parts), self._lags[key]) for key, parts in found.compared.items()}
         shown = found.all_shown
+        predicted = [
+            WrittenInnovations(file.whole(f"measurement/{one.output}/innovation"), one.values.size)
+            for one in prepared.samples
+        ]
         evaluated = Evaluated(
             Carried(raw, used, used, step, found.error(prepared.method), spent),
             self._grid[:0],
             [shown(f"observers/{b.label}/xhat") for b in prepared.run.observers],
             np.zeros((0, own.z.size)),
-            found.predicted,
+            predicted,
             {name: one for (which, name), one in whole.items() if which == 0},
             {name: one for (which, name), one in whole.items() if which == 1},
             [None] * m,
@@ -263,7 +268,7 @@ class LongLog:
         """The scores of an observer, and its band, which is written meanwhile."""
         prepared, label = self._prepared, self._prepared.run.observers[j].label
         with ThreadPoolExecutor(1) as pool:
-            scores = pool.submit(scores_of, prepared, evaluated, j)
+            scores = pool.submit(scores_of, prepared, evaluated, j, spare=True)
             widths = widths_of(prepared, evaluated, j)
             self._write_band(file, found, label, widths)
             lower, upper = (found.all_shown(f"observers/{label}/{name}") for name in ("lower", "upper"))

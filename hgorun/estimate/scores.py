@@ -16,10 +16,13 @@ from hgorun.symbolic.evaluate import Floats
 
 Scores = Mapping[str, Mapping[str, float]]  # by score, then by output, state or gain
 _LAGS = 10
+_PIECE = 1 << 16  # numbers that are squared at a time
 _SETTLED = 0.1  # of the samples: so many at the start are no matter of the noise
 
 
-def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str, dict[str, float]]:
+def scores_of(
+    prepared: PreparedEstimate, found: Evaluated, j: int, *, spare: bool = False
+) -> dict[str, dict[str, float]]:
     """The scores of observer j.
 
     ``holdout_rmse``, ``holdout_mean``, ``holdout_coverage``
@@ -36,6 +39,8 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
         Outliers.
     ``reference_rmse``
         Against what was measured for comparison alone.
+
+    ``spare``: whether the innovations are arrays that nobody else has, which may be written to.
     """
     scores: dict[str, dict[str, float]] = {}
 
@@ -52,15 +57,17 @@ def scores_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> dict[str,
         add("holdout_coverage", name, coverage(one.residuals[j], _since(prepared, name, one.taken)))
     for i, sampled in enumerate(prepared.samples):
         used = found.carried.used[prepared.slots[i], j]
-        innovations = settled(found.predicted[i][j] if used.all() else found.predicted[i][j][used])
+        every = found.predicted[i].of(j)
+        innovations = settled(every if used.all() else every[used])
         name = sampled.output
         add("innovation_mean", name, float(np.mean(innovations)) if innovations.size else None)
-        if room.size < innovations.size:
+        add("innovation_rms", name, rms(innovations))
+        size = float(np.std(innovations)) / noise[name] if name in noise and innovations.size > 1 else None
+        if not spare and room.size < innovations.size:
             room = np.empty(innovations.size)
-        add("innovation_rms", name, rms(innovations, room))
-        add("whiteness", name, ljung_box(innovations, room=room))
-        if name in noise and innovations.size > 1:
-            add("size", name, float(np.std(innovations)) / noise[name])
+        add("whiteness", name, ljung_box(innovations, room=innovations if spare else room))
+        add("size", name, size)
+        del every, innovations  # before the next ones are made
         if sampled.gate is not None:
             offered = found.carried.offered[prepared.slots[i], j]
             add("gated", name, float(np.count_nonzero(offered & ~used)))
@@ -98,26 +105,33 @@ def _defined(residuals: Floats, *, lost: bool) -> Floats:
     return residuals if lost or 2 * np.count_nonzero(sound) < sound.size else np.asarray(residuals[sound])
 
 
-def rms(values: Floats, room: Floats | None = None) -> float | None:
+def rms(values: Floats) -> float | None:
     """Root of the mean square; None of nothing, infinite where an estimate is lost.
 
-    Parameters
-    ----------
-    values : ndarray, shape (n,)
-    room : ndarray, shape (n or more,), optional
-        Written to: a system takes longer to give new memory for millions of numbers than they take.
+    The mean is ``np.mean(np.square(values))`` bit by bit. A system takes longer to give memory for the squares of
+    millions of numbers than they take, so they are made in pieces.
     """
     if not values.size:
         return None
-    size = float(np.sqrt(np.mean(np.square(values, out=None if room is None else room[: values.size]))))
+    size = float(np.sqrt(_sum_of_squares(values) / values.size))
     return size if np.isfinite(size) else float("inf")
+
+
+def _sum_of_squares(values: Floats) -> np.float64:
+    """Added pairwise as numpy adds an array: it halves it, the first half being a multiple of 8."""
+    if values.size <= _PIECE:
+        return np.float64(np.add.reduce(np.square(values)))
+    half = values.size // 2
+    half -= half % 8
+    return np.float64(_sum_of_squares(values[:half]) + _sum_of_squares(values[half:]))
 
 
 def ljung_box(values: Floats, lags: int = _LAGS, *, room: Floats | None = None) -> float | None:
     """The p-value of the test of Ljung and Box: no correlation of values up to so many places apart.
 
     Q = n (n + 2) sum_k r_k^2 / (n - k) is compared with chi^2 of as many degrees of freedom as there are lags. None
-    where values are few, constant or too large to be squared; ``lags`` is even, and ``room`` as of :func:`rms`.
+    where values are few, constant or too large to be squared; ``lags`` is even. ``room`` for as many values, which may
+    be these themselves, is written to.
     """
     n = values.size
     if n < 3 * lags:

@@ -111,6 +111,20 @@ def test_sizes() -> None:
     assert settled(np.arange(20.0)).tolist() == list(range(2, 20))
 
 
+@pytest.mark.parametrize("count", [1, 7, 129, 1000, 65536, 65537, 300_001, 1_234_567])
+def test_squares_of_many_numbers_are_added_as_numpy_adds_them(count: int) -> None:
+    values = np.random.default_rng(count).standard_normal(count)
+    assert rms(values) == np.sqrt(np.mean(np.square(values)))
+    assert rms(values[::3]) == np.sqrt(np.mean(np.square(values[::3])))
+
+
+def test_whiteness_is_told_in_the_place_of_the_values() -> None:
+    values = np.random.default_rng(3).standard_normal(500)
+    expected = ljung_box(values)
+    assert ljung_box(values, room=np.empty(600)) == expected
+    assert ljung_box(values, room=values) == expected
+
+
 def test_hold_outs() -> None:
     assert parse_holdout("S=5") == ("S", "5")
     assert number_of("S", "5") == HoldOut("S", 5)

@@ -15,11 +15,13 @@ from interrupting import interrupt_writing
 from recordings import NOISE, held_input, observers, recording, signal, source
 
 from hgorun.data.recording import Recording, Signal
-from hgorun.estimate import long_found, long_log, stretches
+from hgorun.estimate import long_found, long_log, stretches, written
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.long_log import estimate_into
+from hgorun.estimate.written import WrittenInnovations
 from hgorun.measurement import schedule
 from hgorun.result import digests
+from hgorun.result.parts import ResultInParts
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.result.writing import digests_of
@@ -170,6 +172,18 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
     # the first stretch has its own, with even steps and others; all behind it that have as many samples have the same
     assert sizes.count(37 + 1) == 3
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
+
+
+@pytest.mark.parametrize("some", [slice(None), slice(3, None, 1), slice(7, None, 9), slice(40, None)])
+def test_innovations_are_read_again(some: slice, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setattr(written, "_ROWS", 4)
+    values = DRAWN.standard_normal((30, 2))
+    with ResultInParts(tmp_path / "a.h5", 2) as file:
+        for rows in (values[:11], values[11:]):
+            file.append("measurement/a/innovation", rows, 30)
+        innovations = WrittenInnovations(file.whole("measurement/a/innovation"), 30)
+        for j in range(2):
+            np.testing.assert_array_equal(innovations.of(j, some), values[some, j])
 
 
 @pytest.mark.costly
