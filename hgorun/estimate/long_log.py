@@ -44,6 +44,7 @@ from hgorun.estimate.written import WrittenInnovations
 from hgorun.result.parts import ResultInParts
 from hgorun.result.recorded import Assessed, Recorded
 from hgorun.result.result import Result
+from hgorun.simulation.grid import EvenPoints
 from hgorun.simulation.outcome import internal
 from hgorun.symbolic.evaluate import Floats
 
@@ -101,7 +102,8 @@ class LongLog:
         self._prepared = replace(stretches.first, samples=tuple(stretches.samples), inputs=None)
         self._bound, self._sensitivity = self._prepared.bound, sensitivity
         experiment = self._prepared.experiment
-        self._grid: Floats = experiment.grid[0][:: experiment.grid[1]]
+        points, every, _ = experiment.even_grid
+        self._grid = EvenPoints(-(-points.size // every), points.step, every)
         signals = {(0, name): one for name, one in held_out.items()}
         signals |= {(1, name): one for name, one in recording.reference.items()}
         origin, end = experiment.origin, experiment.time.end

@@ -11,6 +11,7 @@ from hgorun.engine.plan import Plan
 from hgorun.estimate.carrying import UNEVEN
 from hgorun.estimate.long_found import Key
 from hgorun.estimate.stretches import Stretch, Stretches, points_before
+from hgorun.simulation.grid import EvenPoints
 from hgorun.simulation.steps import steps_between
 from hgorun.simulation.tabulated import Stretchwise
 from hgorun.symbolic.evaluate import Floats
@@ -45,14 +46,14 @@ class Planned:
 
 
 def planned(
-    stretches: Stretches, grid: Floats, asked: Mapping[Key, tuple[Floats, Floats]], step: float
+    stretches: Stretches, grid: EvenPoints, asked: Mapping[Key, tuple[Floats, Floats]], step: float
 ) -> Iterator[tuple[Planned, Plan]]:
     """All stretches, one after the other, each with its plan: that is let go before the stretch is told of.
 
     Parameters
     ----------
     stretches : Stretches
-    grid : ndarray
+    grid : EvenPoints
         The output points of the run.
     asked : mapping of Key to (ndarray, ndarray)
         Times and values of all that is compared.

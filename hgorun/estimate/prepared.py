@@ -206,7 +206,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         plant, time = experiment.plant, experiment.time
         channels = [channel(one, experiment, i) for i, one in enumerate(samples)]
         inputs = recorded_inputs(recording, plant.model.inputs, experiment.origin, time.end)
-        _ = experiment.grid, experiment.forms  # what is wrong with them is said first
+        _ = experiment.even_grid, experiment.forms  # what is wrong with them is said first
         step = nominal_step(experiment)
         kinks = plant_kinks(plant, time, experiment.origin).times
         changes = np.zeros(0) if inputs is None else inputs.times

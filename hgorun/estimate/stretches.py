@@ -18,6 +18,7 @@ from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tole
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import KnownCovariance
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.grid import EvenPoints
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.steps import count_steps
 from hgorun.simulation.structure import structure_of
@@ -197,13 +198,14 @@ def count_of(recording: Recording) -> int:
     return sum(outputs) + sum(one.times.size for one in recording.inputs.values())
 
 
-def points_before(grid: Floats, stretch: Stretch, step: float) -> int:
+def points_before(grid: Floats | EvenPoints, stretch: Stretch, step: float) -> int:
     """How many points of a grid lie before the end of a stretch, as the engine has it."""
     if not np.isfinite(stretch.until):
         return grid.size
     before, end = stretch.prepared.run.schedule.events[-2:]
     h = (end - before) / float(count_steps(np.array([end - before]), step)[0])
-    return int(np.searchsorted(grid, end - (1e-9 * h + 1e-15 * end), side="left"))
+    until = end - (1e-9 * h + 1e-15 * end)
+    return grid.before(until) if isinstance(grid, EvenPoints) else int(np.searchsorted(grid, until, side="left"))
 
 
 def _ascending(times: Floats) -> bool:

@@ -21,7 +21,7 @@ from hgorun.simulation.blocks import Checked, check_again, observer_of
 from hgorun.simulation.configured import ONLY_A_FILE, Configured
 from hgorun.simulation.design import Design
 from hgorun.simulation.forms import coordinates_of, form_of
-from hgorun.simulation.grid import grid_of, metric_step
+from hgorun.simulation.grid import EvenGrid, even_grid_of, grid_of, metric_step
 from hgorun.simulation.resolved import changed, resolved, resolved_text
 from hgorun.simulation.variation import stale, unchanged
 from hgorun.symbolic.forms import Form
@@ -272,6 +272,12 @@ class Experiment(Configured):
         """The finer of output and metric grid, from 0 on, and how many of its points make a step of each."""
         with self.located():
             return grid_of(self.blocks.time, self.blocks.metrics, self.plant.model.n, len(self.observers))
+
+    @cached_property
+    def even_grid(self) -> EvenGrid:
+        """The same, with points that are made when they are asked for."""
+        with self.located():
+            return even_grid_of(self.blocks.time, self.blocks.metrics, self.plant.model.n, len(self.observers))
 
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults, as plain data."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
@@ -12,6 +13,41 @@ from hgorun.memo import Memo
 from hgorun.result.windows import points_in
 
 Grid: TypeAlias = tuple[np.ndarray, int, int]
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class EvenPoints:
+    """Points 0, step, 2 step, ... of which only those are made that are asked for: there may be many.
+
+    Attributes
+    ----------
+    size : int
+        How many there are.
+    step : float
+    every : int
+        Only every so many multiples of the step are among them.
+    """
+
+    size: int
+    step: float
+    every: int = 1
+
+    def __getitem__(self, some: slice) -> np.ndarray:
+        """Some that follow each other, as an array."""
+        first, stop, between = some.indices(self.size)
+        assert between == 1
+        points = np.arange(first * self.every, stop * self.every, self.every, dtype=float)
+        points *= self.step
+        return points
+
+    def before(self, time: float) -> int:
+        """How many lie before a time."""
+        near = int(np.clip(time / (self.step * self.every), 0, self.size))  # rounding may have moved it by one
+        first = max(near - 2, 0)
+        return first + int(np.searchsorted(self[first : near + 3], time, side="left"))
+
+
+EvenGrid: TypeAlias = tuple[EvenPoints, int, int]
 
 
 def metric_step(time: Time, metrics: Metrics) -> float:
@@ -46,7 +82,8 @@ def grid_of(time: Time, metrics: Metrics, states: int, observers: int) -> Grid:
     return _GRIDS.get((time, metrics, states, observers), lambda: _grid(time, metrics, states, observers))
 
 
-def _grid(time: Time, metrics: Metrics, states: int, observers: int) -> Grid:
+def even_grid_of(time: Time, metrics: Metrics, states: int, observers: int) -> EvenGrid:
+    """The same grid, whose points are made when they are asked for; arguments and what is raised as of that."""
     end, record = time.from_zero.end, metric_step(time, metrics)
     fine = min(record, time.output_step)
     ratios = [round(step / fine) for step in (time.output_step, record)]
@@ -68,9 +105,19 @@ def _grid(time: Time, metrics: Metrics, states: int, observers: int) -> Grid:
     for path, step in ((("time", "output_step"), time.output_step), (("metrics", "record"), record)):
         if step > end * (1 + 1e-9):
             raise Problem(path, f"{step:g} is longer than the run, {end:g}: shorten it")
-    points = _POINTS.get((int(count), fine), lambda: _points(int(count), fine))
-    _check_windows(points[:: ratios[1]], fine, time, metrics)
-    return points, ratios[0], ratios[1]
+    if metrics.window is not None or metrics.transient is not None:
+        _check_windows(_kept_points(int(count), fine)[:: ratios[1]], fine, time, metrics)
+    return EvenPoints(int(count), fine), ratios[0], ratios[1]
+
+
+def _grid(time: Time, metrics: Metrics, states: int, observers: int) -> Grid:
+    points, of_output, of_metrics = even_grid_of(time, metrics, states, observers)
+    return _kept_points(points.size, points.step), of_output, of_metrics
+
+
+def _kept_points(count: int, step: float) -> np.ndarray:
+    """All of them, the same array for all who ask, where they are few."""
+    return _POINTS.get((count, step), lambda: EvenPoints(count, step)[:])
 
 
 def points_up_to(end: float, step: float) -> float:
@@ -96,10 +143,3 @@ def _check_windows(measured: np.ndarray, fine: float, time: Time, metrics: Metri
             )
         if measured[points_in(measured, since)].size == 0:
             raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
-
-
-def _points(count: int, step: float) -> np.ndarray:
-    """0, step, 2 step, ..., in place: there may be many."""
-    points = np.arange(count, dtype=float)
-    points *= step
-    return points
