@@ -113,6 +113,11 @@ def history_pieces(ends: Floats, steps: Integers | None, reach: float) -> int:
     return 1 << (int(np.ceil(np.max(spanned))) + 4).bit_length()
 
 
+def _pieces(plan: Plan, tolerance: Tolerance | None) -> int:
+    steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
+    return history_pieces(plan.spans[:, :2], steps, plan.reach)
+
+
 def history_bytes(system: HybridSystem, pieces: int) -> int:
     """Memory of so many steps of history, for one lane."""
     return 8 * pieces * piece_words(system.outputs * system.width, 1)
@@ -137,8 +142,7 @@ class Memory:
         window: Window | None = None,
     ) -> None:
         channels = s.outputs * s.width
-        steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
-        pieces = history_pieces(plan.spans[:, :2], steps, plan.reach) if s.remembers else 1
+        pieces = _pieces(plan, tolerance) if s.remembers else 1
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
         entries = np.array([e * lanes + lane for row in s.alpha for e in row for lane in range(lanes)], dtype=np.int64)
         self.shape = (0 if window else plan.grid.size, s.states if shown is None else shown, lanes)
