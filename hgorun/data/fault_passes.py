@@ -54,6 +54,19 @@ def gaps_above(taken: np.ndarray, limit: float) -> np.ndarray:
     return found[:count].copy()
 
 
+def equal_runs(values: np.ndarray) -> np.ndarray:
+    """Where neighbours are equal.
+
+    Returns
+    -------
+    ndarray of int64, shape (runs, 2)
+        The first sample of each run of two or more, and the one behind its last.
+    """
+    room = np.empty((values.size // 2 + 1, 2), dtype=np.int64)  # of which hardly anything is touched
+    count = _run("equal", (values,), (room,), (max(values.size - 1, 0),), 0.0)
+    return room[:count].copy()
+
+
 def _run(
     name: str, given: tuple[np.ndarray, ...], found: tuple[np.ndarray, ...], numbers: tuple[int, ...], real: float
 ) -> int:
@@ -148,6 +161,40 @@ def _gaps(f: Function) -> None:
     f.do(f"ret i64 {f.load(count, 'i64')}")
 
 
+def _equal(f: Function) -> None:
+    values, room = (f.word("%taken", i, "ptr") for i in range(2))
+    pairs = f.word("%taken", 2)
+    begin, count = f.slot("i64"), f.slot("i64")
+    f.store("-1", begin, "i64")
+    f.store("0", count, "i64")
+
+    def end(at: str) -> None:
+        """Keep the run that ends with a sample, if there is one."""
+        first = f.load(begin, "i64")
+        with f.when(f.test("sge", first, "0")):
+            number = f.load(count, "i64")
+            row = f.at(room, f.scalar("mul", number, "2"))
+            f.store(first, row, "i64")
+            f.store(f.scalar("add", at, "1"), f.at(row, 1), "i64")
+            f.store(f.scalar("add", number, "1"), count, "i64")
+            f.store("-1", begin, "i64")
+
+    with f.count(0, pairs) as k:
+        same = f.test("oeq", *(f.word(f.at(values, k), i, "double") for i in range(2)))
+        goes_on, ends, after = f.label(), f.label(), f.label()
+        f.branch(same, goes_on, ends)
+        f.place(goes_on)
+        with f.when(f.test("slt", f.load(begin, "i64"), "0")):
+            f.store(k, begin, "i64")
+        f.jump(after)
+        f.place(ends)
+        end(k)
+        f.jump(after)
+        f.place(after)
+    end(pairs)
+    f.do(f"ret i64 {f.load(count, 'i64')}")
+
+
 def _keep(f: Function, true: str, value: str, room: str, count: str) -> None:
     """Put a value behind those that are kept, where an i1 holds."""
     with f.when(true):
@@ -160,4 +207,4 @@ def _size(f: Function, value: str) -> str:
     return f.intrinsic("fabs", value)
 
 
-_passes = Passes({"straight": _straight, "steps": _large_steps, "gaps": _gaps})
+_passes = Passes({"straight": _straight, "steps": _large_steps, "gaps": _gaps, "equal": _equal})

@@ -10,7 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.data.fault_passes import EXACT, gaps_above, large_steps, straight_runs
+from hgorun import pieces
+from hgorun.data.fault_passes import EXACT, equal_runs, gaps_above, large_steps, straight_runs
 from hgorun.memo import Memo, same
 
 GAP = 20.0
@@ -45,7 +46,7 @@ _ASCENDING: Memo[bool] = Memo(2)  # the signals of a file share their times
 
 def ascending(taken: np.ndarray) -> bool:
     """Whether all stamps are numbers, and each is larger than the one before."""
-    return _ASCENDING.get(same(taken), lambda: not np.isnan(taken[:1]).any() and bool(np.all(taken[1:] > taken[:-1])))
+    return _ASCENDING.get(same(taken), lambda: not np.isnan(taken[:1]).any() and pieces.ascending(taken, strictly=True))
 
 
 def backwards(taken: np.ndarray) -> np.ndarray:
@@ -73,13 +74,12 @@ def usual_step(taken: np.ndarray) -> float:
 
 def stuck(values: np.ndarray) -> list[Stretch]:
     """Stretches of one value that are much longer than this signal's usual ones."""
-    same = values[1:] == values[:-1]
-    if np.count_nonzero(same) < STUCK - 1:
+    runs = equal_runs(values)
+    sizes = runs[:, 1] - runs[:, 0]
+    if not np.any(sizes >= STUCK):
         return []
-    stretches = _true_runs(same)
-    sizes = np.array([stretch.size for stretch in stretches])
-    usual = float(np.median(sizes)) if len(stretches) > 1 else 1.0
-    return [stretch for stretch in stretches if stretch.size >= max(STUCK, 5 * usual)]
+    usual = float(np.median(sizes)) if sizes.size > 1 else 1.0
+    return [Stretch(start, stop) for start, stop in runs[sizes >= max(STUCK, 5 * usual)].tolist()]
 
 
 def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
@@ -209,9 +209,3 @@ def _shifted(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
     moved = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
     shifted: np.ndarray = places[quiet & (np.abs(moved - _KELVIN) < 5)]
     return shifted
-
-
-def _true_runs(flags: np.ndarray) -> list[Stretch]:
-    """Samples around runs of true flags, where flag k is about the samples k and k + 1."""
-    edges = np.flatnonzero(np.concatenate([flags[:1], flags[1:] != flags[:-1], flags[-1:]]))
-    return [Stretch(int(a), int(b) + 1) for a, b in edges.reshape(-1, 2)]

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data import faults
 from hgorun.data.clocks import shown
@@ -133,7 +134,7 @@ class Sorting:
 
     def _by_arrival(self, samples: Samples) -> Samples:
         """By the time they were taken, then by when they were known."""
-        if np.all(samples.taken[1:] > samples.taken[:-1]):
+        if pieces.ascending(samples.taken, strictly=True):
             return samples
         order = np.lexsort((samples.available, samples.taken))
         return samples if np.all(np.diff(order) == 1) else samples.at(order)

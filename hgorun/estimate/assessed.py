@@ -12,6 +12,7 @@ from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of, settled, settled_from, since
+from hgorun.pieces import all_true
 from hgorun.result.recorded import Assessed
 from hgorun.symbolic.evaluate import Floats
 
@@ -79,11 +80,12 @@ def widths_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> Widths:
     """The bands of an observer that knows nothing of its own errors."""
     model = prepared.run.plant.model
     every: list[list[tuple[Band, Sampled | None]]] = []
+    known: dict[tuple[int, ...], Floats] = {}
     reasons = {}
     for state in model.states:
         outputs = [i for i, name in enumerate(model.outputs) if model.measures.get(name) == state]
         bands: list[tuple[Band | None, Sampled | None]] = [
-            (_band(prepared, found, j, i), prepared.samples[i]) for i in outputs
+            (_band(prepared, found, j, i, known), prepared.samples[i]) for i in outputs
         ]
         aside = found.held_out.get(state)
         if not outputs and aside is not None:  # what is not measured on line may have been measured otherwise
@@ -95,19 +97,27 @@ def widths_of(prepared: PreparedEstimate, found: Evaluated, j: int) -> Widths:
     return Widths(every, reasons)
 
 
-def _band(prepared: PreparedEstimate, found: Evaluated, j: int, output: int) -> Band | None:
+def _band(
+    prepared: PreparedEstimate, found: Evaluated, j: int, output: int, known: dict[tuple[int, ...], Floats]
+) -> Band | None:
     """The band of an output.
 
     From samples that were held out where there are enough, and otherwise from those that were used, each compared with
-    what had been estimated without it.
+    what had been estimated without it. ``known``: how long ago the sample before was taken, by the clocks that outputs
+    share.
     """
     sampled = prepared.samples[output]
     aside = found.held_out.get(sampled.output)
     if aside is not None:
         return band_of(aside.residuals[j], since(sampled, aside.taken))
     predicted, taken, used = found.predicted[output], sampled.taken, found.carried.used[prepared.slots[output], j]
-    taken = taken if (all_used := used.all()) else taken[used]
+    all_used = all_true(used)
+    taken = taken if all_used else taken[used]
     late = settled_from(taken.size)
     chosen = slice(late, None, max(1, -(-(taken.size - late) // _RESIDUALS)))
-    innovations = predicted.of(j, chosen) if all_used else predicted.of(j)[used][chosen]
-    return band_of(innovations, since(sampled, taken[chosen], before=True))
+    if not all_used:
+        return band_of(predicted.of(j)[used][chosen], since(sampled, taken[chosen], before=True))
+    clock = id(sampled.taken), id(sampled.available)  # which live as long as the run
+    if clock not in known:
+        known[clock] = since(sampled, taken[chosen], before=True)
+    return band_of(predicted.of(j, chosen), known[clock])

@@ -13,6 +13,7 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.noise import StretchNoise, deviations
 from hgorun.measurement.samples import Samples
+from hgorun.pieces import all_true
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.recorded_inputs import RecordedInputs, last_of
 from hgorun.symbolic.levels import distinct
@@ -46,7 +47,7 @@ class Sampled:
     @cached_property
     def heard(self) -> tuple[np.ndarray, np.ndarray]:
         """When those that are used were taken, and known: the same array where they are not late."""
-        if self.used.all():
+        if all_true(self.used):
             return self.taken, self.available
         taken = self.taken[self.used]
         return taken, taken if self.available is self.taken else self.available[self.used]

@@ -12,6 +12,7 @@ from hgorun.estimate.bands import coverage, since_last
 from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled, stated
+from hgorun.pieces import all_true, everywhere
 from hgorun.symbolic.evaluate import Floats
 
 Scores = Mapping[str, Mapping[str, float]]  # by score, then by output, state or gain
@@ -58,7 +59,7 @@ def scores_of(
     for i, sampled in enumerate(prepared.samples):
         used = found.carried.used[prepared.slots[i], j]
         every = found.predicted[i].of(j)
-        innovations = settled(every if used.all() else every[used])
+        innovations = settled(every if all_true(used) else every[used])
         name = sampled.output
         add("innovation_mean", name, float(np.mean(innovations)) if innovations.size else None)
         add("innovation_rms", name, rms(innovations))
@@ -90,8 +91,7 @@ def since(sampled: Sampled, times: Floats, *, before: bool = False) -> Floats:
 def settled(innovations: Floats) -> Floats:
     """Without those at the start, when the estimate is still on its way."""
     sound = innovations[settled_from(innovations.size) :]
-    finite = np.isfinite(sound)
-    return sound if finite.all() else np.asarray(sound[finite])
+    return sound if everywhere(np.isfinite, sound) else np.asarray(sound[np.isfinite(sound)])
 
 
 def settled_from(count: int) -> int:

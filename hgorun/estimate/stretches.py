@@ -17,6 +17,7 @@ from hgorun.measurement.samples import Samples
 from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tolerances, variants_of
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import KnownCovariance
+from hgorun.pieces import ascending
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.grid import EvenPoints
 from hgorun.simulation.plant_alone import plant_kinks
@@ -186,7 +187,7 @@ class Stretches:
 def is_plain(experiment: Experiment, recording: Recording) -> bool:
     """Whether a stretch of a log follows from what is held at its start, and nothing is told of a sample but once."""
     outputs = recording.outputs.values()
-    in_order = all(one.available is one.taken and _ascending(one.taken) for one in outputs)
+    in_order = all(one.available is one.taken and ascending(one.taken, strictly=False) for one in outputs)
     blocks = experiment.observers.values()
     simple = not any(isinstance(o, SampledObserver | CorrectedObserver | KnownCovariance) for o in blocks)
     return in_order and simple and bool(blocks) and not any(one.gate is not None for one in outputs)
@@ -206,10 +207,6 @@ def points_before(grid: Floats | EvenPoints, stretch: Stretch, step: float) -> i
     h = (end - before) / float(count_steps(np.array([end - before]), step)[0])
     until = end - (1e-9 * h + 1e-15 * end)
     return grid.before(until) if isinstance(grid, EvenPoints) else int(np.searchsorted(grid, until, side="left"))
-
-
-def _ascending(times: Floats) -> bool:
-    return bool(np.all(times[1:] >= times[:-1]))
 
 
 def _free_before(times: Floats, t: float, margin: float, origin: float = 0.0) -> bool:

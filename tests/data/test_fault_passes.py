@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from itertools import groupby
+from itertools import groupby, pairwise
 
 import numpy as np
 import pytest
 
 from hgorun.data import recording
-from hgorun.data.fault_passes import gaps_above, large_steps, straight_runs
+from hgorun.data.fault_passes import equal_runs, gaps_above, large_steps, straight_runs
 
 
 def _signal(seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -48,6 +48,16 @@ def test_large_steps_and_gaps_are_those_that_numpy_finds(seed: int) -> None:
     assert gaps_above(t, 20.0).tolist() == (np.flatnonzero(np.diff(t) > 20) + 1).tolist()
     assert factors.size
     assert gaps_above(t[:1], 1.0).size == 0
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 3, 500])
+def test_equal_neighbours_are_those_that_python_finds(count: int) -> None:
+    values = np.random.default_rng(count).integers(0, 2, count).astype(float)
+    for last in (0.0, 1.0, np.nan):
+        values[-1:] = last
+        ends = np.cumsum([0, *(len(list(run)) for _, run in groupby(values.tolist()))])
+        expected = [[a, b] for a, b in pairwise(ends.tolist()) if b - a > 1]
+        assert equal_runs(values).tolist() == expected
 
 
 @pytest.mark.parametrize("kind", ["rounded", "random", "two steps", "repeated", "of two thirds"])

@@ -1,0 +1,31 @@
+"""What is asked of many numbers piece by piece is what is told of them at once."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from hgorun import pieces
+from hgorun.pieces import all_true, ascending, everywhere
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 8, 9, 17])
+def test_pieces_are_told_of_as_a_whole(count: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pieces, "_PIECE", 4)
+    times = np.arange(float(count))
+    for k in range(count):
+        for value in (times[k - 1], -1.0, np.nan):
+            changed = times.copy()
+            changed[k] = value
+            assert everywhere(np.isfinite, changed) == np.isfinite(changed).all()
+            assert ascending(changed, strictly=True) == np.all(changed[1:] > changed[:-1])
+            assert ascending(changed, strictly=False) == np.all(changed[1:] >= changed[:-1])
+    assert ascending(times, strictly=True)
+
+
+def test_flags() -> None:
+    assert all_true(np.zeros(0, dtype=bool))
+    for value in (True, False):
+        assert all_true(np.broadcast_to(np.bool_(value), (7, 2))) is value
+        assert all_true(np.full((7, 2), value)) is value
+    assert not all_true(np.array([True, False]))
