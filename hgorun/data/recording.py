@@ -202,7 +202,9 @@ class Recording:
 
     def _ends(self) -> Iterator[tuple[float, float]]:
         for signal in self.outputs.values():
-            yield float(signal.taken[0]), float(max(signal.taken[-1], signal.available.max()))
+            last = signal.taken[-1]  # in their order
+            known = last if signal.available is signal.taken else max(last, signal.available.max())
+            yield float(signal.taken[0]), float(known)
 
     @property
     def median_gap(self) -> float:

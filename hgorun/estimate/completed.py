@@ -264,8 +264,10 @@ def known_later(experiment: Experiment, recording: Recording) -> Iterator[str]:
 
 def known_too_late(recording: Recording) -> Iterator[str]:
     """Where most samples of an output become known after the log's last one is taken: that is hardly meant."""
-    end = max((float(one.taken.max()) for one in recording.outputs.values() if one.taken.size), default=0.0)
+    end = max((float(one.taken[-1]) for one in recording.outputs.values() if one.taken.size), default=0.0)
     for name, signal in recording.outputs.items():
+        if signal.available is signal.taken:
+            continue
         known = signal.available
         late = int(np.count_nonzero(known > end))
         if 2 * late > known.size:
