@@ -15,6 +15,7 @@ from hgorun.engine.memory import ADAPTIVE_HISTORY, Memory, Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.plan import Plan
 from hgorun.engine.window import Take, Window
+from hgorun.engine.work import work_up_to
 from hgorun.errors import NoStep, PlantDiverged, ShortHistory, SimulationError
 from hgorun.native.compiler import NativeModule
 
@@ -113,7 +114,7 @@ class Program:
         for part, segments in enumerate(plan.parts()):
             if part:  # it has the first
                 memory.take(segments)
-            work = (segments.counts[:, 2] - segments.counts[:, 1] + 1).cumsum()  # steps, and what happens before
+            work = work_up_to(segments.counts)
             stop, done = 0, 0
             while stop < work.size:
                 before = time.perf_counter()
