@@ -171,7 +171,8 @@ def evaluate_run(
 
 def first_undefined(grid: Floats, xhat: Floats) -> float:
     """The first time at which an estimate is no number; infinite without one."""
-    if all(np.isfinite(column).all() for column in xhat.T):  # which is told in much less time than of every row
+    columns = [xhat.ravel()] if xhat.flags.c_contiguous else xhat.T
+    if all(np.isfinite(column).all() for column in columns):  # which is told in much less time than of every row
         return np.inf
     bad = np.flatnonzero(~np.all(np.isfinite(xhat), axis=1))
     return float(grid[bad[0]]) if bad.size else np.inf

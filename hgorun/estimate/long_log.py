@@ -41,6 +41,7 @@ from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of
 from hgorun.estimate.stretches import LONG, Stretches, count_of, is_plain
 from hgorun.estimate.written import WrittenInnovations
+from hgorun.native.rows import in_one_piece
 from hgorun.result.parts import ResultInParts
 from hgorun.result.recorded import Assessed, Recorded
 from hgorun.result.result import Result
@@ -188,7 +189,7 @@ class LongLog:
             at = np.searchsorted(times, taken)
             found.compared[key].append(compared_with(prepared, key[1], taken, values, [x[at] for x in everywhere]))
         on_grid = slice(None) if times is grid else np.searchsorted(times, grid)
-        shown = [x[on_grid] for x in everywhere]
+        shown = [in_one_piece(x[on_grid]) for x in everywhere]
         for j, x in enumerate(shown):
             found.undefined[j] = min(found.undefined[j], first_undefined(grid, x))
         for path, rows in self._along_time(prepared, grid, shown, raw.rows[on_grid, :, 0]):

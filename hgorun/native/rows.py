@@ -24,6 +24,11 @@ def copied(rows: np.ndarray) -> np.ndarray:
     return found
 
 
+def in_one_piece(rows: np.ndarray) -> np.ndarray:
+    """The rows, one behind the other in memory: copied only where they are not."""
+    return rows if rows.flags.c_contiguous else copied(rows)
+
+
 def _copy(width: int, f: Function) -> None:
     rows, found = (f.word("%taken", i, "ptr") for i in range(2))
     step = f.word("%taken", 3)

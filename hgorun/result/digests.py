@@ -12,7 +12,7 @@ from hashlib import sha256
 import h5py
 import numpy as np
 
-from hgorun.native.rows import copied
+from hgorun.native.rows import in_one_piece
 
 ATTRIBUTE = "sha256"
 _LEFT_OUT = {ATTRIBUTE, "created"}  # equal results are equal files but for the time
@@ -25,8 +25,7 @@ def of_numbers(values: np.ndarray) -> str:
 
 def little(values: np.ndarray) -> np.ndarray:
     """An array as its digest takes it: little-endian, row after row."""
-    in_one_piece = values if values.flags.c_contiguous else copied(values)
-    return np.ascontiguousarray(in_one_piece, dtype=values.dtype.newbyteorder("<"))
+    return np.ascontiguousarray(in_one_piece(values), dtype=values.dtype.newbyteorder("<"))
 
 
 def of_names(names: Sequence[str]) -> str:
