@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
@@ -123,7 +123,7 @@ class PreparedEstimate:
     def plan(self, grid: Floats, step: float, uneven: float | None = None, shared: Stretchwise | None = None) -> Plan:
         """The tables of a run; arguments as of :func:`~hgorun.simulation.tables.build_plan`."""
         return build_plan(
-            replace(self.run.timeline, grid=grid),
+            self.run.timeline_on(grid),
             self.run.structure.system,
             Stepping(longest=step, always_slope=bool(METHODS[self.method].error), uneven=uneven),
             inputs=self.inputs,

@@ -133,9 +133,11 @@ class PreparedRun:
     @property
     def timeline(self) -> Timeline:
         """When everything happens."""
-        return Timeline(
-            schedule=self.schedule, channels=self.heard, grid=self.grid, origin=self.origin, reach=self.reach
-        )
+        return self.timeline_on(self.grid)
+
+    def timeline_on(self, grid: np.ndarray) -> Timeline:
+        """The same with other output times."""
+        return Timeline(schedule=self.schedule, channels=self.heard, grid=grid, origin=self.origin, reach=self.reach)
 
     def looked_at(self, every: int) -> PreparedRun:
         """The same run with output at every so many points of the metrics' grid alone."""

@@ -250,6 +250,15 @@ def test_what_needs_the_whole_is_left_to_it(change: str, short: pytest.MonkeyPat
     assert not path.exists()
 
 
+def test_nobody_asks_for_all_output_points(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    short.setattr("hgorun.simulation.experiment.grid_of", None)
+    plant = inline({"a": "b", "b": "c", "c": "-a"}, {"a": "a"})
+    del plant["initial"]
+    config = source({"plant": plant, "observers": observers("shgo", initial={"b": 1.0}), **FIXED})
+    path = tmp_path / "a.h5"
+    assert estimate_into(config, recording(OUTPUTS[0]), path, name="x", text="y", held_out={}, sensitivity=False)
+
+
 @pytest.mark.parametrize("after", [0, 40])
 def test_an_interruption_leaves_nothing(after: int, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     interrupt_writing(short, after)
