@@ -19,7 +19,7 @@ from typing import NoReturn
 
 INTERRUPTED, TERMINATED, CLOSED_PIPE = 130, 143, 141
 _TRIM_THRESHOLD, _MMAP_THRESHOLD, _ARENAS = -1, -3, -8  # parameters of glibc's mallopt
-_PIECES, _KEPT = 2**22, 2**26  # bytes of an array that may take another one's place, and of what is free for that
+_PIECES, _KEPT = 2**23, 2**26  # bytes of an array that may take another one's place, and of what is free for that
 _TURN = 5e-4  # seconds of Python before another thread gets it that waits: a tenth of what is usual
 _PATIENCE = 0.8  # seconds that Python code has to answer a signal, before the process ends without it
 INTERRUPTION_SAID = "hgorun: interrupted; no file is left half-written"
