@@ -7,14 +7,22 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hgorun.ensemble.collected import Collected, Floats, Trajectories, levels, shown
-from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.errors import ConfigError
-from hgorun.figures.data import MAX_POINTS, Curve, magnitude_limits, state_limits, thinned
+from hgorun.figures.data import MAX_POINTS, Curve, finite, magnitude_limits, mean_of_block, state_limits, thinned
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
+from hgorun.figures.lost import (
+    draw_bands,
+    draw_crosses,
+    drawn_median,
+    first_lost,
+    spread,
+    within_sound,
+    words_of_lost,
+)
 from hgorun.figures.page import AS_IT_IS, LIGHT, Page
-from hgorun.figures.style import TRUTH, styled
+from hgorun.figures.style import PALE, TRUTH, styled
 from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:
@@ -22,8 +30,8 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _ROW = 1.8
-_WIDE, _NARROW = 0.13, 0.22
 POINTS = 1_000  # of a band, along time
+_PARTS = 100  # in which medians are looked at: a comb is pale, with its mean in it
 _FEWEST = 20  # members whose quantiles are drawn: of fewer there is no 5 %
 _SCALES = {"light": (0.0, 0.92), "dark": (0.36, 1.0)}  # what of the scale of colours is seen on a page
 _TICKS = 8  # of a scale of colours
@@ -58,12 +66,11 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
             right.set_yscale("log")
             for i, look in enumerate(cast.looks.values()):
                 xhat = kept.xhat[:, i, ::step, j]
-                estimates.append(band(left, time, xhat, look))
-                sizes.append(band(right, time, np.abs(xhat - truth), look))
+                estimates.append(band(left, time, xhat, look, i, signed=True))
+                sizes.append(band(right, time, np.abs(xhat - truth), look, i, signed=False))
             left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **truth_of(one_truth))
-            healthy = [found[np.isfinite(found)] for found in estimates]
-            left.set_ylim(state_limits([truth[np.isfinite(truth)]], healthy, []) or (0, 1))
-            right.set_ylim(magnitude_limits([found[np.isfinite(found)] for found in sizes], []) or (0.1, 1))
+            left.set_ylim(state_limits([truth[np.isfinite(truth)]], estimates, []) or (0, 1))
+            right.set_ylim(magnitude_limits(sizes, []) or (0.1, 1))
             measured_in = unit(members.units.get(state, ""))
             left.set_ylabel(rf"${symbol(state)},\ {symbol(state, hat=True)}$" + measured_in)
             right.set_ylabel(rf"$|{symbol(state, hat=True)} - {symbol(state)}|$" + measured_in)
@@ -73,7 +80,7 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
         title = (
             f"{count} members, and their median" if count < _FEWEST else f"medians, 50 % and 90 % of {count} members"
         )
-        title += f" at each time{pooled_over(members, [])}"
+        title += f" at each time{pooled_over(members, [])}{words_of_lost_along(members, step)}"
         return finished(figure, axes, columns, title, grow=True)
 
 
@@ -96,18 +103,45 @@ def _time_axis(ax: Axes, members: Collected, kept: Trajectories) -> None:
     ax.set_xlabel("time" + unit(members.units.get("time", "")))
 
 
-def band(ax: Axes, time: Floats, values: Floats, look: Look) -> Floats:
-    """Draw quantiles over the members, (K, Nt), of fewer than twenty a line each too; NaN where most are lost."""
-    sound = np.isfinite(values)
-    q05, q25, median, q75, q95 = (drawable(q) for q in quantiles(values, sound, QUANTILES.values()))
+def words_of_lost_along(members: Collected, step: int) -> str:
+    """What is said of lost members along time, of which every so many points are drawn."""
+    kept = _kept(members)
+    sound = np.isfinite(kept.xhat[:, :, ::step]).all(axis=-1)
+    groups = [sound[:, i] for i in range(sound.shape[1])]
+    return words_of_lost(members.sound[kept.member], groups, along=True, as_lines=len(sound) < _FEWEST)
+
+
+def band(ax: Axes, time: Floats, values: Floats, look: Look, order: int, *, signed: bool) -> Floats:
+    """Draw the median and the bands of members at each time; of fewer than twenty a line each in place of bands.
+
+    A cross is at the time from which on at least half of them are lost.
+
+    Parameters
+    ----------
+    values : ndarray, shape (K, Nt)
+    order : int
+        The observer's place, by which its crosses are told from those of others.
+    signed : bool
+        Whether values are estimates or errors, and not sizes of errors.
+
+    Returns
+    -------
+    ndarray
+        What the limits of an axis follow from.
+    """
+    rows = spread(values, np.isfinite(values), signed=signed)
     if len(values) < _FEWEST:
         for one in values:
             ax.plot(time, drawable(one), color=look.colour, linewidth=0.6, alpha=0.4, label="_", zorder=2)
     else:
-        for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
-            ax.fill_between(time, low, high, color=look.colour, alpha=alpha, linewidth=0)
-    ax.plot(time, median, color=look.colour, linestyle=look.dashes, label=look.text, zorder=3)
-    return np.concatenate([q05, median, q95])
+        draw_bands(ax, time, rows, look)
+    median = Curve(time, drawn_median(rows))
+    mean = mean_of_block(finite(*median), _PARTS)
+    if mean is not None:
+        ax.plot(*median, color=look.colour, linewidth=0.6, alpha=PALE, label="_", zorder=3)
+    ax.plot(*(mean or median), color=look.colour, linestyle=look.dashes, label=look.text, zorder=3)
+    draw_crosses(ax, time[first_lost(rows)], look, order)
+    return within_sound(values, rows)
 
 
 def family(

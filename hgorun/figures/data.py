@@ -115,12 +115,18 @@ def thinned(curve: Curve, limit: int = MAX_POINTS) -> Curve:
     return Curve(t[keep], v[keep])
 
 
-def mean_of_block(curve: Curve) -> Curve | None:
-    """The mean of a curve whose oscillations are too fast to be told from each other in print; None of another."""
-    size = len(curve.t) // _PARTS
+def mean_of_block(curve: Curve, parts: int = _PARTS) -> Curve | None:
+    """The mean of a curve whose oscillations are too fast to be told from each other in print; None of another.
+
+    Parameters
+    ----------
+    parts : int
+        In which the curve is looked at; the mean has a point for each.
+    """
+    size = len(curve.t) // parts
     if size < 4 * _TURNS:
         return None
-    t, v = (part[: size * _PARTS].reshape(_PARTS, size) for part in curve)
+    t, v = (column[: size * parts].reshape(parts, size) for column in curve)
     heights = np.ptp(v, axis=1)
     turns = np.abs(np.diff(v, axis=1)).sum(axis=1) / np.maximum(2 * heights, np.finfo(float).tiny)
     middle = np.quantile(curve.v, (0.005, 0.995))  # a transient is no reason to see noise as thin

@@ -50,7 +50,10 @@ def draw_members(
     drawn: list[Floats] = []
     for label, values in own.items():
         look = looks[labels[label]]
-        drawn += _lines(ax, data, t, values, look, len(own) == 1) if as_lines else _bands(ax, t, values, look)
+        if as_lines:
+            drawn += _lines(ax, data, t, values, look, len(own) == 1)
+        else:
+            drawn.append(_bands(ax, t, values, look, len(drawn), signed=panel.magnitude is None))
     truths = _truths(ax, t, x, as_lines) if panel.state is not None else []
     if panel.state is not None:
         limits = state_limits(truths, drawn, [])
@@ -106,11 +109,10 @@ def _colour(place: float) -> Any:
     return colormaps[_COLOURS](_DARKEST + (_LIGHTEST - _DARKEST) * place)
 
 
-def _bands(ax: Axes, t: Floats, values: Floats, look: Look) -> list[Floats]:
+def _bands(ax: Axes, t: Floats, values: Floats, look: Look, order: int, *, signed: bool) -> Floats:
     """Median, 50 % and 90 % of the members at each time."""
     step = max(t.size // POINTS, 1)
-    found = band(ax, t[::step], values[:, ::step], look)
-    return [found[np.isfinite(found)]]
+    return band(ax, t[::step], values[:, ::step], look, order, signed=signed)
 
 
 def _truths(ax: Axes, t: Floats, x: Floats, as_lines: bool) -> list[Floats]:

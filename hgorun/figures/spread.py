@@ -9,18 +9,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
-from hgorun.ensemble.statistics import QUANTILES, quantiles
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, limits, places, pooled_over, scale_axis
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, limits, places, pooled_over, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
-from hgorun.figures.style import PANEL, edged, styled
+from hgorun.figures.lost import draw_bands, draw_crosses, drawn_median, mostly_lost, spread, words_of_lost
+from hgorun.figures.style import PANEL, styled
 from hgorun.tables.typeset import words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-_WIDE, _NARROW = 0.13, 0.22  # how dark bands are: from q05 to q95, from q25 to q75
 
 
 def against(members: Collected, axis: str, metrics: Sequence[str], *, width: float = WIDTH) -> Figure:
@@ -49,14 +47,16 @@ def against(members: Collected, axis: str, metrics: Sequence[str], *, width: flo
         figure, axes = grid(len(shown), columns, cast.width_of_states, height, share=True)
         for ax, (metric, state) in zip(axes, shown, strict=True):
             drawn = []
-            for label, look in cast.looks.items():
-                values, sound = cast.column(metric, label, state)
-                drawn.append(_band(ax, at, _at_places(values, sound, whose, len(at)), look))
+            for order, (label, look) in enumerate(cast.looks.items()):
+                found = at_places(*cast.column(metric, label, state), whose, len(at))
+                _band(ax, at, found, look, order)
+                drawn.append(found)
             _scale(ax, drawn)
             ax.set_ylabel(cast.quantity(metric, state))
             ax.set_xlabel(axis_label(axis, members.units))
             _ticks(ax, members, axis, at)
-        title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}{_lost(members)}"
+        title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}"
+        title += words_of_lost_at(members, whose, len(at))
         return finished(figure, axes, columns, title, grow=True)
 
 
@@ -65,28 +65,22 @@ def _count(members: Collected, places: int) -> str:
     return f"{'about ' if len(members) % places else ''}{each:.0f} members at each value" if each > 1 else "members"
 
 
-def _lost(members: Collected) -> str:
-    """Why bands and lines leave their panels; nothing where no member is lost."""
-    lost = int(np.sum(~members.sound.all(axis=1)))
-    count = f"{lost} of {len(members)} members"
-    return f"; bands leave the panel where estimates are lost ({count}), which count as infinite" if lost else ""
+def words_of_lost_at(members: Collected, whose: NDArray[np.int64], size: int) -> str:
+    """What is said of lost members against an axis with so many places."""
+    sound = members.sound
+    return words_of_lost(sound, [sound[whose == k, i] for i in range(sound.shape[1]) for k in range(size)])
 
 
-def _at_places(values: Floats, sound: NDArray[np.bool_], whose: NDArray[np.int64], size: int) -> Floats:
-    """Quantiles at every place, shape (5, size)."""
-    found = [quantiles(values[whose == k], sound[whose == k], QUANTILES.values()) for k in range(size)]
-    return drawable(np.array(found, dtype=float).T)
+def at_places(values: Floats, sound: NDArray[np.bool_], whose: NDArray[np.int64], size: int) -> Floats:
+    """Quantiles at every place, shape (5, size); infinite where so many are lost."""
+    return np.array([spread(values[whose == k], sound[whose == k]) for k in range(size)]).T
 
 
-def _band(ax: Axes, at: Floats, found: Floats, look: Look) -> Floats:
-    q05, q25, median, q75, q95 = found
-    ceiling = np.nanmax(found, initial=0.0, where=np.isfinite(found))
-    for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
-        top = np.where(np.isfinite(low) & ~np.isfinite(high), 1e3 * ceiling, high)  # lost members: it leaves the panel
-        ax.fill_between(at, low, top, **edged(look.colour, alpha))
+def _band(ax: Axes, at: Floats, found: Floats, look: Look, order: int) -> None:
+    draw_bands(ax, at, found, look)
     marker = {"marker": look.marker, "markersize": 3.2} if len(at) <= 24 else {}
-    ax.plot(at, median, color=look.colour, linestyle=look.dashes, label=look.text, zorder=3, **marker)  # type: ignore[arg-type]  # matplotlib wants each one's type
-    return found
+    ax.plot(at, drawn_median(found), color=look.colour, linestyle=look.dashes, label=look.text, zorder=3, **marker)  # type: ignore[arg-type]  # matplotlib wants each one's type
+    draw_crosses(ax, at[mostly_lost(found)], look, order)
 
 
 def _scale(ax: Axes, drawn: Sequence[Floats]) -> None:
@@ -138,7 +132,7 @@ def boxes(members: Collected, metrics: Sequence[str], *, width: float = WIDTH) -
 
 
 def _box(ax: Axes, place: int, values: Floats, sound: NDArray[np.bool_], look: Look) -> Floats:
-    found = drawable(np.array([float(q) for q in quantiles(values, sound, QUANTILES.values())]))
+    found = spread(values, sound)
     known = found[np.isfinite(found)]
     if not known.size:
         return found
