@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache
 from importlib.resources import files
 from typing import Any
@@ -29,18 +29,17 @@ from hgorun.ensemble.collected import Collected, Floats, levels, shown
 from hgorun.ensemble.fronts import non_dominated
 from hgorun.ensemble.points import points, thinned
 from hgorun.ensemble.statistics import QUANTILES, quantiles
+from hgorun.explore.marks import MARKERS, dash, draw_band
+from hgorun.figures.data import magnitude_limits, state_limits
 from hgorun.figures.ensemble import Cast, drawable, limits, places
+from hgorun.figures.lost import ends, first_lost, mostly_lost, spread, within_sound
+from hgorun.figures.spread import at_places
 from hgorun.result.metrics.base import unit_of
-from hgorun.tables.typeset import TIMES
+from hgorun.tables.axis_names import bracketed, unit_of_axis
 
 Plot = Any  # bokeh publishes types, but not of what figure() returns
 _SIZE = {"width": 400, "height": 320}
 _TOOLS = "pan,wheel_zoom,box_zoom,reset,save"
-_WIDE, _NARROW = 0.13, 0.22
-_MARKERS = {
-    "o": "circle", "s": "square", "^": "triangle", "D": "diamond", "v": "inverted_triangle", "P": "plus", "X": "x",
-    "<": "triangle", ">": "triangle", "h": "hex",
-}  # fmt: skip
 _ACROSS, _UP = 5, 6  # ticks of a logarithmic axis, at most
 _LOGARITHMIC = 5.0
 _MOST_LEVEL = 5  # labels of an axis, without turning them
@@ -53,32 +52,23 @@ def against(cast: Cast, axis: str, metric: str, state: str) -> Plot:
     members = cast.members
     at, whose = places(members.axes[axis])
     texts = None if members.axes[axis].dtype.kind in "iuf" else [shown(v) for v in levels(members.axes[axis])]
-    found = {}
-    for label in cast.looks:
-        values, sound = cast.column(metric, label, state)
-        each = [quantiles(values[whose == k], sound[whose == k], QUANTILES.values()) for k in range(len(at))]
-        found[label] = drawable(np.array(each, dtype=float).T)
+    found = {label: at_places(*cast.column(metric, label, state), whose, len(at)) for label in cast.looks}
     x_scale: dict[str, Any] = {"x_axis_type": _scale(at)} if texts is None else {"x_range": FactorRange(*texts)}
-    plot = _plot(
-        axis_name(axis, members.units.get("time", "")),
-        name(cast, metric, state),
-        y_axis_type=_scale(*found.values()),
-        **x_scale,
-    )
+    plot = _plot(axis_name(axis, members.units), name(cast, metric, state), **_vertical(found.values()), **x_scale)
     for label, rows in found.items():
-        _band(plot, cast, label, at if texts is None else texts, rows, marked=True)
+        draw_band(plot, cast, label, at if texts is None else texts, rows, mostly_lost(rows), marked=True)
     return _finished(plot)
 
 
 def boxes(cast: Cast, metric: str, state: str) -> Plot:
     """A metric of all members as boxes."""
     labels = list(cast.looks)
-    rows = [[float(q) for q in quantiles(*cast.column(metric, label, state), QUANTILES.values())] for label in labels]
-    found = drawable(np.array(rows))
+    found = np.array([spread(*cast.column(metric, label, state)) for label in labels]).T
     plot = _plot("", name(cast, metric, state), x_range=FactorRange(*labels), **_vertical([found]))
     lost = [int(np.sum(~cast.column(metric, label, state)[1])) for label in labels]
-    data: dict[str, Any] = dict(zip(QUANTILES, _within_reach(found.T), strict=True))
+    data: dict[str, Any] = dict(zip(QUANTILES, np.where(np.isfinite(found[0]), ends(found), np.nan), strict=True))
     data |= {"observer": labels, "lost": lost, "colour": [cast.looks[label].colour for label in labels]}
+    data |= {"top": [plot.y_range.end] * len(labels), "told": [f"{count} lost" if count else "" for count in lost]}
     source = ColumnDataSource(data)
     whisker = Whisker(base="observer", upper="q95", lower="q05", source=source, line_color="colour")
     for head in (whisker.upper_head, whisker.lower_head):
@@ -87,6 +77,8 @@ def boxes(cast: Cast, metric: str, state: str) -> Plot:
     for low, high in (("q25", "median"), ("median", "q75")):
         plot.vbar(x="observer", top=high, bottom=low, width=0.5, source=source, fill_color="colour",
                   line_color="colour", fill_alpha=0.25)  # fmt: skip
+    plot.text("observer", "top", "told", source=source, text_align="center", text_baseline="top", y_offset=2,
+              text_font_size="11px", text_color="#444444")  # fmt: skip
     plot.add_tools(HoverTool(tooltips=[("", "@observer"), *((q, f"@{q}") for q in QUANTILES), ("lost", "@lost")]))
     return plot
 
@@ -105,7 +97,7 @@ def heat_maps(cast: Cast, axes: tuple[str, str], metric: str, state: str) -> lis
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     mapper_of = LogColorMapper if low > 0 and high > _LOGARITHMIC * low else LinearColorMapper
     mapper = mapper_of(palette=Viridis256, low=low, high=high, nan_color="#dddddd")
-    x_label, y_label = (axis_name(axis, members.units.get("time", "")) for axis in axes)
+    x_label, y_label = (axis_name(axis, members.units) for axis in axes)
     found = []
     for label, median in medians.items():
         title = f"{label}: {name(cast, metric, state)}"
@@ -131,7 +123,8 @@ def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
     members = cast.members
     parts = list(points(thinned(members, members.grid, _MOST_POINTS), members.grid))
     level = np.array([", ".join(shown(at[axis]) for axis in members.surroundings) for at, _ in parts], dtype=object)
-    texts = [", ".join(f"{axis} = {shown(value)}" for axis, value in at.items()) for at, _ in parts]
+    of_axes = {axis: unit_of_axis(axis, members.units) for axis in members.grid}
+    texts = [", ".join(f"{a} = {shown(value)} {of_axes[a]}".rstrip() for a, value in at.items()) for at, _ in parts]
     found = {}
     for label in cast.looks:
         columns = [[Cast(part).column(metric, label, state) for metric in metrics] for _, part in parts]
@@ -152,7 +145,7 @@ def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
         source = ColumnDataSource(
             {"x": pairs[:, 0], "y": pairs[:, 1], "where": texts, "observer": [label] * len(texts)}
         )
-        plot.scatter("x", "y", source=source, color=look.colour, marker=_MARKERS[look.marker], size=7,
+        plot.scatter("x", "y", source=source, color=look.colour, marker=MARKERS[look.marker], size=7,
                      alpha=0.7, legend_label=label)  # fmt: skip
     plot.add_tools(HoverTool(tooltips=[("", "@observer"), ("", "@where"), ("", "(@x, @y)")]))
     return _finished(plot)
@@ -163,39 +156,52 @@ def along_time(cast: Cast, state: str, *, error: bool) -> Plot:
     members = cast.members
     kept = members.trajectories
     assert kept is not None
-    j, step = members.states.index(state), max(len(kept.time) // _ALONG_TIME, 1)
+    j, step = members.states.index(state), step_along(len(kept.time))
     time, truth = kept.time[::step], kept.x[:, ::step, j]
-    unit = _in_brackets(members.units.get(state, ""))
+    estimates = {label: kept.xhat[:, i, ::step, j] for i, label in enumerate(cast.looks)}
+    values = {label: np.abs(xhat - truth) if error else xhat for label, xhat in estimates.items()}
+    found = {label: spread(of, np.isfinite(of), signed=not error) for label, of in values.items()}
+    seen = [within_sound(values[label], rows) for label, rows in found.items()]
+    seen_truth = [] if error else [truth[np.isfinite(truth)]]
+    low_high = (magnitude_limits(seen, []) if error else state_limits(seen_truth, seen, [])) or (0.1, 1.0)
+    unit = bracketed(members.units.get(state, ""))
     title = f"|error of {state}|{unit}" if error else f"{state}{unit}"
-    plot = _plot(f"time{_in_brackets(members.units.get('time', ''))}", title, y_axis_type="log" if error else "linear")
-    for i, label in enumerate(cast.looks):
-        values = kept.xhat[:, i, ::step, j]
-        values = np.abs(values - truth) if error else values
-        rows = np.array([drawable(q) for q in quantiles(values, np.isfinite(values), QUANTILES.values())])
-        _band(plot, cast, label, time, np.where(rows > 0, rows, np.nan) if error else rows)
+    axis: dict[str, Any] = {"y_axis_type": "log" if error else "linear", "y_range": Range1d(*low_high)}
+    plot = _plot(f"time{bracketed(members.units.get('time', ''))}", title, **axis)
+    for label, rows in found.items():
+        above = np.where(rows > 0, rows, np.nan) if error else rows
+        draw_band(plot, cast, label, time, above, first_lost(rows))
     if not error:
         plot.line(time, np.median(truth, axis=0), color="black", line_dash=[4, 3], legend_label="true")
     return _finished(plot)
 
 
-def axis_name(axis: str, time: str = "") -> str:
-    """An axis of an ensemble in words: the last part of its path, and whose it is."""
+def step_along(points: int) -> int:
+    """Of so many points along time one in so many is drawn."""
+    return max(points // _ALONG_TIME, 1)
+
+
+def axis_name(axis: str, units: Mapping[str, str]) -> str:
+    """An axis of an ensemble in words: the last part of its path, and whose it is, with its unit.
+
+    Parameters
+    ----------
+    axis : str
+    units : mapping of str to str
+        Of ``time``, and of axes that are no times.
+    """
     parts = axis.split(".")
-    if parts[-1] in TIMES:
-        return parts[-1] + _in_brackets(time)
+    whose = ""
     if parts[:2] == ["measurement", "noise"]:
-        return f"{parts[-1]} of noise"
-    whose = f" of {parts[1]}" if parts[0] == "observers" and len(parts) > 2 and parts[1] != "*" else ""
-    return parts[-1] + whose
+        whose = " of noise"
+    elif parts[0] == "observers" and len(parts) > 2 and parts[1] != "*":
+        whose = f" of {parts[1]}"
+    return parts[-1] + whose + bracketed(unit_of_axis(axis, units))
 
 
 def name(cast: Cast, metric: str, state: str) -> str:
     """A metric of a state in words, with its unit."""
-    return f"{metric} {state}{_in_brackets(unit_of(metric, state, cast.members.units))}"
-
-
-def _in_brackets(unit: str) -> str:
-    return f" [{unit}]" if unit else ""
+    return f"{metric} {state}{bracketed(unit_of(metric, state, cast.members.units))}"
 
 
 def _cells(members: Collected, axis: str) -> tuple[Any, list[str]]:
@@ -206,34 +212,11 @@ def _cells(members: Collected, axis: str) -> tuple[Any, list[str]]:
     return whose, [shown(v) for v in levels(members.axes[axis])]
 
 
-def _band(plot: Plot, cast: Cast, label: str, at: Any, rows: Floats, *, marked: bool = False) -> None:
-    look = cast.looks[label]
-    q05, q25, _, q75, q95 = _within_reach(rows)
-    for low, high, alpha in ((q05, q95, _WIDE), (q25, q75, _NARROW)):
-        source = ColumnDataSource({"x": at, "low": low, "high": high})
-        plot.varea("x", "low", "high", source=source, fill_color=look.colour, fill_alpha=alpha, legend_label=label)
-    data = {"x": at, **dict(zip(QUANTILES, rows, strict=True)), "observer": [label] * len(rows[2])}
-    source = ColumnDataSource(data)
-    line = plot.line("x", "median", source=source, color=look.colour, line_width=1.6,
-                     line_dash=dash(look.dashes), legend_label=label)  # fmt: skip
-    if marked:
-        line = plot.scatter("x", "median", source=source, color=look.colour, marker=_MARKERS[look.marker], size=6,
-                            legend_label=label)  # fmt: skip
-    plot.add_tools(HoverTool(renderers=[line], tooltips=[("", "@observer at @x"), *((q, f"@{q}") for q in QUANTILES)]))
-
-
-def _within_reach(rows: Floats) -> Floats:
-    """Quantiles with those that are infinite, above one that is not, far beyond the axes."""
-    ceiling = 1e3 * np.nanmax(np.abs(rows), initial=0.0)
-    known = np.isfinite(rows)
-    return np.where(known | ~known[0], rows, ceiling)
-
-
 def _vertical(found: Iterable[Floats]) -> dict[str, Any]:
     """The vertical axis for these numbers."""
     values = np.concatenate([part[np.isfinite(part)] for part in found])
     if not values.size:
-        return {}
+        return {"y_range": Range1d(0.0, 1.0)}
     scale = _scale(values)
     low, high = limits(float(values.min()), float(values.max()), logarithmic=scale == "log")
     return {"y_axis_type": scale, "y_range": Range1d(low, high)}
@@ -273,8 +256,3 @@ def _scale(*values: Sequence[float] | Floats) -> str:
     found = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values])
     found = found[np.isfinite(found)]
     return "log" if found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min() else "linear"
-
-
-def dash(style: Any) -> Any:
-    """A line style of matplotlib for bokeh: whole numbers of pixels."""
-    return "solid" if style == "solid" else [max(round(1.4 * part), 1) for part in style[1]]

@@ -9,23 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from hgorun.ensemble.collected import Collected
-from hgorun.ensemble.statistics import Statistics
 from hgorun.errors import HgorunError
-from hgorun.figures.ensemble import Cast
+from hgorun.figures.bands import words_of_lost_along
+from hgorun.figures.ensemble import Cast, places
+from hgorun.figures.fronts import words_of_lost_points
+from hgorun.figures.spread import words_of_lost_at
 from hgorun.files import write_text
-from hgorun.tables.axis_names import short_axis
-from hgorun.tables.ensemble import NUMBERS, Compared, summary
+from hgorun.tables.axis_names import bracketed, short_axis, unit_of_axis
+from hgorun.tables.ensemble import NEVER_SAID, Compared, summary
 from hgorun.version import __version__
 
 _PAID = ("hf", "settling")
-_MOST_STATES, _MOST_ROWS = 8, 20_000
+_MOST_STATES = 8
 _WRAPPED = {"flex-wrap": "wrap"}  # figures that have no room beside each other stand one below the other
-# Pixels of a column: of numbers with four digits, of one beside its characters, of each of them; of any at most.
-_NUMBERS, _RIMS, _CHARACTER, _WIDEST = 88, 24, 7, 300
-# Four significant digits, as tables in a terminal have them; a column is sorted by the numbers themselves.
-_NUMBER = """<%- value == null || isNaN(value) ? "-" : !isFinite(value) ? (value > 0 ? "inf" : "-inf")
-  : value == 0 ? "0" : Math.abs(value) < 1e-4 || Math.abs(value) >= 1e5 ? value.toExponential(3)
-  : Math.abs(value) >= 1e4 ? value.toFixed(0) : value.toPrecision(4) %>"""
 
 
 def write_page(found: Compared, path: Path) -> Path:
@@ -98,20 +94,20 @@ def _tabs(contents: Mapping[str, list[Any]]) -> list[dict[str, str]]:
 def _sections(found: Compared) -> list[tuple[str, str, Any]]:
     """Heading, note and content of every part of the page: a table, or the figures of every tab by its title."""
     members = found.members
-    sections = [
-        (
-            "Statistics",
-            "A click on a column's head sorts. mean, ± (half the 95 % interval) and sem (standard error) are over "
-            "members that are ok or inaccurate; in quantiles a lost estimate counts as infinite.",
-            _table(_statistics(found)),
-        )
-    ]
-    differences = _differences(found)
-    if differences["observers"]:
+    from hgorun.explore import statistics
+
+    note = (
+        "A click on a column's head sorts. mean, ± (half the 95 % interval) and sem (standard error) are over members "
+        "that are ok or inaccurate; in quantiles a lost estimate counts as infinite"
+    )
+    note += f"; {NEVER_SAID}." if any(part.never for part in found.parts) else "."
+    sections: list[tuple[str, str, Any]] = [("Statistics", note, statistics.of_observers(found))]
+    if any(part.differences for part in found.parts):
         note = (
-            "The same members, so the same noise, for both observers; p after Holm for all pairs of a metric and state."
+            "The same members, so the same noise, for both observers; ± is half the 95 % interval of the mean; p after "
+            "Holm for all pairs of a metric and state."
         )
-        sections.append(("Paired differences", note, _table(differences)))
+        sections.append(("Paired differences", note, statistics.of_pairs(found)))
     return sections + _figures(members, list(dict.fromkeys(metric for _, metric, _ in found.whole.summaries)))
 
 
@@ -123,7 +119,9 @@ def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str,
     found: list[tuple[str, str, Any]] = []
 
     for axis in members.chosen:
-        note = f"Medians, 50 % and 90 % of the members{_pooled(members, [axis])}. A click on a name hides an observer."
+        at, whose = places(members.axes[axis])
+        said = _pooled(members, [axis]) + words_of_lost_at(members, whose, len(at))
+        note = f"Medians, 50 % and 90 % of the members{said}. A click on a name hides an observer."
         found.append(
             (f"Against {axis}", note, {m: [drawing.against(cast, axis, m, s) for s in states] for m in metrics})
         )
@@ -143,93 +141,22 @@ def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str,
     if members.gains and all(metric in metrics for metric in _PAID):
         contents = {s: [drawing.trade_off(cast, _PAID, s)] for s in states}
         each = ", ".join(short_axis(axis, members.grid) for axis in members.surroundings)
-        note = "Medians over random draws; lines: fronts" + (f", one for each {each}." if each else ".")
+        note = "Medians over random draws; lines: fronts" + (f", one for each {each}" if each else "")
+        note += f"{words_of_lost_points(members)}."
         found.append(("Settling time against noise amplification", note, contents))
     if members.trajectories is not None and len(members.trajectories.member) > 1:
         contents = {s: [drawing.along_time(cast, s, error=e) for e in (False, True)] for s in states}
-        kept = f"{len(members.trajectories.member)} members that were kept{_pooled(members, [])}"
-        note = f"Medians, 50 % and 90 % of the {kept}."
+        said = _pooled(members, []) + words_of_lost_along(members, drawing.step_along(len(members.trajectories.time)))
+        note = f"Medians, 50 % and 90 % of the {len(members.trajectories.member)} members that were kept{said}."
         found.append(("Along time", note, contents))
     return found
 
 
 def _pooled(members: Collected, drawn: Sequence[str]) -> str:
     """What is said of axes that were chosen, and that a figure shows together."""
-    names = [short_axis(axis, members.grid) for axis in members.grid if axis not in drawn]
+    names = [
+        short_axis(axis, members.grid) + bracketed(unit_of_axis(axis, members.units))
+        for axis in members.grid
+        if axis not in drawn
+    ]
     return f", over all values of {', '.join(names)}" if names else ""
-
-
-def _statistics(found: Compared) -> dict[str, list[Any]]:
-    """Columns of the table of statistics: values on axes, observer, state, metric, numbers."""
-    rows = []
-    for part in found.parts:
-        for (label, metric, state), s in part.summaries.items():
-            rows.append(
-                {
-                    **_at(part, found),
-                    "observer": label,
-                    "state": state,
-                    "metric": metric,
-                    "n": s.n,
-                    "lost": part.failed(label),
-                    "mean": s.mean,
-                    "±": s.half,
-                    **{name: getattr(s, name) for name in NUMBERS if name != "mean"},
-                }
-            )
-    return _columns(rows)
-
-
-def _differences(found: Compared) -> dict[str, list[Any]]:
-    rows = []
-    for part in found.parts:
-        for d in part.differences:
-            low, high = d.ci95
-            rows.append(
-                {
-                    **_at(part, found),
-                    "observers": f"{d.a} - {d.b}",
-                    "state": d.state,
-                    "metric": d.metric,
-                    "n": d.n,
-                    "mean": d.mean,
-                    "low": low,
-                    "high": high,
-                    "p": d.p_holm,
-                }
-            )
-    return _columns(rows) or {"observers": []}
-
-
-def _at(part: Statistics, found: Compared) -> dict[str, Any]:
-    return {short_axis(axis, found.by): value for axis, value in part.at.items()}
-
-
-def _columns(rows: list[dict[str, Any]]) -> dict[str, list[Any]]:
-    kept = rows[:_MOST_ROWS]
-    return {name: [r[name] for r in kept] for name in kept[0]} if kept else {}
-
-
-def _table(columns: dict[str, list[Any]]) -> Any:
-    """A table that sorts by the column whose head is clicked."""
-    from bokeh.models import ColumnDataSource, DataTable, HTMLTemplateFormatter, TableColumn
-
-    def formatted(values: list[Any]) -> dict[str, Any]:
-        if all(isinstance(value, float) for value in values):
-            return {"formatter": HTMLTemplateFormatter(template=_NUMBER)}
-        return {}
-
-    widths = {name: _width(name, values) for name, values in columns.items()}
-    shown = [TableColumn(field=n, title=n, width=widths[n], **formatted(values)) for n, values in columns.items()]
-    height, width = min(28 * (len(next(iter(columns.values()))) + 1) + 4, 420), sum(widths.values()) + _RIMS
-    return DataTable(
-        source=ColumnDataSource(columns), columns=shown, height=height, width=width, sortable=True,
-        index_position=None, reorderable=False, sizing_mode="fixed", autosize_mode="none",
-    )  # fmt: skip
-
-
-def _width(name: str, values: Sequence[Any]) -> int:
-    """Of a column, so that what stands in it is seen to its end; where the page is narrower, the table is scrolled."""
-    longest = max(map(len, [name, *{str(value) for value in values if not isinstance(value, float)}]))
-    least = _NUMBERS if any(isinstance(value, float) for value in values) else 0
-    return min(max(least, _CHARACTER * longest + _RIMS), _WIDEST)

@@ -11,7 +11,7 @@ import numpy as np
 from bokeh.models import ColumnDataSource, CustomJSTickFormatter, Range1d
 from bokeh.plotting import figure as new_figure
 
-from hgorun.explore.drawing import dash
+from hgorun.explore.marks import dash
 from hgorun.explore.picture import NOTHING, Bound, Panel
 from hgorun.figures.data import Curve
 from hgorun.figures.looks import Look

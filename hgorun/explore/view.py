@@ -226,7 +226,7 @@ def _said(name: str) -> tuple[str, str]:
 
 def _dashes(style: Any) -> str:
     """A line style of matplotlib for SVG."""
-    from hgorun.explore.drawing import dash
+    from hgorun.explore.marks import dash
 
     found = dash(style)
     return "" if found == "solid" else " ".join(str(2 * part) for part in found)

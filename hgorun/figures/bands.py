@@ -106,7 +106,7 @@ def _time_axis(ax: Axes, members: Collected, kept: Trajectories) -> None:
 def words_of_lost_along(members: Collected, step: int) -> str:
     """What is said of lost members along time, of which every so many points are drawn."""
     kept = _kept(members)
-    sound = np.isfinite(kept.xhat[:, :, ::step]).all(axis=-1)
+    sound = np.asarray(np.isfinite(kept.xhat[:, :, ::step]).all(axis=-1))
     groups = [sound[:, i] for i in range(sound.shape[1])]
     return words_of_lost(members.sound[kept.member], groups, along=True, as_lines=len(sound) < _FEWEST)
 

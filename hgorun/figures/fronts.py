@@ -57,7 +57,15 @@ def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure
             ax.set_xlabel(cast.quantity(x, state))
             ax.set_ylabel(cast.quantity(y, state))
         what = "medians over random draws" if any(len(part) > 1 for _, part in parts) else "points: members"
-        return finished(figure, axes, columns, f"{what}; lines: {_fronts(members, joined)}; small: others", grow=True)
+        title = f"{what}; lines: {_fronts(members, joined)}; small: others{words_of_lost_points(members)}"
+        return finished(figure, axes, columns, title, grow=True)
+
+
+def words_of_lost_points(members: Collected) -> str:
+    """What is said of points at which so many members are lost that there is no median; nothing without such."""
+    parts = points(thinned(members, members.grid, _MOST_POINTS), members.grid)
+    none = any(2 * np.sum(part.sound, axis=0).min() <= len(part) for _, part in parts)
+    return "; there is no point where half or more of its members are lost" if none else ""
 
 
 def _level(at: Mapping[str, Any], axes: Sequence[str]) -> str:

@@ -53,18 +53,23 @@ def spread(values: Floats, sound: NDArray[np.bool_], *, signed: bool = False) ->
     return rows
 
 
+def ends(rows: Floats) -> Floats:
+    """Quantiles, of which those that are infinite are far beyond the panel."""
+    known = np.isfinite(rows)
+    far = _FAR * float(np.max(np.abs(rows[known]), initial=1e-300))
+    return np.where(known | np.isnan(rows), rows, np.copysign(far, rows))
+
+
 def bands(rows: Floats) -> Iterator[tuple[Floats, Floats, float]]:
     """The lower and the upper end of each band, and how dark it is.
 
-    An end that is infinite is far beyond the panel. Where both are, a band has left it, and is drawn no more.
+    Where both ends are infinite a band has left the panel, and is drawn no more.
     """
-    known = np.isfinite(rows)
-    far = _FAR * float(np.max(np.abs(rows[known]), initial=1e-300))
-    ends = np.where(known | np.isnan(rows), rows, np.copysign(far, rows))
+    known, drawn = np.isfinite(rows), ends(rows)
     for low, high, opacity in ((0, 4, _WIDE), (1, 3, _NARROW)):
         left = ~known[low] & ~known[high]
         left &= np.isposinf(rows[low]) | np.concatenate([[True], left[:-1]])
-        yield np.where(left, np.nan, ends[low]), np.where(left, np.nan, ends[high]), opacity
+        yield np.where(left, np.nan, drawn[low]), np.where(left, np.nan, drawn[high]), opacity
 
 
 def drawn_median(rows: Floats) -> Floats:
@@ -74,13 +79,15 @@ def drawn_median(rows: Floats) -> Floats:
 
 def mostly_lost(rows: Floats) -> NDArray[np.bool_]:
     """Where at least half of the members are lost."""
-    return np.isposinf(rows[2])
+    return np.asarray(np.isposinf(rows[2]))
 
 
 def first_lost(rows: Floats) -> NDArray[np.bool_]:
     """Of :func:`mostly_lost` along time the beginnings."""
     lost = mostly_lost(rows)
-    return lost & ~np.concatenate([[False], lost[:-1]])
+    before = np.zeros_like(lost)
+    before[1:] = lost[:-1]
+    return lost & ~before
 
 
 def height_of_crosses(order: int) -> float:
@@ -138,8 +145,7 @@ def words_of_lost(
     if not lost:
         return ""
     rows = [spread(np.zeros(group.shape), group) for group in groups]
-    ends = ((0, 4), (1, 3))
-    leaving = any(np.any(np.isfinite(one[low]) & np.isposinf(one[high])) for one in rows for low, high in ends)
+    leaving = any(np.any(np.isfinite(one[[0, 1]]) & np.isposinf(one[[4, 3]])) for one in rows)
     said = [f"estimates are lost in {lost} of {len(sound)} members and count as infinite"]
     said[0] += ", but not in medians of states" * along
     said += ["their lines end"] if as_lines else ["bands leave the panel there"] * leaving

@@ -21,7 +21,7 @@ NUMBERS = tuple(f.name for f in fields(Summary) if f.name not in ("n", "ci95"))
 _INTERVALS = "±: 95 % interval of the mean, over members that are ok or inaccurate; sem: its standard error; "
 _QUANTILES = "q05 to q95: quantiles over all members, in which a lost estimate counts as infinite"
 _NOTE, _POOLED_NOTE = _INTERVALS + _QUANTILES, "mean: over members that are ok or inaccurate; " + _QUANTILES
-_NEVER = (
+NEVER_SAID = (
     "settling: never, where noise lifts the error above that part of its peak again and again, or it is still above at "
     "the end of the run, in at least half of the members"
 )
@@ -146,18 +146,17 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
     lines: list[str] = []
     part = one.whole
     for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
-        own = {f"{label} {state}": s for (label, m, state), s in part.summaries.items() if m == metric}
-        never = {f"{label} {state}" for label, m, state in part.never if m == metric}
-        own = {key: _NOTHING if key in never else s for key, s in own.items()}
-        both = {key: mean_and_half(s.mean, s.half) for key, s in own.items()}
-        columns = [["mean", *(NEVER if key in never else mean for key, (mean, _) in both.items())]]
+        named = {f"{label} {state}": (label, m, state) for label, m, state in part.summaries if m == metric}
+        own = {key: known_of(part, *one) for key, one in named.items()}
+        both = {key: mean_and_half_of(part, *one) for key, one in named.items()}
+        columns = [["mean", *(mean for mean, _ in both.values())]]
         if part.independent:
             columns += [["±", *(half for _, half in both.values())], ["sem", *(_cell(s.sem) for s in own.values())]]
         for name in ("q05", "q25", "median", "q75", "q95"):
             columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
         for block in packed(list(own), [[column] for column in columns], title=metric + _unit_of(metric, one)):
             lines += ["", *block]
-    lines += ["", *wrapped(_NEVER)] if part.never else []
+    lines += ["", *wrapped(NEVER_SAID)] if part.never else []
     lines += ["", *wrapped(_cut(part))] if part.cut else []
     lines += ["", *wrapped(_NOTE if part.independent else _POOLED_NOTE)]
     if part.differences and pairs:
@@ -170,6 +169,18 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
             lines += ["", *block]
         lines += ["", *wrapped(_PAIRS if part.independent else "differences of means")]
     return lines
+
+
+def known_of(part: Statistics, label: str, metric: str, state: str) -> Summary:
+    """What is tabulated of a metric: nothing of a time that has none in at least half of the members."""
+    return _NOTHING if part.has_none(metric, state, label) else part.summaries[label, metric, state]
+
+
+def mean_and_half_of(part: Statistics, label: str, metric: str, state: str) -> tuple[str, str]:
+    """A mean and half its interval, as tables have them."""
+    known = known_of(part, label, metric, state)
+    mean, half = mean_and_half(known.mean, known.half)
+    return NEVER if part.has_none(metric, state, label) else mean, half
 
 
 def _named(metric: str, state: str, one: Compared) -> str:

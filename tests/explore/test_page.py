@@ -15,7 +15,10 @@ pytest.importorskip("bokeh", reason="needs hgorun[explore]")
 
 import browser
 
-from hgorun.explore import drawing
+from hgorun.ensemble.growing import read_sweep
+from hgorun.explore import drawing, page, statistics
+from hgorun.figures.ensemble import Cast
+from hgorun.tables import ensemble
 
 THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
 FEW_BYTES = 10_000_000
@@ -96,6 +99,72 @@ def test_what_does_not_fit_is_refused(shell: Shell) -> None:
     assert ".html" in err
 
 
+def drawn_of(plot: drawing.Plot, kind: str) -> list[dict[str, np.ndarray]]:
+    """The points of all glyphs of a kind."""
+    glyphs = [one for one in plot.renderers if type(one.glyph).__name__ == kind]
+    return [{name: np.asarray(values) for name, values in one.data_source.data.items()} for one in glyphs]
+
+
+def test_what_is_lost_leaves_the_figures_of_the_report(tmp_path: Path) -> None:
+    """Of S more than half are lost at the largest gain: its bands go beyond an axis that ends with the others."""
+    members = read_sweep(made(tmp_path / "a.sweep.h5"))
+    cast = Cast(members)
+    plot = drawing.against(cast, THETA, "rmse", "x1")
+    largest = float(np.max(members.metrics["rmse"][members.sound]))
+    assert plot.y_range.end < 2 * largest
+    wide = drawn_of(plot, "VArea")[2]
+    assert wide["high"].max() > 100 * largest
+    crosses = [one for one in plot.renderers if getattr(one.glyph, "marker", "") == "x"]
+    assert [one.data_source.data["x"] for one in crosses] == [[8.0]]
+    notes = {heading: note for heading, note, _ in page._figures(members, ["rmse"])}
+    said = f"estimates are lost in {int(np.sum(~members.sound.all(axis=1)))} of 72 members and count as infinite"
+    assert f"{said}; bands leave the panel there; ×: half or more are lost" in notes[f"Against {THETA}"]
+    seeds = members.where((members.axes[THETA] == 8) & (members.axes[PERIOD] == 0.1))
+    boxes = drawing.boxes(Cast(seeds), "rmse", "x1")
+    assert drawn_of(boxes, "Text")[0]["told"].tolist() == ["", "9 lost"]
+    none = drawing.boxes(Cast(members.where(np.zeros(len(members), dtype=bool))), "rmse", "x1")
+    assert (none.y_range.start, none.y_range.end) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("error", [False, True])
+def test_trajectories_that_are_lost_leave_the_figures_of_the_report(tmp_path: Path, error: bool) -> None:
+    members = read_sweep(made(tmp_path / "a.sweep.h5"))
+    assert members.trajectories is not None
+    members.trajectories.xhat[2:, 1, 50] = 1e8
+    members.trajectories.xhat[2:, 1, 51:] = np.nan
+    plot = drawing.along_time(Cast(members), "x1", error=error)
+    assert plot.y_range.end < 100
+    crosses = [one for one in plot.renderers if getattr(one.glyph, "marker", "") == "x"]
+    assert [one.data_source.data["x"] for one in crosses] == [pytest.approx([2.04])]
+    start, end = plot.y_range.start, plot.y_range.end
+    (height,) = crosses[0].data_source.data["y"]
+    assert start < height < end
+
+
+def test_axes_and_columns_have_their_units(tmp_path: Path) -> None:
+    """Also what a sweep varies besides times; means have the digits of their uncertainty."""
+    std = "measurement.noise.0.std"
+    assert drawing.axis_name(std, {"time": "h", std: "g/L"}) == "std of noise [g/L]"
+    assert drawing.axis_name(THETA, {"time": "h"}) == "theta of F"
+    assert drawing.axis_name(PERIOD, {"time": "h"}) == "period [h]"
+    found = ensemble.compared(read_sweep(made(tmp_path / "a.sweep.h5")), [PERIOD, THETA])
+    columns = statistics.of_observers(found).source.data
+    assert columns["period [h]"][0] == 0.1
+    assert columns["unit"][:2] == ["g/L", "1"]
+    text = ensemble.text([ensemble.compared(found.members, [PERIOD, THETA], ["rmse"])])
+    assert f"{columns['mean as text'][0]} ± {columns['± as text'][0]}" in text
+    assert ", over all values of period [h]" in page._pooled(found.members, [THETA])
+    pairs = statistics.of_pairs(found).source.data
+    assert pairs["unit"][0] == "g/L"
+
+
+def test_without_units_no_column_has_them(tmp_path: Path) -> None:
+    values = np.array([[1.0, 2.0], [1.5, 2.25]])[:, :, None]
+    path = write(tmp_path / "s.sweep.h5", {"seed": range(2)}, {"rmse": values}, observers=["F", "S"], states=["x1"])
+    columns = statistics.of_observers(ensemble.compared(read_sweep(path), [])).source.data
+    assert "unit" not in columns
+
+
 LOGARITHMIC = [(0.9, 9.2, [1, 2, 5]), (0.005, 0.17, [0.005, 0.01, 0.02, 0.05, 0.1]), (1e-6, 9, [1e-6, 1e-4, 0.01, 1])]
 _RIM_OF_FIGURE = """(() => {
   const canvas = deep('.bk-events')[0].getRootNode().querySelector('canvas');
@@ -171,7 +240,7 @@ def test_in_a_real_browser(shell: Shell) -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(browser.CHROMIUM is None, reason="there is no Chromium")
 def test_numbers_have_significant_digits(shell: Shell) -> None:
-    """However small they are; what is not known is a dash."""
+    """However small they are; a mean has those of its uncertainty, as in a terminal; what is not known is a dash."""
     values = 1e-5 * np.array([[1.23456, 1.25], [1.3, 3.0]])[:, :, None]
     write(shell.folder / "s.sweep.h5", {"seed": range(2)}, {"rmse": values}, observers=["F", "S"], states=["x1"])
     shell("report", "s.sweep.h5", "-o", "s.html")
@@ -185,7 +254,7 @@ def test_numbers_have_significant_digits(shell: Shell) -> None:
     page = browser.opened(shell.folder / "s.html", look)
     assert page.complaints == []
     cells = str(seen["cells"]).split(",")
-    assert "1.267e-5" in cells  # the mean of F
+    assert {"1.27e-05", "0.42e-05"} <= set(cells)  # the mean of F, and half its interval
     assert "3.272e-7" in cells  # its standard error
     assert "0.0000" not in cells
 

@@ -26,7 +26,7 @@ def lost_from(time: float, *, seeds: int) -> Collected:
     member = np.arange(3 * len(kept.member))
     x, xhat = np.tile(kept.x, (3, 1, 1)), np.tile(kept.xhat, (3, 1, 1, 1))
     gone = member < seeds
-    xhat[np.ix_(gone, [False, True], kept.time >= time)] = np.nan
+    xhat[:seeds, 1, kept.time >= time] = np.nan
     status = members.status * 0
     status[member[gone], 1] = 2
     return replace(members, status=status, trajectories=replace(kept, member=member, x=x, xhat=xhat))
