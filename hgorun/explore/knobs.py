@@ -259,7 +259,7 @@ def _noises(measurement: Measurement) -> Iterator[tuple[str, Noise]]:
 
 
 def _by_chance(experiment: Experiment) -> bool:
-    """Whether samples are lost or moved at random."""
+    """Whether samples drop out or move at random."""
     sampled = [block.sampling for _, _, block in _availabilities(experiment.measurement)]
     return any(isinstance(s, Periodic) and (s.jitter > 0 or s.dropout > 0) for s in sampled)
 

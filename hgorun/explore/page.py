@@ -98,7 +98,7 @@ def _sections(found: Compared) -> list[tuple[str, str, Any]]:
 
     note = (
         "A click on a column's head sorts. mean, ± (half the 95 % interval) and sem (standard error) are over members "
-        "that are ok or inaccurate; in quantiles a lost estimate counts as infinite"
+        "that are ok or inaccurate; lost is the number of the others, which count as infinite in quantiles"
     )
     note += f"; {NEVER_SAID}." if any(part.never for part in found.parts) else "."
     sections: list[tuple[str, str, Any]] = [("Statistics", note, statistics.of_observers(found))]

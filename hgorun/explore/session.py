@@ -177,7 +177,7 @@ class Session:
         promise = self.bench.promise(shown, label)
         if observer.lost and promise.transient is not None:
             unit = shown.result.units.get("time", "")
-            promise = replace(promise, transient=None, reason=f"it is lost: {observer.verdict.text(unit)}")
+            promise = replace(promise, transient=None, reason=f"its estimate is lost: {observer.verdict.text(unit)}")
         found = Theory(label, promise, bounds_of(label, promise, shown.result))
         if not known:
             self._pace = perf_counter() - begun

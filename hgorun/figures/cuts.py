@@ -10,6 +10,8 @@ import numpy as np
 from matplotlib.collections import PolyCollection
 from matplotlib.colors import to_hex
 
+from hgorun.figures.style import ENDLESS
+
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
@@ -42,6 +44,8 @@ class Cut:
 
     @property
     def text(self) -> str:
+        if np.isinf(self.value):  # of members that are lost
+            return "∞ (band)"
         number = f"{self.value:.3g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-").replace("-", "−")
         return f"{number} (band)" if self.band else number
 
@@ -65,16 +69,19 @@ def _drawn(ax: Axes) -> Iterator[tuple[np.ndarray, np.ndarray, str, bool]]:
     for line in ax.lines:
         if line.get_transform() == ax.transData:
             x, y = np.array(line.get_data(), dtype=float)
-            yield x, y, to_hex(line.get_color()), False
+            yield x, np.where(np.isfinite(y), y, np.nan), to_hex(line.get_color()), False
     for band in ax.collections:
         if isinstance(band, PolyCollection) and band.get_transform() == ax.transData and band.get_paths():
             x, y = np.concatenate([path.vertices for path in band.get_paths()]).T
+            if band.get_gid() == ENDLESS:
+                far = np.abs(y) == np.max(np.abs(y))
+                y = np.where(far, np.copysign(np.inf, y), y)
             yield x, y, to_hex(np.asarray(band.get_facecolor())[0]), True
 
 
 def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str, *, band: bool) -> list[Cut]:
     (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
-    seen = (x >= left) & (x <= right) & np.isfinite(y)
+    seen = (x >= left) & (x <= right) & ~np.isnan(y)
     x, y = x[seen], y[seen]
     if not y.size:
         return []

@@ -139,7 +139,7 @@ def draw(
         share = len(set(spans)) == 1 and not scalings
         height = figure.height or PANEL * rows
         made, axes = grid(len(stages), figure.columns, figure.width, height, share=share)
-        scenes = [_draw_panel(ax, stage, look, truths) for ax, stage in zip(axes, stages, strict=True)]
+        scenes = [_draw_panel(ax, stage, look, truths, figure.style) for ax, stage in zip(axes, stages, strict=True)]
         places = [
             make_room(ax, panel.inset, free=panel.limits is None) if panel.inset is not None else None
             for ax, panel in zip(axes, figure.panels, strict=True)
@@ -157,13 +157,13 @@ def draw(
 
 
 def _draw_panel(
-    ax: Axes, stage: Stage, look: Mapping[int, Look], truths: Mapping[str, Mapping[str, Any]]
+    ax: Axes, stage: Stage, look: Mapping[int, Look], truths: Mapping[str, Mapping[str, Any]], style: str
 ) -> Scene | None:
     """Draw a panel; the scene that an inset is drawn from, too."""
     panel, scene = stage.panel, None
     labels = {a.label: a.order for a in stage.actors}
     if isinstance(stage.ensemble, MembersData):
-        draw_members(ax, stage.ensemble, labels, look, panel)
+        draw_members(ax, stage.ensemble, labels, look, panel, style)
     elif panel.scaling is not None and stage.ensemble is not None:
         draw_scaling(ax, stage.ensemble, labels, look, panel.scaling.of, panel.scaling.axes)
     else:

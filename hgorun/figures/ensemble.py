@@ -67,11 +67,10 @@ class Cast:
         i, j = self.members.observers.index(label), self.members.states.index(state)
         return self.members.metrics[metric][:, i, j], self.members.sound[:, i]
 
-    def quantity(self, metric: str, state: str, *, short: bool = False) -> str:
+    def quantity(self, metric: str, state: str) -> str:
         """What a metric of a state's error is called on an axis, with its unit."""
         named = quantities().get(metric, f"{metric} of ${{}}$")
-        text = f"{metric} of ${symbol(state)}$" if short else named.format(measured_on(metric, state))
-        return text + unit(unit_of(metric, state, self.members.units))
+        return named.format(measured_on(metric, state)) + unit(unit_of(metric, state, self.members.units))
 
     @property
     def narrow(self) -> bool:

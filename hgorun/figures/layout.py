@@ -132,6 +132,9 @@ def _legend(figure: Figure, axes: Sequence[Axes], title: str | None) -> Legend:
             loc="outside upper center",
         )
         legend.get_title().set_multialignment("center")
+        for entry, handle in zip(entries, legend.legend_handles, strict=True):
+            if handle is not None:
+                handle.set_gid(handles[entry].get_gid())  # it keeps its colour where its line does
         width = max(legend.get_window_extent().width, legend.get_title().get_window_extent().width)
         filled = -(-len(texts) // -(-len(texts) // columns)) if texts else 1  # as many rows, without one alone in a row
         fits = width <= room or (columns == 1 and limit <= _SHORTEST)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Floats
 from hgorun.ensemble.statistics import QUANTILES, quantiles
-from hgorun.figures.style import LARGEST_NUMBER, edged
+from hgorun.figures.style import ENDLESS, LARGEST_NUMBER, edged
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -112,8 +112,11 @@ def within_sound(values: Floats, rows: Floats) -> Floats:
 
 def draw_bands(ax: Axes, at: Floats, rows: Floats, look: Look) -> None:
     """Both bands of an observer."""
+    known = np.abs(rows[np.isfinite(rows)]).max(initial=0.0)
     for low, high, opacity in bands(rows):
-        ax.fill_between(at, low, high, **edged(look.colour, opacity))
+        farthest = np.nanmax(np.abs([low, high]), initial=0.0)
+        gid = ENDLESS if farthest > known else None
+        ax.fill_between(at, low, high, gid=gid, **edged(look.colour, opacity))
 
 
 def draw_crosses(ax: Axes, at: Floats, look: Look, order: int) -> None:

@@ -14,7 +14,7 @@ from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, places, p
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.page import AS_IT_IS, seen_on
 from hgorun.figures.style import styled
-from hgorun.tables.typeset import words
+from hgorun.tables.typeset import paragraph, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _PANEL, _LEAST, _ROW, _BAR = 2.4, 4.2, 1.9, 0.9  # inches
+_LABEL = 1.7  # of a bar, in inches: longer ones have two lines, so that they do not touch those of other rows
 _MOST_LABELS = 7  # of an axis
 _WRITTEN = 40  # cells that have room for a number
 _LOGARITHMIC = 5.0
@@ -64,7 +65,7 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
                 if j == 0 or cast.narrow:
                     ax.set_title(words(label), loc="center")
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
-            bar.set_label(cast.quantity(metric, state))
+            bar.set_label(paragraph(cast.quantity(metric, state), _LABEL))
         title = _title(members, axes, len(cells[0][0]) * len(cells[1][0]))
         return finished(figure, panels, columns, title, grow=cast.narrow)
 

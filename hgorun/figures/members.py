@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hgorun.config.study import Panel
 from hgorun.ensemble.collected import Floats
@@ -14,6 +15,7 @@ from hgorun.figures.data import Curve, error_limits, magnitude_limits, state_lim
 from hgorun.figures.ensemble import drawable
 from hgorun.figures.followed import MembersData
 from hgorun.figures.looks import Look
+from hgorun.figures.page import AS_IT_IS
 from hgorun.figures.style import TRUTH
 from hgorun.tables.typeset import symbol, unit
 
@@ -23,11 +25,11 @@ if TYPE_CHECKING:
 _MOST_NAMED = 8  # values that the legend names; of more the first and the last
 _MOST_CLEAR = 20  # members whose lines are told apart
 _COLOURS = "viridis"
-_DARKEST, _LIGHTEST = 0.0, 0.85  # of the colours: the lightest are not seen on white
+_ENDS = {"light": (0.0, 0.85), "dark": (0.36, 1.0)}  # of what is seen of the colours on a page
 
 
 def draw_members(
-    ax: Axes, data: MembersData, labels: Mapping[str, int], looks: Mapping[int, Look], panel: Panel
+    ax: Axes, data: MembersData, labels: Mapping[str, int], looks: Mapping[int, Look], panel: Panel, style: str
 ) -> None:
     """Draw a state, its error or the size of that, of the observers shown.
 
@@ -35,6 +37,8 @@ def draw_members(
     ----------
     labels : mapping of str to int
         The observers shown: their places, keys of ``looks``.
+    style : {"light", "dark"}
+        Of the page.
     """
     name = str(panel.state or panel.error or panel.magnitude)
     kept, members, j = data.kept, data.members, data.members.states.index(name)
@@ -51,10 +55,11 @@ def draw_members(
     for label, values in own.items():
         look = looks[labels[label]]
         if as_lines:
-            drawn += _lines(ax, data, t, values, look, len(own) == 1)
+            drawn += _lines(ax, data, t, values, look, len(own) == 1, style)
         else:
             drawn.append(_bands(ax, t, values, look, len(drawn), signed=panel.magnitude is None))
     truths = _truths(ax, t, x, as_lines) if panel.state is not None else []
+    _say_lost(ax, members.sound[kept.member][:, [members.observers.index(label) for label in labels]])
     if panel.state is not None:
         limits = state_limits(truths, drawn, [])
     else:
@@ -67,6 +72,14 @@ def draw_members(
     said = {"state": both, "error": f"${hat} - {symbol(name)}$", "magnitude": f"$|{hat} - {symbol(name)}|$"}
     ax.set_ylabel(said[panel.subject] + unit(units.get(name, "")))
     ax.set_xlabel("time" + unit(units.get("time", "")))
+
+
+def _say_lost(ax: Axes, sound: NDArray[np.bool_]) -> None:
+    """Say above a panel how many members have lost an estimate that it shows, where there are such."""
+    lost = int(np.sum(~sound.all(axis=1)))
+    if lost:
+        where: dict[str, Any] = {"ha": "right", "va": "bottom", "transform": ax.transAxes}
+        ax.text(1.0, 1.01, f"{lost} of {len(sound)} members lost", fontsize=7, **where)
 
 
 def _shown(time: Floats, window: tuple[float, float] | None) -> slice:
@@ -83,7 +96,7 @@ def _of(panel: Panel, xhat: Floats, x: Floats) -> Floats:
     return xhat - x if panel.error is not None else np.abs(xhat - x)
 
 
-def _lines(ax: Axes, data: MembersData, t: Floats, values: Floats, look: Look, alone: bool) -> list[Floats]:
+def _lines(ax: Axes, data: MembersData, t: Floats, values: Floats, look: Look, alone: bool, style: str) -> list[Floats]:
     """A line for every member: of one observer coloured by what is varied, of several each in its own colour."""
     varied = data.values[data.kept.member]
     known = np.unique(varied) if data.name else np.empty(0)
@@ -93,7 +106,8 @@ def _lines(ax: Axes, data: MembersData, t: Floats, values: Floats, look: Look, a
     for one, value in zip(values, varied, strict=True):
         how: dict[str, Any] = {"color": look.colour, "linestyle": look.dashes, "label": "_" if told else look.text}
         if alone and known.size:
-            how = {"color": _colour(float(np.searchsorted(known, value)) / max(known.size - 1, 1)), "label": "_"}
+            place = float(np.searchsorted(known, value)) / max(known.size - 1, 1)
+            how = {"color": _colour(place, style), "label": "_", "gid": AS_IT_IS}
             if float(value) in named:
                 how["label"] = f"${symbol(data.name)} = {value:g}$"
                 named.discard(float(value))
@@ -102,11 +116,12 @@ def _lines(ax: Axes, data: MembersData, t: Floats, values: Floats, look: Look, a
     return [one[np.isfinite(one)] for one in values]
 
 
-def _colour(place: float) -> Any:
+def _colour(place: float, style: str) -> Any:
     """Along the scale of colours, from 0 to 1."""
     from matplotlib import colormaps
 
-    return colormaps[_COLOURS](_DARKEST + (_LIGHTEST - _DARKEST) * place)
+    first, last = _ENDS[style]
+    return colormaps[_COLOURS](first + (last - first) * place)
 
 
 def _bands(ax: Axes, t: Floats, values: Floats, look: Look, order: int, *, signed: bool) -> Floats:

@@ -101,6 +101,7 @@ THEORY: dict[str, Any] = {"color": "0.3", "linestyle": "solid", "linewidth": 0.7
 INSET: dict[str, Any] = {"labelsize": 7.0, "pad": 1.8, "length": 2.0}
 INSET_FRAME: dict[str, Any] = {"edgecolor": "0.6", "alpha": 1.0, "linewidth": 0.5, "zorder": 4.9}
 DPI = 300
+ENDLESS = "its farthest ends are infinite"  # the gid of a band of which that is so
 GRID = "0.9"  # colour of its lines
 # Sides in inches: least width; least height of a figure without panels and of each panel; largest of both.
 NARROWEST, LOWEST, LARGEST = 2.0, (0.6, 0.6), 100.0

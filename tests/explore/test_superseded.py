@@ -89,7 +89,7 @@ def test_nothing_is_drawn_of_the_bound_of_a_lost_observer(live: Live) -> None:
     said = live.theory()["S"]
     assert live.paper.bounds["S"] == []
     assert (said["drawn"], said["words"]) == ("", "")
-    assert said["reason"].startswith("it is lost: diverged at t=")
+    assert said["reason"].startswith("its estimate is lost: diverged at t=")
     live.set("observers.S.theta", 3.0)
     set_with_bounds(live, "measurement.sampling.period", 0.1)
     assert live.paper.bounds["S"]

@@ -227,6 +227,16 @@ def test_a_map_writes_numbers_as_axes_do() -> None:
 
 
 @pytest.mark.costly
+def test_labels_of_bars_do_not_touch() -> None:
+    """Those of the rows, also where a metric has a long name."""
+    members = replace(made(), units={"x1": "g/L", "x2": "g/L"})
+    figure = heat_map(members, (THETA, PERIOD), "hf")
+    bars = [ax for ax in figure.axes if ax.get_label() == "<colorbar>"]
+    upper, lower = (bar.yaxis.label.get_window_extent() for bar in bars)
+    assert upper.y0 - lower.y1 > 0.2 * figure.dpi
+
+
+@pytest.mark.costly
 def test_what_stands_on_colours_of_a_scale_is_read_on_every_page() -> None:
     """By the contrast that WCAG 2.2 asks of text, 4.5:1; the cells keep the colours of their bar."""
     for style in STYLES:

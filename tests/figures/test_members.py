@@ -6,11 +6,13 @@ from typing import Any
 
 import numpy as np
 import pytest
+from drawn import luminance
 
 from hgorun.config.study import Figure
 from hgorun.ensemble.collected import Collected, Trajectories
 from hgorun.figures.drawing import draw
 from hgorun.figures.followed import MembersData
+from hgorun.figures.page import STYLES
 
 TIME = np.linspace(0.0, 10.0, 101)
 LABELS = ("S", "F")
@@ -42,6 +44,40 @@ def drawn(panel: dict[str, Any], of: MembersData) -> Any:
     figure = draw([], Figure.model_validate({"panels": [{"run": of.run, **panel}]}), members={0: of})
     (ax,) = figure.axes
     return ax
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("style", STYLES)
+def test_colours_of_values_are_told_apart_on_every_page(style: str) -> None:
+    """By their luminances, which rise; on a dark page each is seen, and the legend has the same ones."""
+    of = data([1.0, 2.0, 4.0, 8.0])
+    panel = {"run": of.run, "error": "x1", "observers": ["S"]}
+    figure = draw([], Figure.model_validate({"style": style, "panels": [panel]}), members={0: of})
+    lines = [line for line in figure.axes[0].lines if str(line.get_label()).startswith("$k")]
+    light = [luminance(line.get_color()) for line in lines]
+    assert len(light) == 4
+    assert np.all(np.diff(light) > 0.02)
+    if style == "dark":
+        page = luminance(figure.get_facecolor())
+        assert (min(light) + 0.05) / (page + 0.05) > 3
+    handles = figure.legends[0].get_lines()
+    assert [handle.get_color() for handle in handles] == [line.get_color() for line in lines]
+
+
+@pytest.mark.parametrize("error", ["error", "magnitude"])
+def test_lost_members_are_counted_and_their_bands_have_no_end(error: str) -> None:
+    """Nor does a mark at the edge give a number for it."""
+    of = data([0.0], seeds=21, run="mc")
+    assert of.members.trajectories is not None
+    of.members.trajectories.xhat[:4, 0, 50:] = np.nan
+    of.members.status[:4, 0] = 2
+    ax = drawn({error: "x1", "observers": ["S"]}, of)
+    said = [text.get_text() for text in ax.texts]
+    assert said[0] == "4 of 21 members lost"
+    assert "∞ (band)" in said[1:]
+    assert not any(text.endswith("e3 (band)") for text in said)
+    kept = drawn({error: "x1", "observers": ["F"]}, of)
+    assert not any("lost" in text.get_text() for text in kept.texts)
 
 
 def named(ax: Any) -> dict[str, Any]:
