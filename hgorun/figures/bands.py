@@ -190,7 +190,9 @@ def family(
             _time_axis(ax, members, kept)
         _level(axes, each)
         _scale(figure, axes, axis_label(axis, members.units), colours, aspect=60 if cast.narrow else 30)
-        return finished(figure, axes, columns, None, grow=True)
+        lost = int(np.sum(~members.sound[kept.member].all(axis=1)))
+        title = f"lines end where estimates are lost, in {lost} of {len(kept.member)} members" if lost else None
+        return finished(figure, axes, columns, title, grow=True)
 
 
 def _level(axes: list[Axes], each: int) -> None:

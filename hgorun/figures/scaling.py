@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from hgorun.ensemble.statistics import QUANTILES, quantiles
+from hgorun.figures import lost
 from hgorun.figures.looks import Look
 from hgorun.figures.style import POINTS, THEORY
 from hgorun.result.metrics.base import all_metrics
@@ -143,14 +143,17 @@ def _can_show(ax: Axes, numbers: np.ndarray) -> np.ndarray:
 
 
 def _bars(ax: Axes, x: np.ndarray, spread: np.ndarray, look: Look) -> list[np.ndarray]:
-    """Where 90 % of the seeds lie, and thicker where 50 % do; the ends drawn."""
-    q05, q25, _, q75, q95 = quantiles(spread.T, ~np.isnan(spread.T), QUANTILES.values())
-    ends = []
-    for low, high, width in ((q05, q95, 0.8), (q25, q75, 2.4)):
-        shown = _can_show(ax, x) & _can_show(ax, low) & np.isfinite(high)
-        ax.vlines(x[shown], low[shown], high[shown], color=look.colour, linewidth=width, alpha=0.6, zorder=3)
-        ends += [low[shown], high[shown]]
-    return ends
+    """Where 90 % of the seeds lie, and thicker where 50 % do, up to the edge where so many are lost; the ends drawn."""
+    rows = lost.spread(spread.T, ~np.isnan(spread.T))
+    drawn = lost.ends(rows)
+    found = []
+    for low, high, width in ((0, 4, 0.8), (1, 3, 2.4)):
+        shown = _can_show(ax, x) & _can_show(ax, rows[low])
+        how: dict[str, object] = {"color": look.colour, "linewidth": width, "alpha": 0.6, "zorder": 3}
+        ax.vlines(x[shown], rows[low][shown], drawn[high][shown], **how)  # type: ignore[arg-type]  # matplotlib wants each one's type
+        ends = rows[[low, high]][:, shown]
+        found.append(ends[np.isfinite(ends)])
+    return found
 
 
 def _limit(ax: Axes, values: np.ndarray, drawn: Sequence[np.ndarray]) -> None:

@@ -255,8 +255,11 @@ def test_linear_axes_show_what_is_not_positive_and_bars_where_seeds_lie() -> Non
     np.testing.assert_array_equal(points.get_xdata(), [-1, 0, 1])
     bars: Any = ax.collections
     wide, narrow = (one.get_segments() for one in bars)
-    assert [segment[:, 1].tolist() for segment in narrow] == [[0.5, 1.5], [1.5, 2.5]]  # of the third one is lost
-    assert len(wide) == 2
+    assert [segment[:, 1].tolist() for segment in narrow[:2]] == [[0.5, 1.5], [1.5, 2.5]]
+    for (_, low), (_, high) in (narrow[2], wide[2]):  # of the third one is lost
+        assert low < 4 < 5 < high
+    free = draw([], block({"scaling": {**panel, "axes": "linear"}}), scalings={0: data}).axes[0]
+    assert free.get_ylim()[1] < 5
     ax = draw([], block({"scaling": panel}), scalings={0: data}).axes[0]
     assert [np.asarray(line.get_xdata()).tolist() for line in ax.lines if line.get_label() == "SHGO"] == [[1.0]]
 

@@ -10,6 +10,7 @@ from test_ensemble_figures import THETA, THETAS, caption, made
 
 from hgorun.ensemble.collected import Collected
 from hgorun.figures.bands import bands as bands_along_time
+from hgorun.figures.bands import family
 from hgorun.figures.looks import family_colour
 from hgorun.figures.lost import bands, first_lost, mostly_lost, spread, within_sound, words_of_lost
 from hgorun.figures.spread import against
@@ -119,3 +120,4 @@ def test_lost_members_along_time(seeds: int, crossed: list[float]) -> None:
     assert f"{seeds} of 27 members and count as infinite, but not in medians of states; bands leave" in said
     assert ("×: half or more are lost from then on" in said) == bool(crossed)
     assert max(figure.axes[0].get_ylim()) < 20
+    assert f"lines end where estimates are lost, in {seeds} of 27 members" in caption(family(members, "seed"))
