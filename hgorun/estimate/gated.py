@@ -59,7 +59,7 @@ class _GatedRun:
         self._equal = same_time(prepared.run.origin, prepared.run.time.end)
         self._covariances = prepared.covariances()
         labels = [block.label for block in prepared.run.observers]
-        self._stepping = stepping(prepared.experiment, labels)
+        self._stepping = stepping(prepared.experiment, labels, late="drop" in prepared.run.treatments)
         self._own = OwnSteps(prepared.run.structure.system, len(prepared.samples))
         self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], self._covariances)
         self._entering: dict[int, list[Entering]] = {}

@@ -22,15 +22,26 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 
-def stepping(experiment: Experiment, labels: Iterable[str]) -> frozenset[int]:
+def stepping(experiment: Experiment, labels: Iterable[str], *, late: bool = False) -> frozenset[int]:
     """The numbers of the observers that step from sample to sample, among some that samples may be left out for.
+
+    Parameters
+    ----------
+    late : bool
+        Whether late samples of a file are left out for some observers, which a step over an outlier would count.
 
     Raises
     ------
     Problem
-        For one whose step is that of one period.
+        For one whose step is that of one period, and where ``late``.
     """
     for label, observer in experiment.observers.items():
+        if late and isinstance(observer, SampledObserver):
+            message = (
+                "this steps from sample to sample, and both a gate and late: drop leave samples out: leave late "
+                "samples out of the data, or give the outputs no gate"
+            )
+            raise Problem(("observers", label, "late"), message)
         if isinstance(observer, OnePeriod):
             message = (
                 f"the step of {observer.type} is that of one period, and a gate leaves samples out: give the outputs "

@@ -21,9 +21,10 @@ from hgorun.estimate.stepping import require_apart
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of
-from hgorun.simulation.checks import check_corrections, check_jumps, check_punctual
+from hgorun.simulation.checks import check_corrections, check_punctual
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
+from hgorun.simulation.jump_checks import check_jumps
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.preparation import check_limit, numbers_of
 from hgorun.simulation.prepared import PreparedRun

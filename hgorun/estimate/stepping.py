@@ -12,7 +12,10 @@ from hgorun.estimate.event import Event
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.estimate.samples import Sampled
 from hgorun.observers.base import SampledObserver
+from hgorun.observers.capabilities import OnePeriod
 from hgorun.simulation.experiment import Experiment
+
+_UNEVEN = 1e-6  # of a period
 
 
 def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[float]]) -> None:
@@ -34,6 +37,8 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
                 f"{system.stepping} steps from sample to sample, and this is a second one of {name} at "
                 f"t = {system.experiment.origin + event.t:g}: leave one of them out, or give their mean"
             )
+    if event.t > max(last) > -np.inf:
+        _require_period(system, event.t, max(last))
     if event.t > max(last) > min(last):
         missing = ", ".join(name for name, i in system.outputs.items() if last[i] < max(last))
         raise ValueError(
@@ -41,6 +46,20 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
             f"t = {system.experiment.origin + max(last):g} is missing: give those of one time together, or one after "
             "the other"
         )
+
+
+def _require_period(system: LiveSystem, t: float, before: float) -> None:
+    """Refuse a gap that is not the period of an observer whose step is that of one."""
+    experiment, gap = system.experiment, t - before
+    for label, design in experiment.designs.items():
+        if not isinstance(design.observer, OnePeriod):
+            continue
+        period = design.observer.one_period(design.form)
+        if abs(gap - period) > _UNEVEN * period:
+            raise ValueError(
+                f"the step of {label} is that of one period, {period:.6g}, and the sample of "
+                f"t = {experiment.origin + t:g} comes {gap:.6g} after the one before"
+            )
 
 
 def require_apart(experiment: Experiment, samples: Sequence[Sampled]) -> None:

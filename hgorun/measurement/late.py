@@ -67,6 +67,12 @@ def heard(channels: Sequence[Channel], treatments: Sequence[Treatment]) -> list[
     return [*channels, *(of[treatment](c) for treatment in treatments for c in channels)]
 
 
+def stepped_between(channels: Sequence[Channel]) -> Channel:
+    """A channel of the samples from one to the next of which observers step: without the late ones, where these are."""
+    in_time = (c for c in channels if isinstance(c, HeardOtherwise) and c.known is None and not c.retaken)
+    return next(in_time, channels[0])
+
+
 def _as_they_come(channel: Channel) -> Channel:
     return channel
 

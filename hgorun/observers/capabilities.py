@@ -272,6 +272,10 @@ class EvenSamples(Block):
 class OnePeriod(Block):
     """A step from sample to sample that is that of one period: no sample can be left out."""
 
+    @abstractmethod
+    def one_period(self, form: Any) -> float:
+        """That of which it is."""
+
 
 class BeginsWithASample(Block):
     """An observer with states that belong to the first sample, whose time a stream does not know before."""

@@ -169,6 +169,9 @@ class SampledKkl(OnePeriod, BeginsWithASample, KklObserver, HybridObserver[Drift
                 f"{samples.first:.6g} after it",
             )
 
+    def one_period(self, form: DriftForm) -> float:
+        return self._period(form)
+
     def eigenvalues(self, form: DriftForm) -> np.ndarray:
         return np.asarray(np.exp(-self.numbers(form) * self._period(form)))
 

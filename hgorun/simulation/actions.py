@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE, HybridSystem
 from hgorun.measurement.channels import Channel
-from hgorun.measurement.late import HeardOtherwise
+from hgorun.measurement.late import HeardOtherwise, stepped_between
 from hgorun.measurement.schedule import Schedule, nearest_event
 from hgorun.simulation.kinds import Kind, Numbered
 from hgorun.simulation.recorded_inputs import RecordedInputs
@@ -97,10 +97,11 @@ class Actions:
         self.values = np.zeros(0)
         behind = ROUND * (max(map(len, arrivals), default=1) - 1)
         if system.stepped:
-            samples = channels[0].samples
+            stepped_by = stepped_between(channels)
+            samples = stepped_by.samples
             event = event_of(samples.arrival)
             heard = samples.used & _last_of_equal(event)  # from one sample to the next time passes
-            before = channels[0].before
+            before = stepped_by.before
             at = event[heard]
             self.values = np.diff(samples.arrival[heard], prepend=np.nan if before is None else before)
             if before is None:  # there is none before the first

@@ -6,19 +6,18 @@ import numpy as np
 
 from hgorun.engine.memory import history_bytes, history_pieces
 from hgorun.errors import Problem
-from hgorun.measurement.channels import Channel, continuous_delays
+from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.samples import AnySamples
 from hgorun.measurement.schedule import Schedule
 from hgorun.measurement.signals import delay_range
-from hgorun.measurement.together import not_beside
-from hgorun.observers.base import AnyObserver, CorrectedObserver, DecidedObserver, SampledObserver, SampleSchedule
+from hgorun.observers.base import AnyObserver, CorrectedObserver, DecidedObserver
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import late_to, treatment_of, why_punctual
+from hgorun.simulation.jump_checks import check_jumps
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.start import check_outputs, check_start
 from hgorun.simulation.steps import counted_steps, steps_between
-from hgorun.simulation.truth import Recording
 
 _COARSE = 0.01  # of a step: so far apart neighbouring numbers may be
 _OVERLAP = 0.05  # of a step: delays shorter than that are followed inside the step
@@ -185,46 +184,6 @@ def _check_memory(run: PreparedRun) -> None:
         )
 
 
-def check_jumps(run: PreparedRun) -> None:
-    """What is stepped at samples needs all outputs sampled, together and in time."""
-    stepped = [("observers", b.label) for b in run.observers if isinstance(b.observer, SampledObserver)]
-    if run.plant.block.discretise:
-        stepped.insert(0, ("plant", "discretise"))
-    if not stepped:
-        return
-    if run.closed and run.plant.block.discretise:
-        message = "a plant that a controller drives is integrated; observers may step from sample to sample"
-        raise Problem(("plant", "discretise"), message)
-    first = run.channels[0].samples
-    for channel in run.channels:
-        samples = channel.samples
-        if any(s.continuous for s in channel.stretches):
-            raise Problem(stepped[0], f"this needs sampled outputs, but {channel.name} is continuous")
-        if samples.identity != first.identity and not np.array_equal(samples.arrival, first.arrival):
-            raise Problem(stepped[0], _not_together(run, channel))
-        if samples.late:
-            raise Problem(stepped[0], f"this takes samples without delay, but {channel.name} is late: {_instead(run)}")
-    _check_schedules(run, first.arrival[first.used])
-
-
-def _not_together(run: PreparedRun, channel: Channel) -> str:
-    """Where samples of an output are not those of the first one."""
-    one, other = ((c.name, np.sort(c.samples.arrival)) for c in (run.channels[0], channel))
-    recorded = isinstance(run.structure.groups[0].truth, Recording)
-    right = "leave such rows out of the data" if recorded else "give all outputs one sampling"
-    where = not_beside(one, other, run.origin)
-    return f"this needs all outputs sampled at the same times, but {where}: {right}, or take ekf or impulsive_riccati"
-
-
-def _instead(run: PreparedRun) -> str:
-    """What can be done where samples are late of which each is stepped from to the next."""
-    if isinstance(run.structure.groups[0].truth, Recording):
-        right = "leave late samples out of the data, or `available`, as if all samples had been known at once"
-    else:
-        right = "run it apart, without the delay"
-    return f"{right}; observers that are corrected by samples, as ekf and impulsive, go back to late ones"
-
-
 def _check_law(run: PreparedRun) -> None:
     """A state that the law uses must be estimated, and an observer's own one be that of some observer."""
     law, controller = run.plant.symbolic.controller, run.experiment.controller
@@ -281,18 +240,3 @@ def check_holds(run: PreparedRun) -> None:
                 if any(s.continuous and not s.undelayed for s in channel.stretches):
                     message = f"shrink is for sampled outputs, but {channel.name} is continuous and late"
                     raise Problem(("observers", b.label, "hold"), message)
-
-
-def _check_schedules(run: PreparedRun, times: np.ndarray) -> None:
-    """What each discrete-time observer asks of the times between samples."""
-    first, *others = run.channels[0].stretches
-    begin = float(times[0]) if times.size else 0.0
-    schedule = SampleSchedule(np.diff(times), None if others else first.steps, first.paths["sampling"], begin)
-    for b in run.observers:
-        if isinstance(b.observer, SampledObserver):
-            try:
-                b.observer.check_samples(b.form, schedule)
-            except Problem as problem:
-                inside = problem.path[:1] != ("measurement",)
-                path = ("observers", b.label, *problem.path) if inside else problem.path
-                raise Problem(path, problem.message) from problem

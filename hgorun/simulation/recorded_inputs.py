@@ -9,6 +9,7 @@ import numpy as np
 
 from hgorun.engine.layout import SET, Held
 from hgorun.measurement.channels import Channel
+from hgorun.measurement.late import stepped_between
 from hgorun.measurement.schedule import nearest_event
 from hgorun.native.places import places_in
 from hgorun.simulation.first_inputs import Recorded
@@ -93,7 +94,7 @@ def last_of(times: np.ndarray, sought: np.ndarray) -> np.ndarray | slice:
 
 def _arrivals(channels: Sequence[Channel]) -> np.ndarray:
     """When the samples arrive that observers jump at."""
-    return channels[0].samples.arrival
+    return stepped_between(channels).samples.arrival
 
 
 def _times_before(channels: Sequence[Channel]) -> np.ndarray:

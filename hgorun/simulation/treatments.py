@@ -31,8 +31,8 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
         observer = experiment.observers[label]
         if isinstance(observer, RecallingObserver) and observer.late is not None:
             raise Problem(("observers", label, "late"), "this observer crosses the delay itself: leave the key out")
-        if isinstance(observer, SampledObserver) and observer.late is not None:
-            message = "this observer takes samples without delay: leave the key out, and late samples out of the data"
+        if isinstance(observer, SampledObserver) and observer.late not in (None, "drop"):
+            message = "this observer takes samples without delay: it can leave late ones out (late: drop)"
             raise Problem(("observers", label, "late"), message)
         if treatment == "innovation" and isinstance(observer, CorrectedObserver):
             message = f"{observer.type} is corrected by samples and has no innovation between them: replay or drop"

@@ -37,8 +37,8 @@ def test_samples_that_are_left_out_do_not_break_the_period(tmp_path: Path) -> No
     [
         ("luenberger_exact", {"poles": [-1, -2], "late": "drop"}, ONE_LATE, "samples of a are 0.25 to 0.5 apart"),
         ("tracking", {"r": 3, "h_0": 0.3, "late": "drop"}, ONE_LATE, "the time between samples, 0.5; found 0.3"),
-        ("hgo_fd", {"eps": 0.5}, ONE_LATE, "a is late: leave late samples out of the data, or `available`"),
-        ("hgo_fd", {"eps": 0.5, "late": "drop"}, ONE_LATE, "leave the key out, and late samples out of the data"),
+        ("hgo_fd", {"eps": 0.5}, ONE_LATE, r"a is late: leave late samples out \(late: drop\), or `available`"),
+        ("hgo_fd", {"eps": 0.5, "late": "replay"}, ONE_LATE, r"it can leave late ones out \(late: drop\)"),
         ("predictor_chain", {"theta": 2, "m": 2}, ONE_LATE, "a delay that is constant and known"),
         ("predictor_chain", {"theta": 2}, ONE_LATE, "not of data or a stream: take shgo, whose innovation"),
     ],

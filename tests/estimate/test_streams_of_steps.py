@@ -9,6 +9,7 @@ import pytest
 from examples import Block, inline
 from recordings import held_input, recording, signal, source
 
+from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
@@ -109,3 +110,53 @@ def test_late_samples_that_are_left_out_have_not_been() -> None:
                 estimator.update(TAKEN[k] + 0.01, {"y": 9.0}, available=TAKEN[k] + 0.02)
         found.append(estimator.estimate()["O"])
     np.testing.assert_array_equal(found[1], found[0])
+
+
+@pytest.mark.parametrize(
+    ("plant", "block"),
+    [(ONE, {"type": "hgo_fd", "eps": 0.3}), (TWO, {"type": "deadbeat"})],
+    ids=["one output", "two"],
+)
+def test_a_file_whose_late_samples_are_left_out_is_that_without_them(plant: Block, block: Block) -> None:
+    """Of every output the same rows, beside an observer that goes back to them; a stream leaves the same ones out."""
+    late = np.array([3, 7, 8])
+    kept = np.setdiff1d(np.arange(TAKEN.size), late)
+    available = TAKEN.copy()
+    available[late] += [0.3, 0.05, 0.2]
+    signals = {"y": Y, "z": Z} if plant is TWO else {"y": Y}
+    u = held_input("u", TAKEN[kept], U[kept])
+    text = config(plant, block | {"late": "drop"})
+    text["observers"]["R"] = {"type": "shgo", "theta": 2, "late": "replay"}
+    some = [signal(name, TAKEN[kept], values[kept]) for name, values in signals.items()]
+    whole = [signal(name, TAKEN, values, available) for name, values in signals.items()]
+    without, found = (estimate(source(text), recording(*of, u=u), sensitivity=False) for of in (some, whole))
+    rows = np.round(TAKEN[kept] / 0.125).astype(int)
+    np.testing.assert_array_equal(found.observers["O"].xhat[rows], without.observers["O"].xhat[rows])
+    del text["observers"]["R"]
+    estimator = Estimator(Experiment(text), inputs=["u"])
+    for k in np.argsort(available):
+        y = {name: values[k] for name, values in signals.items()}
+        if k in late:
+            estimator.update(TAKEN[k], y, available[k])
+        else:
+            estimator.update(TAKEN[k], y, u={"u": U[k]})
+    np.testing.assert_array_equal(estimator.estimate()["O"], found.observers["O"].xhat[-1])
+
+
+def test_steps_over_late_samples_and_outliers_are_refused_together() -> None:
+    available = TAKEN + np.where(np.arange(TAKEN.size) == 3, 0.1, 0.0)
+    text = config(ONE, {"type": "deadbeat", "late": "drop"})
+    gated = recording(signal("y", TAKEN, Y, available, gate=5.0))
+    with pytest.raises(ConfigError, match=r"O\.late: this steps from sample to sample, and both a gate and late: drop"):
+        estimate(source(text), gated, sensitivity=False)
+
+
+def test_a_stream_of_one_period_refuses_a_gap() -> None:
+    """As a file does."""
+    text = config(inline({"a": "b", "b": "-a"}, {"y": "a"}), {"type": "kkl", "theta": 2})
+    estimator = Estimator(Experiment(text))
+    for t in (0.0, 0.125):
+        estimator.update(t, {"y": 1.0})
+    with pytest.raises(ValueError, match=r"of one period, 0.125, and the sample of t = 0.375 comes 0.25 after"):
+        estimator.update(0.375, {"y": 1.0})
+    estimator.update(0.25, {"y": 1.0})

@@ -256,3 +256,31 @@ def test_a_sparse_grid_shows_what_a_dense_one_shows_just_before_a_late_sample_ar
         for step in (0.002, 0.1)
     )
     np.testing.assert_allclose(sparse.xhat, dense.xhat[::50], rtol=0, atol=1e-12)
+
+
+DEADBEAT: Block = {"type": "deadbeat", "late": "drop", "initial": {"x1": 0.1}}
+
+
+def test_what_steps_from_sample_to_sample_steps_over_late_ones() -> None:
+    """Every second sample of a simulation is late."""
+    keep: Block = {"end": 2.0, "output_step": 0.25, "step": STEP}
+    late = {"sampling": {"period": 0.25}, "delay": "0.05*(1 - cos(4*pi*t))"}
+    found = simulated(chain(2, "-x1"), {"O": DEADBEAT}, measurement=late, **keep)
+    in_time = {"sampling": {"period": 0.5}}
+    wanted = simulated(chain(2, "-x1"), {"O": DEADBEAT}, measurement=in_time, **keep)
+    # the plant's steps end at other times
+    np.testing.assert_allclose(found.observers["O"].xhat, wanted.observers["O"].xhat, rtol=0, atol=1e-7)
+    assert np.ptp(wanted.observers["O"].xhat[:, 1]) > 0.1
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_plant_that_is_stepped_or_driven_takes_no_late_samples(closed: bool) -> None:
+    plant = chain(2, "-x1") | ({} if closed else {"discretise": "euler"})
+    more: Block = {"measurement": {"sampling": {"period": 0.25}, "delay": 0.05}}
+    if closed:
+        plant = inline({"x1": "x2", "x2": "u"}, "x1", inputs={"u": "controller"})
+        more["controller"] = {"law": {"u": "-x1 - x2"}}
+    with pytest.raises(
+        ConfigError, match="this takes samples without delay, but x1 is late: run it apart, without the delay;"
+    ):
+        hgorun.simulate(experiment(plant, {"O": DEADBEAT}, end=2.0, **more))
