@@ -18,7 +18,9 @@ _CLOSER = 64  # times between the last point of the grid and the loss
 _GROWN = 1e3  # times what it mostly was on the grid
 _NEARLY = 0.1  # of the bound
 _MOST = 100_000  # samples up to which the run is made again to look closer
-_FEWEST = 10  # samples that have a usual time between them
+_FEWEST = 4  # samples that have a usual time between them
+_GROWING = 2  # the number of the sample before which no error has grown from one sample to the next
+_TIMES = "taken", "available"  # of samples
 _USUAL = 0.9  # of the times between samples are no longer than what is called the longest usual one
 _EVEN = 0.05  # of the usual time
 _LOOK = "look at its initial values, its gains and the units of the columns"
@@ -58,7 +60,7 @@ def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> st
         The longest step of the run.
     """
     bound = f"{prepared.bound:.3g} (solver.divergence): {_LOOK}"
-    too_large = _too_large(prepared, j)
+    too_large = _too_large(prepared, j, lost)
     if too_large is not None:
         bound, said = bound.partition(":")[0], f"{too_large}; "
     else:
@@ -77,17 +79,31 @@ def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> st
     return f"{said}{grown(prepared.run.plant.model.states, before, last, when, prepared.bound)}, the bound is {bound}"
 
 
-def _too_large(prepared: PreparedEstimate, j: int) -> str | None:
-    """That its gain is too large for how far samples are apart; None where that is not so, or not known."""
-    if any(one.available is not one.taken or one.taken.size < _FEWEST for one in prepared.samples):
+def _too_large(prepared: PreparedEstimate, j: int, lost: float) -> str | None:
+    """That its gain is too large for how far apart, or how late, samples are; None where that is not so, or not known.
+
+    Not of an observer that goes back to late samples, nor of one that is lost before errors can have grown from sample
+    to sample: its numbers are beyond the bound for another reason.
+    """
+    treatment, first = prepared.treatment(j), prepared.samples[0]
+    if any(not np.array_equal(getattr(one, of), getattr(first, of)) for one in prepared.samples for of in _TIMES):
         return None
-    first, *others = prepared.samples
-    if any(not np.array_equal(one.taken, first.taken) for one in others):
+    taken, late = first.taken, first.available - first.taken
+    if np.any(late > 0) and treatment != "innovation":
+        if treatment != "drop":
+            return None
+        taken, late = taken[late <= 0], late[late <= 0]
+    if taken.size < _FEWEST or not lost > first.available[_GROWING]:
         return None
-    short, usual, long = np.quantile(np.diff(distinct(first.taken)), [1 - _USUAL, 0.5, _USUAL]).tolist()
-    regular = long - short <= _EVEN * usual
-    period, name = (usual, "period") if regular else (long, "longest usual gap")
-    return too_large_for(prepared.run, j, period, name)
+    period = _usual(np.diff(distinct(taken)), "period", "longest usual gap")
+    delay = _usual(late, "delay", "longest usual delay")
+    return too_large_for(prepared.run, j, period, delay)
+
+
+def _usual(times: Floats, even: str, uneven: str) -> tuple[float, str]:
+    """What most of some times are, and what that is called."""
+    short, usual, long = np.quantile(times, [1 - _USUAL, 0.5, _USUAL]).tolist()
+    return (usual, even) if long - short <= _EVEN * usual else (long, uneven)
 
 
 def _followed(prepared: PreparedEstimate, j: int, times: Floats, step: float) -> Followed:

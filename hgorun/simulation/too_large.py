@@ -23,6 +23,7 @@ from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.resting import Unsettled, at_rest
 from hgorun.simulation.slopes import at_truth, slopes
 from hgorun.simulation.structure import parameter_values
+from hgorun.simulation.timing import Timing, below
 from hgorun.symbolic.evaluate import Floats, evaluate
 
 _POINTS = 3  # of the run
@@ -31,24 +32,6 @@ _RATIO, _PRECISION = 1.3, 3e-3  # of neighbouring values in a search, and of wha
 _SMALLEST = 1e-2  # of the times in use: the search begins there
 _SLOWEST = 1e-4  # a rate times period and delay: what so slow an observer does from sample to sample may be rounding
 _FINE = 16  # samples a delay that stand for a continuous output, or for more of them
-
-
-@dataclass(frozen=True)
-class _Timing:
-    """What the measurement does: samples with a period, or continuous outputs (None), and how old they are."""
-
-    period: float | None
-    delay: float
-    name: str = "period"
-
-    @property
-    def longest(self) -> float:
-        """How old a sample is at most before the next one has come."""
-        return (self.period or 0.0) + self.delay
-
-    def scaled(self, part: float) -> _Timing:
-        """The same with a part of all times, so that as many samples are on their way."""
-        return _Timing(None if self.period is None else part * self.period, part * self.delay, self.name)
 
 
 @dataclass(frozen=True)
@@ -84,14 +67,15 @@ def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
     return None if timing is None else _found(run, run.observers[j], timing, raw.rows[:, run.structure.truths[j], 0])
 
 
-def too_large_for(run: PreparedRun, j: int, period: float, name: str) -> str | None:
-    """The same of recorded samples, in time and so far apart; along no truth, but where the estimate begins."""
+def too_large_for(run: PreparedRun, j: int, period: tuple[float, str], delay: tuple[float, str]) -> str | None:
+    """The same of recorded samples, so far apart and so late, with names; along no truth, but where it begins."""
     begins = run.structure.estimates[j].along(run.grid[:1], run.numbers.p, run.numbers.z0[None])
-    return _found(run, run.observers[j], _Timing(period, 0.0, name), np.asarray(begins))
+    timing = Timing(period[0], delay[0], period[1], delay[1])
+    return _found(run, run.observers[j], timing, np.asarray(begins), " where the estimate begins")
 
 
-def _found(run: PreparedRun, block: ObserverBlock, timing: _Timing, x: Floats) -> str | None:
-    """Of an observer, along the states x of the plant."""
+def _found(run: PreparedRun, block: ObserverBlock, timing: Timing, x: Floats, where: str = "") -> str | None:
+    """Of an observer, along the states x of the plant; ``where`` these are, if it is not on its whole way."""
     observer = block.observer
     if not isinstance(observer, ContinuousObserver) or block.recalled or run.closed:
         return None
@@ -102,13 +86,15 @@ def _found(run: PreparedRun, block: ObserverBlock, timing: _Timing, x: Floats) -
     try:
         error = _Error(run, block, x)
         gains = _Gain.of(observer, block, error)
-        told = (_limits(run, error, gains[i:], timing, len(gains) > 1) for i in range(len(gains)))
+        told = (_limits(run, error, gains[i:], timing, len(gains) > 1, where) for i in range(len(gains)))
         return next(filter(None, told), None)
     except (HgorunError, Unsettled, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no observer
         return None
 
 
-def _limits(run: PreparedRun, error: _Error, gains: list[_Gain], timing: _Timing, several: bool) -> str | None:
+def _limits(
+    run: PreparedRun, error: _Error, gains: list[_Gain], timing: Timing, several: bool, where: str
+) -> str | None:
     """Of the first gain, beside slower ones; None where the errors that it sets the speed of do not grow."""
     gain, *slower = gains
     if several and gain.key is not None:  # errors of a size of their own
@@ -121,41 +107,20 @@ def _limits(run: PreparedRun, error: _Error, gains: list[_Gain], timing: _Timing
     beside = [other.key for other in slower if other.key and value is not None and other.value >= value]
     whole = isinstance(error.block.observer, GainOfErrors) and not several
     what = "large errors" if slower else "errors that the whole gain corrects" if whole else "even small errors"
-    told = _told(run, gain, timing, part, value, what, "".join(f" with {key} below it" for key in beside))
-    return f"{told}; take less, since it also corrects with parts of that gain" if told and whole else told
-
-
-def _told(
-    run: PreparedRun,
-    gain: _Gain,
-    timing: _Timing,
-    part: float | None,
-    value: float | None,
-    errors: str,
-    beside: str,
-) -> str | None:
-    name = printable(run.time.unit)
-    unit = f" {name}" if name else ""
-    period, late = timing.period, f"the delay {timing.delay:.4g}{unit}"
-    beside_it = f" with {late}" if timing.delay else ""
-    what = late if period is None else f"the {timing.name} {period:.4g}{unit}{beside_it}"
-    limits = [] if value is None else [f"{gain.key} of at most {below(value)}{beside}"]
-    if part is not None and (period is None or not timing.delay):
-        one, used = ("delay", timing.delay) if period is None else (timing.name, period)
-        limits.append(f"a {one} of at most {below(part * used)}{unit}")
-    if not limits:
+    if value is None and part is None:
         return None
-    holds = f"they do not with {', or '.join(limits)}"
-    return f"{gain.told(name)} too large for {what}, since {errors} grow: {holds}"
+    unit = printable(run.time.unit)
+    limit = (
+        None
+        if value is None
+        else f"{gain.key} of at most {below(value)}" + "".join(f" with {key} below it" for key in beside)
+    )
+    holds = f"they do not with {timing.limits(limit, part, unit)}"
+    told = f"{gain.told(unit)} too large for {timing.told(unit)}, since {what} grow{where}: {holds}"
+    return f"{told}; take less, since it also corrects with parts of that gain" if whole else told
 
 
-def below(value: float) -> str:
-    """A limit in two digits that keeps it."""
-    size = 10.0 ** (np.floor(np.log10(value)) - 1)
-    return f"{np.floor(value / size * (1 + 1e-9)) * size:.6g}"
-
-
-def _timing(run: PreparedRun) -> _Timing | None:
+def _timing(run: PreparedRun) -> Timing | None:
     """What all outputs have in common, all the time; None where they have not, or there is nothing to be late."""
     if any(len(stretches) != 1 for stretches in run.experiment.stretches):
         return None
@@ -164,7 +129,7 @@ def _timing(run: PreparedRun) -> _Timing | None:
         if not stretch.delay_is_constant or not (stretch.continuous or stretch.period):
             return None
         (delay,) = stretch.delay_at(np.array([stretch.start]))
-        found.add(_Timing(stretch.period, float(delay)))
+        found.add(Timing(stretch.period, float(delay)))
     timing = found.pop()
     if found or (timing.period is None and timing.delay == 0) or (timing.delay and run.treatments):
         return None
@@ -199,11 +164,11 @@ class _Error:
         found._systems = self._at(p, self.block.of(design), design)
         return found
 
-    def growth(self, timing: _Timing) -> float:
+    def growth(self, timing: Timing) -> float:
         """The largest factor by which errors grow from sample to sample, at any of the points."""
         return float(np.max(self._radii(timing)))
 
-    def smallest_growth(self, timing: _Timing) -> float:
+    def smallest_growth(self, timing: Timing) -> float:
         """The smallest of them."""
         return float(np.min(self._radii(timing)))
 
@@ -241,7 +206,7 @@ class _Error:
         A0, E, H, K0 = A0[:, kept][:, :, kept], E[:, kept], H[:, :, kept], K0[:, :, kept]
         return np.block([[A0, E], [-K0, -K]]), H
 
-    def _radii(self, timing: _Timing) -> Floats:
+    def _radii(self, timing: Timing) -> Floats:
         G, H = self._systems
         period, delay = timing.period, timing.delay
         if period is None or delay > _FINE * period:
@@ -270,7 +235,7 @@ def _largest_part(growth: Callable[[float], float], least: float) -> float | Non
     return _halved(growth, low, min(high, 1.0))
 
 
-def _largest_value(error: _Error, gain: _Gain, timing: _Timing, part: float | None, slowest: float) -> float | None:
+def _largest_value(error: _Error, gain: _Gain, timing: Timing, part: float | None, slowest: float) -> float | None:
     """The value below the one in use with which errors no longer grow; about in inverse proportion to times.
 
     Where no part of these is short enough, the plant may be too fast for them alone, and a smaller value may do.

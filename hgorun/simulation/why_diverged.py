@@ -17,7 +17,8 @@ from hgorun.simulation.loss import Again, ceased, step_at
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.slopes import at_truth, slopes
-from hgorun.simulation.too_large import below, too_large
+from hgorun.simulation.timing import below
+from hgorun.simulation.too_large import too_large
 from hgorun.symbolic.evaluate import Floats, at, evaluate
 from hgorun.symbolic.forms import ChosenChains
 

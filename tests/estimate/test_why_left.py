@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 from examples import inline
@@ -9,6 +11,7 @@ from recordings import PENDULUM, observers, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.why_left import Followed, grown
+from hgorun.result.result import Result
 
 
 @pytest.mark.parametrize(
@@ -37,13 +40,11 @@ def test_of_long_logs_the_bound_is_said(monkeypatch: pytest.MonkeyPatch) -> None
 @pytest.mark.parametrize(
     ("gaps", "said"),
     [  # errors of the SHGO of three integrators grow from theta T = 2.896 on, computed apart from this program
-        ([0.1], "the period 0.1 s, since even small errors grow: they do not with theta of at most 28, or a period of "
-         "at most 0.057 s; "),
-        ([0.07, 0.1], "the longest usual gap 0.1 s, since even small errors grow: they do not with theta of at most "
-         "28, or a longest usual gap of at most 0.057 s; "),
+        ([0.1], "period"),
+        ([0.07, 0.1], "longest usual gap"),
         ([0.05], None),
     ],
-)  # fmt: skip
+)
 def test_a_theta_that_is_too_large_for_the_samples_is_named(gaps: list[float], said: str | None) -> None:
     taken = np.concatenate([[0.0], np.cumsum(np.resize(gaps, 40))])
     plant = inline({"x1": "x2", "x2": "x3", "x3": "0"}, "x1")
@@ -54,5 +55,56 @@ def test_a_theta_that_is_too_large_for_the_samples_is_named(gaps: list[float], s
     if said is None:
         assert "too large" not in trouble
     else:
-        assert f"theta = 50 is too large for {said}its " in trouble
+        assert (
+            f"theta = 50 is too large for the {said} 0.1 s, since even small errors grow where the estimate begins: "
+            f"they do not with theta of at most 28, or a {said} of at most 0.057 s; its "
+        ) in trouble
         assert "look at" not in trouble
+
+
+INTEGRATORS = inline({"x1": "x2", "x2": "x3", "x3": "0"}, "x1")
+
+
+def followed(taken: np.ndarray, age: np.ndarray | float, divergence: float = 1e6, **keys: object) -> Result:
+    """Three integrators at rest, from an estimate beside them."""
+    observer = {"S": {"type": "shgo", "theta": 50, "initial": {"x1": 1}, **keys}}
+    text = {"plant": INTEGRATORS, "observers": observer, "solver": {"step": 0.01, "divergence": divergence}}
+    log = recording(signal("x1", taken, np.zeros(taken.size), taken + age))
+    return estimate(source(text), log, sensitivity=False)
+
+
+@pytest.mark.parametrize(
+    ("late", "said"),
+    [
+        (np.full(60, 0.05), "the period 0.1 s with the delay 0.05 s"),
+        (np.resize([0.01, 0.05], 60), "the period 0.1 s with the longest usual delay 0.05 s"),
+    ],
+)
+def test_of_late_samples_the_theta_that_is_advised_holds(late: np.ndarray, said: str) -> None:
+    """Beneath it errors vanish, somewhat above it they grow."""
+    taken = 0.1 * np.arange(60)
+    (trouble,) = followed(taken, late).troubles()
+    match = re.search(
+        rf"theta = 50 is too large for {said}, since .*: they do not with theta of at most (\S+); ", trouble
+    )
+    assert match is not None, trouble
+    advised = float(match[1])
+    slower, faster = (followed(0.1 * np.arange(300), 0.05, 1e13, theta=part * advised) for part in (0.95, 1.05))
+    for found, factors in ((slower, (0.0, 0.01)), (faster, (100.0, np.inf))):
+        error = np.max(np.abs(found.observers["S"].xhat), axis=1)
+        assert factors[0] < np.max(error[-20:]) / np.max(error[:20]) < factors[1]
+
+
+def test_of_late_samples_that_are_left_out_or_gone_back_to() -> None:
+    """The former are as if they had not been; of the latter nothing is known."""
+    taken, late = 0.05 * np.arange(60), np.resize([0.0, 0.06], 60)
+    (dropped,) = followed(taken, late, late="drop").troubles()
+    assert "theta = 50 is too large for the period 0.1 s, since" in dropped
+    (replayed,) = followed(taken, late, theta=400, late="replay").troubles()
+    assert "too large" not in replayed
+
+
+@pytest.mark.parametrize(("count", "divergence"), [(5, 1e4), (3, 1e3), (40, 30.0)])
+def test_few_samples_tell_it_but_not_before_errors_can_have_grown(count: int, divergence: float) -> None:
+    (trouble,) = followed(0.1 * np.arange(count), 0.0, divergence).troubles()
+    assert ("too large" in trouble) == (count == 5)

@@ -9,6 +9,8 @@ import pytest
 from examples import Block, chain, simulated
 from scipy.linalg import expm, solve_continuous_are
 
+from hgorun.result.observer import ObserverResult
+
 PERIOD = 0.1
 LARGE = r"since large errors grow: they do not with"
 SMALL = r"since even small errors grow: they do not with"
@@ -67,3 +69,23 @@ def test_the_period_of_a_kalman_filter_is_that_of_its_gain_at_rest() -> None:
     assert said is not None, found
     assert float(said[1]) == pytest.approx(rate, rel=1e-2)
     assert 0 <= low - float(said[2]) < 1.1e-3
+
+
+def test_of_a_period_and_a_delay_both_are_told_where_there_is_no_gain_to_take() -> None:
+    """What is advised settles, and somewhat more does not."""
+    block: Block = {"type": "kalman_bucy", "Q": {"x2": 1e6}, "R": 0.01, "initial": {"x1": 1}}
+
+    def found(part: float) -> ObserverResult:
+        late = {"sampling": {"period": part * 0.1}, "delay": part * 0.2}
+        more: Block = {"end": 4 * max(part, 0.1), "output_step": 0.05, "step": 0.005 * part}
+        return simulated(chain(2), {"S": block}, measurement=late, **more).observers["S"]
+
+    said = re.search(
+        r"they do not with a period of at most (\S+) s and a delay of at most (\S+) s$", found(1.0).reason or ""
+    )
+    assert said is not None, found(1.0).reason
+    period, delay = map(float, said.groups())
+    assert delay == pytest.approx(2 * period, rel=0.1)
+    part = min(period / 0.1, delay / 0.2)
+    slow, fast = (np.max(np.abs(found(one * part).xhat[-1])) for one in (0.95, 1.5))
+    assert slow < fast
