@@ -9,6 +9,7 @@ import numpy as np
 
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.slopes import inputs_of
 from hgorun.symbolic.evaluate import Floats, at
 
 _STILL = 1e-3  # of its size, by which a gain may still move in the time of the run
@@ -60,7 +61,7 @@ def at_rest(run: PreparedRun, block: ObserverBlock, gains: Sequence[str], t: flo
 def _rate(run: PreparedRun, block: ObserverBlock, gains: Sequence[str]) -> ca.Function:
     """How the gain moves, from (t, p, z, e)."""
     model, p = run.plant.model, run.structure.plant
-    u = ca.substitute(run.plant.inputs, model.p, p)
+    u = inputs_of(run)
     z = ca.SX.sym("z", run.structure.system.states)
     e = ca.SX.sym("e", len(model.outputs))
     derivatives, _ = block.equations(block.copy(model.t, u, p), block.symbols(z), e)

@@ -21,7 +21,7 @@ def slopes(run: PreparedRun, block: ObserverBlock) -> ca.Function:
     """
     model, p = run.plant.model, run.structure.plant
     t = model.t
-    u = ca.substitute(run.plant.inputs, model.p, p)
+    u = inputs_of(run)
     z = ca.SX.sym("z", run.structure.system.states)
     e = ca.SX.sym("e", len(model.outputs))
     derivatives, correction = block.equations(block.copy(t, u, p), block.symbols(z), e)
@@ -36,6 +36,14 @@ def slopes(run: PreparedRun, block: ObserverBlock) -> ca.Function:
         ca.jacobian(correction, e),
     ]
     return ca.Function("linear", [t, run.structure.p, z, e], [ca.densify(part) for part in parts])
+
+
+def inputs_of(run: PreparedRun) -> ca.SX:
+    """The plant's inputs, in the symbols of the run's equations; those that are recorded as they are at its start."""
+    u = ca.SX(ca.substitute(run.plant.inputs, run.plant.model.p, run.structure.plant))
+    for number, value, _ in run.recorded:
+        u[number] = value
+    return u
 
 
 def at_truth(run: PreparedRun, block: ObserverBlock, x: Floats) -> Floats:

@@ -7,7 +7,7 @@ import re
 import numpy as np
 import pytest
 from examples import inline
-from recordings import PENDULUM, observers, recording, signal, source
+from recordings import PENDULUM, held_input, observers, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.why_left import Followed, grown
@@ -108,3 +108,18 @@ def test_of_late_samples_that_are_left_out_or_gone_back_to() -> None:
 def test_few_samples_tell_it_but_not_before_errors_can_have_grown(count: int, divergence: float) -> None:
     (trouble,) = followed(0.1 * np.arange(count), 0.0, divergence).troubles()
     assert ("too large" in trouble) == (count == 5)
+
+
+def test_a_recorded_input_is_as_it_is_at_the_start() -> None:
+    """The same limits as of one that is written out."""
+    taken, found = 0.1 * np.arange(40), []
+    for u in ("0", "40"):
+        plant = inline({"x1": "x2", "x2": "-u*x2"}, "x1", inputs={"u": u})
+        observer = {"S": {"type": "shgo", "theta": 150, "initial": {"x1": 1}}}
+        text = {"plant": plant, "observers": observer, "solver": {"step": 0.005, "divergence": 1e9}}
+        inputs = {"u": held_input("u", taken, np.full(40, 40.0))} if u == "0" else {}
+        log = recording(signal("x1", taken, np.zeros(40)), **inputs)
+        (trouble,) = estimate(source(text), log, sensitivity=False).troubles()
+        found += re.findall(r"they do not with theta of at most 83, or a period of at most \S+ s", trouble)
+    assert len(found) == 2
+    assert found[0] == found[1]
