@@ -17,7 +17,8 @@ from hgorun.export.equations import Equations, Output, equations_of, outputs_of
 from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
 from hgorun.export.steps import Integrated, OfData, OfRun, Steps
-from hgorun.observers.base import ContinuousObserver, CorrectedObserver, DecidedObserver
+from hgorun.observers.aekf import AdaptiveFilter
+from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver, DecidedObserver
 from hgorun.observers.capabilities import NotExported
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.stepped import SteppedObserver
@@ -113,6 +114,15 @@ def _all(run: PreparedRun, wanted: Wanted, told: tuple[int, ...], integrated: In
         return [_or_others(label, labels, one) for label in labels]
 
 
+def _without_decisions(observer: AnyObserver) -> str:
+    """What is exported in place of an observer that decides."""
+    if isinstance(observer, AdaptiveFilter):
+        return "with update: jump, for sampled outputs, it has none and is exported"
+    if isinstance(observer, SteppedObserver):
+        return "with sampled outputs it steps from each to the next and is exported"
+    return "take the observer of one mode, such as shgo, or updated, whose gain follows errors without them"
+
+
 def _or_others(label: str, labels: Sequence[str], export: Callable[[str], Exported]) -> Exported:
     """An exported observer, or why there is none, and how to export those beside it for which there is one."""
     try:
@@ -173,7 +183,7 @@ def _exported(
         raise Problem(
             (*path, "type"),
             f"{design.observer.type} decides at the ends of the solver's steps, and exported code only follows the "
-            "flow and takes samples in: there is no place in it for decisions",
+            f"flow and takes samples in: there is no place in it for decisions; {_without_decisions(design.observer)}",
         )
     if isinstance(design.observer, RecallingObserver):
         raise Problem((*path, "type"), "it looks back at its own past, which is kept in simulations alone")

@@ -117,8 +117,8 @@ def test_a_recorded_input_is_as_it_is_at_the_start() -> None:
         plant = inline({"x1": "x2", "x2": "-u*x2"}, "x1", inputs={"u": u})
         observer = {"S": {"type": "shgo", "theta": 150, "initial": {"x1": 1}}}
         text = {"plant": plant, "observers": observer, "solver": {"step": 0.005, "divergence": 1e9}}
-        inputs = {"u": held_input("u", taken, np.full(40, 40.0))} if u == "0" else {}
-        log = recording(signal("x1", taken, np.zeros(40)), **inputs)
+        one = signal("x1", taken, np.zeros(40))
+        log = recording(one, u=held_input("u", taken, np.full(40, 40.0))) if u == "0" else recording(one)
         (trouble,) = estimate(source(text), log, sensitivity=False).troubles()
         found += re.findall(r"they do not with theta of at most 83, or a period of at most \S+ s", trouble)
     assert len(found) == 2

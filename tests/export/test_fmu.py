@@ -12,9 +12,8 @@ import numpy as np
 import pytest
 from examples import CONTOIS, Block, experiment, inline
 from exported_c import STRICT, Driven, driven, load_all
+from exported_fmu import GCC, Unit
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi2 import FMU2Slave
-from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 from shell import Shell
 
@@ -39,54 +38,6 @@ RUNS: dict[str, tuple[Block, Block, Block]] = {
         {"noise": NOISE, "outputs": {"a": {"sampling": {"period": 0.1}}, "c": {"sampling": {"period": 0.17}}}},
     ),
 }
-GCC = [compiler for compiler in compilers() if len(compiler.command) == 1] or [Compiler(("gcc",), "linux", "x86_64")]
-
-
-class Unit:
-    """A unit that FMPy has loaded."""
-
-    def __init__(self, file: Path, version: Version) -> None:
-        description = fmpy.read_model_description(str(file))
-        self.number = {v.name: v.valueReference for v in description.modelVariables}
-        two = version == "2.0"
-        self.unit: Any = (FMU2Slave if two else FMU3Slave)(
-            guid=getattr(description, "instantiationToken", None)
-            or description.guid,  # older ones have one name for both
-            unzipDirectory=fmpy.extract(str(file), str(file.with_suffix(".d"))),
-            modelIdentifier=description.coSimulation.modelIdentifier,
-            instanceName="one",
-        )
-        self.get = self.unit.getReal if two else self.unit.getFloat64
-        self.set = self.unit.setReal if two else self.unit.setFloat64
-        self.unit.instantiate()
-        if two:
-            self.unit.setupExperiment(startTime=5.0)
-        self.unit.enterInitializationMode(**({} if two else {"startTime": 5.0}))
-        self.unit.exitInitializationMode()
-
-    def tell(self, **values: float) -> None:
-        """Inputs by name, with _ for the point."""
-        for name, one in values.items():
-            number = self.number[name.replace("_", ".", 1)]
-            if name.startswith("new"):
-                self.unit.setBoolean([number], [bool(one)])
-            else:
-                self.set([number], [float(one)])
-
-    def follow(self, found: Driven, outputs: list[str]) -> np.ndarray:
-        """The estimates at all events."""
-        xhat = [number for name, number in self.number.items() if name.startswith("xhat")]
-        rows = [self.get(xhat)]
-        for k, samples in enumerate(found.samples[:-1]):
-            now = found.events[k]
-            self.tell(**{f"new_{name}": 0.0 for name in outputs})
-            for i, taken, y, _ in samples:
-                self.tell(**{f"y_{outputs[i]}": y, f"new_{outputs[i]}": 1.0})
-                if f"age.{outputs[i]}" in self.number:
-                    self.tell(**{f"age_{outputs[i]}": now - taken})
-            self.unit.doStep(5.0 + now, found.events[k + 1] - now)
-            rows.append(self.get(xhat))
-        return np.array(rows)
 
 
 def before_samples(run: PreparedRun, found: Driven, folder: Path) -> np.ndarray:
@@ -128,6 +79,23 @@ def test_numbers(name: str, version: Version, tmp_path: Path) -> None:
     assert unit.get([unit.number["time"]]) == before == [8.0]
     unit.unit.reset()
     assert unit.get([unit.number[v] for v in unit.number if v.startswith("xhat")]) == pytest.approx(expected[0])
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("version", VERSIONS)
+def test_a_sample_that_is_older_than_the_memory_is_left_out(version: Version, tmp_path: Path) -> None:
+    """And one within it is not."""
+    (observer,) = exported(run_of("late"))
+    content, found = fmu(observer, version, GCC[:1]), []
+    for age in (None, 0.1, 2 * observer.pieces * observer.step):
+        (tmp_path / f"{age}.fmu").write_bytes(content)
+        unit = Unit(tmp_path / f"{age}.fmu", version)
+        unit.tell(new_x1=0.0)
+        unit.unit.doStep(5.0, 1.0)
+        unit.tell(**({} if age is None else {"new_x1": 1.0, "y_x1": 2.0, "age_x1": age}))
+        unit.unit.doStep(6.0, 0.5)
+        found.append(unit.get([unit.number["xhat.x1"]]))
+    assert found[2] == found[0] != found[1]
 
 
 @pytest.mark.costly

@@ -215,7 +215,7 @@ def test_substeps_take_the_same_sample_several_times() -> None:
 def test_exported_code_steps_from_sample_to_sample_alone() -> None:
     (observer,) = exported(prepared({}, measurement={"sampling": {"period": 0.1}}, step=0.01))
     assert observer.jump is not None
-    with pytest.raises(ConfigError, match="there is no place in it for decisions"):
+    with pytest.raises(ConfigError, match="no place in it for decisions; with sampled outputs it steps"):
         exported(prepared({}, step=0.01))
 
 
