@@ -46,13 +46,14 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
     is for continuous outputs only: with sampled ones the plant must be free of time and inputs, linear or not.
     With m = n and one output this is Luenberger's observer with L = T^-1 Gam and the poles -theta lam.
 
-    Other plants: T is known at points of ``box``, by integrating the plant backwards until e^(-20) is left, and T^inv
-    is a polynomial of ``degree`` in the standardised z, by least squares. Its error remains in the estimate:
-    ``analyze`` gives it at the points of the fit and at others (``inverse_error``), and the largest coefficient. The
-    fit knows nothing of noise: where coefficients are large an accurate inverse amplifies noise and model errors;
-    take ``ridge``, a lower degree or a smaller m then. theta scales the bandwidth. A plant that diverges backwards in
-    time on the box is refused; with ``outside: saturate`` it is clipped to the box there, and T is right where the
-    past has been inside. Inputs of a nonlinear plant are refused, since each would need another T.
+    Other plants: T is known at points of ``box``, by integrating the plant backwards until e^(-20) is left, and
+    T^inv is a polynomial of ``degree`` in the standardised z, by least squares. Its error remains in the estimate:
+    ``analyze`` gives it at the points of the fit and at others (``inverse_error``), and the largest coefficient.
+    The fit knows nothing of noise: where coefficients are large an accurate inverse amplifies noise and model
+    errors; take ``ridge``, a lower degree or a smaller m then. theta scales the bandwidth. A plant that diverges
+    backwards in time on the box is refused; with ``outside: saturate`` it is clipped to the box there, and T is
+    right where the past has been inside, to 1e-5 or so: kinks are followed coarsely, and the inverse amplifies
+    that. Inputs of a nonlinear plant are refused, since each would need another T.
 
     Sampled outputs, all with one period T_s, have a T of their own, in which nothing is neglected:
 

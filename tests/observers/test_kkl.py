@@ -12,6 +12,7 @@ import hgorun
 from hgorun.analysis.finding import FINDINGS
 from hgorun.errors import ConfigError, Problem
 from hgorun.export.prepared import exported
+from hgorun.observers.kkl_keys import KklObserver
 from hgorun.observers.kkl_map import Escaped, _steps, left_inverse, of_linear_plant
 from hgorun.result.result import Result
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
@@ -130,6 +131,36 @@ def test_a_plant_that_escapes_backwards_is_clipped_on_request() -> None:
         prepare(experiment(VAN_DER_POL, {"K": block}))
     result = simulated(VAN_DER_POL, {"K": {**block, "outside": "saturate", "theta": 2}}, end=20, step=0.01)
     assert np.all(rms(result)["K"] < [0.3, 0.9])
+
+
+@pytest.mark.slow
+def test_the_map_of_a_clipped_plant_converges_to_that_of_orbits_one_by_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it errs by is its own tolerance, not that of the oracle."""
+    low, high, lam = np.array([-2.5, -4]), np.array([2.5, 4]), np.array([2.0, 4, 6])
+    box = {"x1": [-2.5, 2.5], "x2": [-4, 4]}
+    block: Block = {"type": "kkl", "box": box, "points": 20, "outside": "saturate", "theta": 2, "m": 3}
+    run = prepare(experiment(VAN_DER_POL, {"K": block}))
+    design = run.experiment.designs["K"]
+    observer = design.observer
+    assert isinstance(observer, KklObserver)
+    points = observer._points(design.form)[0]
+    mu, stiffness = (run.plant.parameters[list(run.plant.model.parameters).index(name)] for name in ("mu", "stiffness"))
+
+    def mapped(x: np.ndarray) -> np.ndarray:
+        def backwards(s: float, y: np.ndarray) -> np.ndarray:
+            a, b = np.clip(y[:2], low, high)
+            return np.array([-b, -(stiffness * a + mu * (1 - a * a) * b), *(a * np.exp(-lam * s))])
+
+        found = solve_ivp(backwards, (0, 10), [*x, 0, 0, 0], "DOP853", rtol=1e-12, atol=1e-14)
+        return np.asarray(found.y[2:, -1])
+
+    expected, errors = np.array([mapped(x) for x in points]), []
+    for tolerance in (1e-6, 1e-8, 1e-10):
+        monkeypatch.setattr("hgorun.observers.kkl_map._COARSE", tolerance)
+        errors.append(np.max(np.abs(observer._mapped(design.form, points) - expected)))
+    assert errors[0] < 1e-4
+    assert errors[1] < 0.1 * errors[0]
+    assert errors[2] < 1e-6
 
 
 @pytest.mark.measured
