@@ -69,8 +69,10 @@ def _sizes(
     try:
         other = prepare_estimate(prepared.experiment.varied(changes), recording)
         found = evaluate_run(other, held_out, {}, with_error=False)
-    except HgorunError:  # the gain cannot be that
-        return {}
+    except HgorunError:  # one of the gains cannot be that
+        each = [{label: one} for label, one in chosen.items()] if len(chosen) > 1 else []
+        alone = [_sizes(prepared, recording, held_out, one, factor) for one in each]
+        return {label: of[label] for one, of in zip(each, alone, strict=True) for label in one if label in of}
     return {b.label: size_of(scores_of(other, found, j)) for j, b in enumerate(other.run.observers)}
 
 

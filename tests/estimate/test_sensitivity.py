@@ -1,0 +1,57 @@
+"""How much the score depends on each gain: beside an observer written in NumPy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from examples import Block
+from recordings import PENDULUM, assessed_of, recording, signal, source
+
+from hgorun.estimate.estimate import estimate
+
+PERIOD, STEPS, LEFT_OUT = 0.1, 20, 8  # samples that scores leave out at the start
+TAKEN = PERIOD * np.arange(80)
+Y = np.cos(TAKEN) + 0.03 * np.sin(37 * TAKEN**2)
+START: Block = {"initial": {"a": 0.8, "b": 0.0}}
+SHGO: Block = {"type": "shgo", "theta": 3.0, **START}
+UPDATED: Block = {"type": "updated", "theta_0": 1.0, "theta_max": 4.0, "delta": 0.1, "a": 3.0, **START}
+BANK: Block = {"type": "bank", "observer": {"type": "shgo"}, "thetas": [2.0, 4.0], "eps": 1.0, "nu": 1.0, **START}
+
+
+def scores(**observers: Block) -> dict[str, dict[str, float]]:
+    text = {"plant": PENDULUM, "observers": observers, "solver": {"step": PERIOD / STEPS}}
+    found = estimate(source(text), recording(signal("a", TAKEN, Y)))
+    return {label: dict(assessed_of(found, label).scores["sensitivity"]) for label in observers}
+
+
+def innovations(theta: float) -> float:
+    """The size of the innovations of an SHGO, integrated by hand."""
+
+    def rate(z: np.ndarray) -> np.ndarray:
+        a, b, e = z
+        return np.array([b - 2 * theta * e, -np.sin(a) - 0.1 * b - theta**2 * e, -2 * theta * e])
+
+    z, found, h = np.array([0.8, 0.0, 0.0]), [], PERIOD / STEPS
+    for y in Y:
+        z[2] = z[0] - y
+        found.append(z[2])
+        for _ in range(STEPS):
+            k1 = rate(z)
+            k2 = rate(z + h / 2 * k1)
+            k3 = rate(z + h / 2 * k2)
+            z = z + h / 6 * (k1 + 2 * k2 + 2 * k3 + rate(z + h * k3))
+    return float(np.sqrt(np.mean(np.square(found[LEFT_OUT:]))))
+
+
+def test_it_is_the_slope_of_the_logarithms() -> None:
+    larger, smaller = innovations(3.0 * 1.05), innovations(3.0 / 1.05)
+    expected = np.log(larger / smaller) / (2 * np.log(1.05))
+    assert scores(S=SHGO)["S"] == {"theta": pytest.approx(expected, rel=1e-9)}
+
+
+def test_a_gain_that_cannot_be_larger_takes_none_from_another_observer() -> None:
+    """The third gain of the bank is eps, of which 1 is the most."""
+    beside = scores(B=BANK, U=UPDATED)
+    assert "eps" not in beside["B"]
+    assert beside["U"].keys() == {"theta_0", "theta_max", "delta", "a"}
+    assert beside["U"] == scores(U=UPDATED)["U"]
