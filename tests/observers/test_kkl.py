@@ -17,6 +17,7 @@ from hgorun.observers.kkl_map import Escaped, _steps, left_inverse, of_linear_pl
 from hgorun.result.result import Result
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation import prepare
+from hgorun.symbolic.drift import DriftForm
 
 OSCILLATOR = np.array([[0.0, 1.0], [-1.0, 0.0]])
 DUFFING: Block = inline({"x1": "x2", "x2": "-x1 - x1**3"}, "x1", initial={"x1": 1, "x2": 0})
@@ -141,9 +142,10 @@ def test_the_map_of_a_clipped_plant_converges_to_that_of_orbits_one_by_one(monke
     block: Block = {"type": "kkl", "box": box, "points": 20, "outside": "saturate", "theta": 2, "m": 3}
     run = prepare(experiment(VAN_DER_POL, {"K": block}))
     design = run.experiment.designs["K"]
-    observer = design.observer
+    observer, form = design.observer, design.form
     assert isinstance(observer, KklObserver)
-    points = observer._points(design.form)[0]
+    assert isinstance(form, DriftForm)
+    points = observer._points(form)[0]
     mu, stiffness = (run.plant.parameters[list(run.plant.model.parameters).index(name)] for name in ("mu", "stiffness"))
 
     def mapped(x: np.ndarray) -> np.ndarray:
@@ -157,7 +159,7 @@ def test_the_map_of_a_clipped_plant_converges_to_that_of_orbits_one_by_one(monke
     expected, errors = np.array([mapped(x) for x in points]), []
     for tolerance in (1e-6, 1e-8, 1e-10):
         monkeypatch.setattr("hgorun.observers.kkl_map._COARSE", tolerance)
-        errors.append(np.max(np.abs(observer._mapped(design.form, points) - expected)))
+        errors.append(np.max(np.abs(observer._mapped(form, points) - expected)))
     assert errors[0] < 1e-4
     assert errors[1] < 0.1 * errors[0]
     assert errors[2] < 1e-6
