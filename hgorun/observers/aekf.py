@@ -248,7 +248,7 @@ class SampledAdaptiveFilter(AdaptiveFilter, CorrectedObserver[Form, ScaledCopy])
     def horizon(self, form: Form) -> float:
         return self.copies * self._interval(form)
 
-    def check_times(self, form: Form, times: Mapping[str, np.ndarray]) -> None:
+    def check_times(self, form: Form, times: Mapping[str, np.ndarray], origin: float) -> None:
         T, first = self._interval(form), next(iter(times.values()))
         for name, taken in times.items():
             together = taken.shape == first.shape and np.all(np.abs(taken - first) <= _UNEVEN * T)

@@ -241,7 +241,7 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
             The numbers of :meth:`~Observer.design`.
         """
 
-    def check_times(self, form: FormT, times: Mapping[str, np.ndarray]) -> None:
+    def check_times(self, form: FormT, times: Mapping[str, np.ndarray], origin: float) -> None:
         """Refuse times that the observer's gain is not for.
 
         Parameters
@@ -249,6 +249,8 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
         form : Form
         times : mapping of str to ndarray
             When the samples of every output that it takes in have been taken, ascending.
+        origin : float
+            From which these are counted, on the clock of the configuration.
 
         Raises
         ------

@@ -192,9 +192,9 @@ class CorrectedExtension(Extension, CorrectedObserver[Form, Any]):
         flow = self.family.equations(self, longer_copy(plant, self.added), self._whole(s), e, k)
         return Flow(self._split(flow.derivatives, s), flow.correction)
 
-    def check_times(self, form: Form, times: Mapping[str, np.ndarray]) -> None:
+    def check_times(self, form: Form, times: Mapping[str, np.ndarray], origin: float) -> None:
         assert issubclass(self.family, CorrectedObserver)
-        self.family.check_times(self, longer(form, self.added), times)
+        self.family.check_times(self, longer(form, self.added), times, origin)
 
     def longest_period(self, form: Form) -> PeriodLimit | None:
         assert issubclass(self.family, CorrectedObserver)

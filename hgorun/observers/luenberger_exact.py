@@ -14,6 +14,7 @@ from hgorun.observers.base import Arrival, Flow, PeriodLimit, observer
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.sample_clock import SampleClock
+from hgorun.observers.together import not_beside
 from hgorun.symbolic.linear import LinearForm, linear_form
 from hgorun.symbolic.smooth import SmoothCopy
 from hgorun.symbolic.symbols import Symbols
@@ -70,12 +71,14 @@ class ExactLuenbergerObserver(NoiseInformed, SampleClock[LinearForm, SmoothCopy]
             raise Problem(("period",), f"the outputs have periods from {np.min(periods):.6g} to {np.max(periods):.6g}")
         return float(periods[0])
 
-    def check_times(self, form: LinearForm, times: Mapping[str, np.ndarray]) -> None:
+    def check_times(self, form: LinearForm, times: Mapping[str, np.ndarray], origin: float) -> None:
         T = self._period(form)
-        first = next(iter(times.values()))
+        first, *_ = times.items()
         for name, taken in times.items():
-            if taken.shape != first.shape or np.any(np.abs(taken - first) > _UNEVEN * T):
-                raise Problem(("type",), "all outputs must be sampled at the same times; take ekf or impulsive_riccati")
+            if taken.shape != first[1].shape or np.any(np.abs(taken - first[1]) > _UNEVEN * T):
+                where = not_beside(first, (name, taken), origin, _UNEVEN * T)
+                message = f"all outputs must be sampled at the same times, but {where}: take ekf or impulsive_riccati"
+                raise Problem(("type",), message)
             gaps = np.diff(taken)
             gaps = gaps[gaps > 0]
             if gaps.size and np.ptp(gaps) > _UNEVEN * T:

@@ -69,7 +69,7 @@ class TrackingDifferentiator(NotLinear, SteppedDifferentiator):
     def not_linear(self) -> str | None:
         return "the acceleration is at its bound r except for errors within r h_0^2"
 
-    def check_times(self, form: DerivativeForm, times: Mapping[str, np.ndarray]) -> None:
+    def check_times(self, form: DerivativeForm, times: Mapping[str, np.ndarray], origin: float) -> None:
         longest = max((float(np.max(np.diff(one), initial=0.0)) for one in times.values()), default=0.0)
         if self.h_0 is not None and longest > self.h_0 * (1 + 1e-9):
             raise Problem(("h_0",), f"must not be below the time between samples, {longest:.4g}; found {self.h_0:g}")

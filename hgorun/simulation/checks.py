@@ -13,6 +13,7 @@ from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import AnyObserver, CorrectedObserver, DecidedObserver
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
+from hgorun.observers.together import not_beside
 from hgorun.observers.treatment import late_to, treatment_of, why_punctual
 from hgorun.simulation.jump_checks import check_jumps
 from hgorun.simulation.prepared import PreparedRun
@@ -219,7 +220,7 @@ def check_corrections(run: PreparedRun) -> None:
                     raise Problem(("observers", b.label), message)
             times = {c.name: np.sort(_corrected_at(b.observer, c.samples)) for c in run.channels}
             try:
-                b.observer.check_times(b.form, times)
+                b.observer.check_times(b.form, times, run.origin)
             except Problem as problem:
                 raise Problem(("observers", b.label, *problem.path), problem.message) from problem
 

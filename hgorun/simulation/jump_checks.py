@@ -9,8 +9,8 @@ import numpy as np
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import are_late, stepped_between
-from hgorun.measurement.together import not_beside
 from hgorun.observers.base import SampledObserver, SampleSchedule
+from hgorun.observers.together import not_beside
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.truth import Recording

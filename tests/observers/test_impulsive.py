@@ -316,7 +316,11 @@ def test_two_outputs_of_luenberger() -> None:
     for poles, measurement, message in (
         ([-1, -1, -2], apart, "have periods from 0.2 to 0.4"),
         (-1, together, "cannot be placed"),
-        ([-1, -1, -2], shifted, "at the same times"),
+        (
+            [-1, -1, -2],
+            shifted,
+            "same times, but z has no sample beside that of y at t = 0, the nearest is 0.1 later: take",
+        ),
     ):
         with pytest.raises(ConfigError, match=message):
             hgorun.simulate(

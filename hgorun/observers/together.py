@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 
-def not_beside(first: tuple[str, np.ndarray], second: tuple[str, np.ndarray], origin: float) -> str:
+def not_beside(
+    first: tuple[str, np.ndarray], second: tuple[str, np.ndarray], origin: float, tolerance: float = 0.0
+) -> str:
     """The first sample of one output that has none of the other beside it, as a sentence without a full stop.
 
     Parameters
@@ -14,10 +16,12 @@ def not_beside(first: tuple[str, np.ndarray], second: tuple[str, np.ndarray], or
         Names, and times in ascending order, which differ.
     origin : float
         From which these are counted, on the clock of the configuration.
+    tolerance : float
+        By how much times may differ that count as the same.
     """
     (_, a), (_, b) = first, second
     count = min(a.size, b.size)
-    apart = np.flatnonzero(a[:count] != b[:count])
+    apart = np.flatnonzero(np.abs(a[:count] - b[:count]) > tolerance)
     k = int(apart[0]) if apart.size else count
     here, there = (second, first) if k == a.size or (k < b.size and b[k] < a[k]) else (first, second)
     t, others = float(here[1][k]), there[1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hgorun.measurement.together import not_beside
+from hgorun.observers.together import not_beside
 
 
 @pytest.mark.parametrize(
