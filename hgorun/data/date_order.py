@@ -66,6 +66,18 @@ def known_after(known: np.ndarray, taken: np.ndarray) -> np.ndarray:
     return counted
 
 
+def a_day_too_early(known: np.ndarray, taken: np.ndarray) -> int | None:
+    """The first sample that may be known a day later than :func:`known_after` has it; None where none looks so.
+
+    It is known before the sample above it, and a day later its delay would be more like the delay of that one.
+    Delays of more than a day throughout look like shorter ones.
+    """
+    there = np.flatnonzero((known != NAT) & (taken != NAT))
+    late = known[there] - taken[there]
+    fewer = (np.diff(known[there]) < 0) & (np.diff(late) < -_DAY // 2)
+    return int(there[fewer.argmax() + 1]) if fewer.any() else None
+
+
 def passes_midnight(found: np.ndarray) -> int | None:
     """The first time of day that lies more than half a day before the one above it; None where none does."""
     there = np.flatnonzero(found != NAT)

@@ -10,7 +10,7 @@ from hgorun.config.data import Data, has_date
 from hgorun.data.cells import NAT, Stamps
 from hgorun.data.clocks import ClockColumn, odd_dates, origin, origin_stamp, stamps, times_since
 from hgorun.data.date_hints import clock_key, with_exchanged
-from hgorun.data.date_order import days_counted, exchanged, known_after, passes_midnight, unlike_others
+from hgorun.data.date_order import a_day_too_early, days_counted, exchanged, known_after, passes_midnight, unlike_others
 from hgorun.data.day_counts import four_years_apart, span_of
 from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.recording import Note, Origin
@@ -148,10 +148,14 @@ class OneClock:
                     before = int(there[-1])
                     start = int(there[0]) if start is None else start
         self.notes += [note for place in self._stamps if place in counted for note in self._days_lost(*place)]
+        known = {}
         for part in (part for signal in signals for part in signal.parts):
             if part.available is not None and part.available.clock.next_day:
                 place = part.file, part.available
-                self._stamps[place] = known_after(self._stamps[place], self._stamps[part.file, part.time])
+                taken = self._stamps[part.file, part.time]
+                self._stamps[place] = known_after(self._stamps[place], taken)
+                known[place] = taken
+        self.notes += [note for place, taken in known.items() for note in self._known_earlier(*place, taken)]
 
     def _days_lost(self, file: LogFile, clock: ClockColumn) -> Iterator[Note]:
         """What is told of the longest gap between times of day, where whole days may have passed."""
@@ -165,6 +169,20 @@ class OneClock:
             "this line, the longest, may be of a day or more, whose days are lost; such logs need dates"
         )
         key = ".".join(map(str, clock.path))
+        yield Note(kind="clock", signal=key, file=str(file.path), line=line, message=told)
+
+    def _known_earlier(self, file: LogFile, clock: ClockColumn, taken: np.ndarray) -> Iterator[Note]:
+        """What is told of the first sample that may have become known a day later than times of day say."""
+        place = a_day_too_early(self._stamps[file, clock], taken)
+        if place is None:
+            return
+        late = float(self._stamps[file, clock][place] - taken[place])
+        told = (
+            f"column {clock.cells.column!r}: the sample of this line is taken to be known {duration(late / 1e9)} after "
+            "it was taken, and before the one above it: next_day counts no more than 23 h, so that one that is known "
+            "a day later needs dates"
+        )
+        key, line = ".".join(map(str, clock.path)), int(self._tables[file].lines[place])
         yield Note(kind="clock", signal=key, file=str(file.path), line=line, message=told)
 
     def _require_order(self, file: LogFile, clock: ClockColumn, signals: Sequence[Wanted]) -> None:

@@ -140,6 +140,26 @@ def test_what_is_known_shortly_before_it_was_taken_is_not_of_the_next_day(tmp_pa
 
 
 @pytest.mark.parametrize(
+    ("lines", "told"),
+    [
+        (("08:00,06:00", "09:00,07:30", "10:00,10:30"), [4]),  # the last 24.5 h later, counted as half an hour
+        (("08:00,06:00", "09:00,", "10:00,10:30", "11:00,11:30"), [4]),
+        (("08:00,08:30", "09:00,09:30", "10:00,10:30"), []),  # a day later, all of them: nothing shows it
+        (("08:00,22:00", "09:00,15:00", "20:00,21:00"), []),  # out of order by less than half a day
+        (("08:00,06:00", "09:00,07:00", "20:00,08:00"), []),  # shorter, and in order
+    ],
+)
+def test_what_may_be_known_a_day_later_is_named(tmp_path: Path, lines: tuple[str, ...], told: list[int]) -> None:
+    time = {"column": "t", "format": "%H:%M", "next_day": True}
+    outputs = {"S": {"column": "glucose", "available": "ta"}}
+    text = "t,ta,glucose\n" + "".join(f"{line},{k}\n" for k, line in enumerate(lines))
+    found = recorded(tmp_path, text, {"time": time, "outputs": outputs, "faults": {"missing": "drop"}})
+    notes = [note for note in found.notes if "known a day later" in note.message]
+    assert [note.line for note in notes] == told
+    assert all("30 min 0 s after it was taken" in note.message for note in notes)
+
+
+@pytest.mark.parametrize(
     ("first", "others", "begins"),
     [
         (("23:50", "23:55", "00:05"), ("00:01", "00:04"), 11),
