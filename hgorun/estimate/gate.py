@@ -3,7 +3,8 @@
 An innovation counts as too large beyond ``gate`` standard deviations. These are told by the observer's own covariance
 where it has one, and otherwise by the median of the last innovations, which outliers do not move: 1.4826 times the
 median of |e| is the standard deviation of normal numbers. Those found to be outliers are among them, so that a step of
-the output is followed after some samples and does not shut the observer out for ever.
+the output is followed after some samples and does not shut the observer out for ever. While there are few of them the
+median counts as larger, since that of few numbers may be small by chance, and an error at the start may still grow.
 """
 
 from __future__ import annotations
@@ -23,7 +24,8 @@ from hgorun.symbolic.evaluate import Floats
 
 _WINDOW = 61  # innovations whose median is taken
 _ROOM = 1024  # of them that stand in one list, those that are not needed any more among them
-_FEWEST = 8  # of them, before anything is an outlier
+_FEWEST = 2  # of them, before anything is an outlier: one alone may be 0, where a start is the first sample
+_ENOUGH = 8  # of them; the median of n < 8 counts 8/n times
 _NORMAL = 1.4826  # standard deviations in a median of |e|
 
 Innovations: TypeAlias = tuple[list[float], int]
@@ -53,13 +55,15 @@ class RunningDeviation:
 
     @property
     def value(self) -> float:
-        """Infinite until there are enough innovations."""
+        """Infinite of a single innovation and of none, and where the first of them are 0 and no noise is stated."""
         count = len(self._sorted)
         if count < _FEWEST:
             return float("inf")
         middle = count // 2
         median = self._sorted[middle] if count % 2 else 0.5 * (self._sorted[middle - 1] + self._sorted[middle])
-        return max(_NORMAL * median, self.least)
+        if count >= _ENOUGH:
+            return max(_NORMAL * median, self.least)
+        return max(_NORMAL * median * (_ENOUGH / count), self.least) or float("inf")
 
     def add(self, innovation: float) -> None:
         """Take one more into account."""

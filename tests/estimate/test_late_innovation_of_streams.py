@@ -145,7 +145,7 @@ def test_so_it_has_of_a_filter_that_goes_back(gates: dict[str, float]) -> None:
 def test_so_it_has_where_many_become_known_at_once(plant: Block, late: str) -> None:
     """Some of them outliers, and to one observer others than to the other one."""
     block = config("shgo", {"theta": 2, "poles": -1}, plant, late)
-    block["observers"]["slow"] = {**block["observers"]["O"], "theta": 1}
+    block["observers"]["far"] = {**block["observers"]["O"], "theta": 0.5, "initial": {"a": 3, "b": 0}}
     found = agree(block, dict.fromkeys(plant["output"], 5.0), together)
     left_out = [one.used for one in recorded_of(found).outputs.values()]
     assert late == "replay" or any((used[:, 0] != used[:, 1]).any() for used in left_out)
@@ -161,7 +161,7 @@ def agree(block: Block, gates: dict[str, float], samples: Samples = some_late) -
     outputs = recorded_of(result).outputs
     for j, counts in enumerate(estimator.gated.values()):
         for name, (count, offered) in counts.items():
-            assert count >= 2
+            assert j > 0 or count >= 2
             assert offered - count == np.count_nonzero(outputs[name].used[:, j])
     return result
 

@@ -101,7 +101,16 @@ def test_the_running_deviation_is_that_of_normal_numbers_and_ignores_outliers() 
     deviation.add(50.0)
     assert kept_of(before) == kept
     assert kept_of(deviation.state()) == [*kept[1:], 50.0]
-    assert RunningDeviation(5.0).value == np.inf
+    small = RunningDeviation(0.5)
+    found = []
+    for value in (3.0, -1.0, 2.0, 0.0, 0.0):
+        small.add(value)
+        found.append(small.value)
+    assert found == pytest.approx([np.inf, 1.4826 * 2 * 4, 1.4826 * 2 * 8 / 3, 1.4826 * 1.5 * 2, 1.4826 * 1.6])
+    rest = RunningDeviation()
+    rest.add(0.0)
+    rest.add(0.0)
+    assert rest.value == np.inf
 
 
 def test_sizes() -> None:

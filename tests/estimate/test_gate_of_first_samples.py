@@ -1,0 +1,101 @@
+"""Outliers among the first samples of an observer that knows no covariance: which are left out, and which never."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from examples import Block, inline
+from recordings import POLES, assessed_of, recorded_of, recording, signal, source
+
+from hgorun.estimate.estimate import estimate
+from hgorun.estimate.estimator import Estimator
+from hgorun.result.result import Result
+from hgorun.simulation.experiment import Experiment
+
+PERIOD, COUNT, GATE, STD = 0.125, 24, 5.0, 0.02  # exact times: a file and a stream make the same steps
+TAKEN = PERIOD * np.arange(COUNT)
+PLANT = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, "a")
+NEAR, FAR = {"a": 0.5, "b": 0.0}, {"a": 3.0, "b": -6.0}  # 0.5 cos t is what is measured
+
+
+def values(seed: int, outliers: dict[int, float]) -> np.ndarray:
+    random = np.random.default_rng(seed)
+    found = 0.5 * np.cos(TAKEN) + STD * random.normal(size=COUNT)
+    for k, size in outliers.items():
+        found[k] += size
+    return found
+
+
+def block(initial: dict[str, float]) -> Block:
+    return {
+        "time": {"start": 0.0, "end": float(TAKEN[-1]), "output_step": PERIOD},
+        "plant": {**PLANT, "initial": initial},
+        "observers": {"O": {"type": "shgo", **POLES, "initial": initial}},
+        "measurement": {"sampling": {"period": PERIOD}},
+        "solver": {"step": PERIOD / 16},
+    }
+
+
+def estimated(y: np.ndarray, initial: dict[str, float], std: float | None, gate: float | None = GATE) -> Result:
+    log = recording(signal("a", TAKEN, y, gate=gate, std=std))
+    return estimate(source(block(initial)), log, sensitivity=False)
+
+
+def plain(innovations: np.ndarray, least: float) -> np.ndarray:
+    """Which samples are used, from their innovations: the rule of the page, written down once more."""
+    sizes, used = np.abs(innovations), np.ones(innovations.size, dtype=bool)
+    for k in range(2, sizes.size):
+        n = min(k, 61)
+        scale = max(1.4826 * np.median(sizes[k - n : k]) * max(8 / n, 1), least)
+        used[k] = sizes[k] <= GATE * scale or (scale == 0 and k < 8)
+    return used
+
+
+@pytest.mark.parametrize("std", [None, STD])
+@pytest.mark.parametrize("outliers", [{}, {2: 10.0}, {4: -2.0, 6: 20.0}, {3: 0.5, 15: 4.0}], ids=str)
+def test_outliers_among_the_first_are_left_out(outliers: dict[int, float], std: float | None) -> None:
+    found = estimated(values(1, outliers), NEAR, std)
+    one = recorded_of(found).outputs["a"]
+    assert np.flatnonzero(~one.used[:, 0]).tolist() == list(outliers)
+    assert np.array_equal(one.used[:, 0], plain(one.innovation[:, 0], std or 0.0))
+    assert assessed_of(found, "O").scores["gated"] == {"a": len(outliers)}
+    others = estimated(values(1, dict.fromkeys(outliers, 0.0)), NEAR, std)
+    assert np.max(np.abs(found.observers["O"].xhat - others.observers["O"].xhat)) < 6 * STD
+
+
+@pytest.mark.parametrize("std", [None, STD])
+def test_a_start_far_from_the_truth_is_no_outlier(std: float | None) -> None:
+    """All samples are used, as without a gate."""
+    y = values(2, {})
+    found, free = (estimated(y, FAR, std, gate) for gate in (GATE, None))
+    assert np.all(recorded_of(found).outputs["a"].used)
+    assert np.array_equal(found.observers["O"].xhat, free.observers["O"].xhat)
+
+
+def test_an_output_that_rests_at_first_shuts_nothing_out() -> None:
+    """Innovations that are zero, as of a coarse sensor at rest, say nothing of the noise."""
+    y = np.where(np.arange(COUNT) < 5, 0.0, 0.1)
+    found = estimated(y, {"a": 0.0, "b": 0.0}, None)
+    one = recorded_of(found).outputs["a"]
+    assert not np.any(one.innovation[:5])
+    assert np.all(one.used[:8])
+    assert np.array_equal(one.used[:, 0], plain(one.innovation[:, 0], 0.0))
+
+
+@pytest.mark.parametrize("at", [2, 4, 7])
+def test_a_stream_that_goes_on_from_a_checkpoint_judges_as_the_file(at: int) -> None:
+    y = values(3, {3: 8.0, 6: -3.0})
+    expected = estimated(y, NEAR, STD)
+    experiment = Experiment(block(NEAR))
+    estimators = [Estimator(experiment, gates={"a": GATE}, std={"a": STD}) for _ in range(2)]
+    for k in range(COUNT):
+        if k == at:
+            estimators[1].restore(estimators[0].checkpoint())
+        estimators[k >= at].update(float(TAKEN[k]), {"a": float(y[k])})
+    assert np.array_equal(estimators[1].estimate()["O"], expected.observers["O"].xhat[-1])
+    assert estimators[1].gated == {"O": {"a": (2, COUNT)}}
+
+
+def test_the_first_two_are_used_whatever_they_are() -> None:
+    one = recorded_of(estimated(values(4, {0: 9.0, 1: -9.0}), NEAR, STD)).outputs["a"]
+    assert one.used[:2].tolist() == [[True], [True]]
