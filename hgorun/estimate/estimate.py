@@ -12,6 +12,7 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.estimate.assessed import assess
 from hgorun.estimate.completed import completed, known_later, known_too_late
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
+from hgorun.estimate.far_off import far_off
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
@@ -136,7 +137,11 @@ def result_of(
             ),
         ),
         measures=model.measures,
-        remarks=(*_remarks(prepared, recording, found), *_shut_out(prepared, found)),
+        remarks=(
+            *_remarks(prepared, recording, found),
+            *far_off(prepared, found),
+            *_shut_out(prepared, found),
+        ),
         recorded=recorded,
     )
 

@@ -1,0 +1,62 @@
+"""Held-out samples that are so far from the estimates of all observers that a score says little but of them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from hgorun.estimate.evaluated import Evaluated
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import stated
+from hgorun.estimate.scores import rms
+from hgorun.symbolic.evaluate import Floats
+
+_FEWEST = 8  # samples that tell how far they usually are
+_FAR = 10.0  # standard deviations from the median of the residuals
+_PART = 0.1  # of the samples, though one may always be: more are no outliers
+_NORMAL = 1.4826  # standard deviations in a median of absolute deviations
+
+
+def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
+    """What is told of outliers among the samples that were held out: they count, and make a score twice as large.
+
+    What is far off for all observers from the first sample on is not meant: there the estimates are still on their way.
+    """
+    noise, origin = stated(prepared.experiment), prepared.run.origin
+    for name, one in found.held_out.items():
+        labels = [block.label for block in prepared.run.observers]
+        sound = np.isfinite(one.residuals).all(axis=1)
+        if one.taken.size < _FEWEST or not sound.any():
+            continue
+        residuals = one.residuals[sound]
+        sizes = np.min([_deviations(row, noise.get(name, 0.0)) for row in residuals], axis=0)
+        far = sizes > _FAR
+        far[: int(np.argmin(far))] = False
+        count = int(np.count_nonzero(far))
+        scores = [(rms(row) or 0.0, rms(row[~far]) or 0.0) for row in residuals]
+        if not 0 < count <= max(1, _PART * far.size) or not all(2 * rest < whole for whole, rest in scores):
+            continue
+        size, at = float(sizes[far].min()), origin + float(one.taken[far.argmax()])
+        whose = [f" of {label}" * (len(scores) > 1) for label, is_sound in zip(labels, sound, strict=True) if is_sound]
+        without = ", ".join(
+            f"holdout_rmse{of} is {rest:.3g} in place of {whole:.3g}"
+            for of, (whole, rest) in zip(whose, scores, strict=True)
+        )
+        if count == 1:
+            yield (
+                f"{name}: 1 held-out sample is {size:.3g} standard deviations away from what the others are, at "
+                f"t = {at:g}: without it {without}"
+            )
+        else:
+            yield (
+                f"{name}: {count} held-out samples are {size:.3g} standard deviations or more away from what the "
+                f"others are, the first at t = {at:g}: without them {without}"
+            )
+
+
+def _deviations(residuals: Floats, least: float) -> Floats:
+    """How many standard deviations each is from their median; of residuals that are mostly equal, none."""
+    away = np.abs(residuals - np.median(residuals))
+    scale = max(_NORMAL * float(np.median(away)), least)
+    return away / scale if scale > 0 else np.zeros(away.size)
