@@ -81,6 +81,7 @@ def estimate(options: Estimate) -> int:
         from hgorun.estimate.completed import ready
         from hgorun.estimate.estimate import estimate as estimated
         from hgorun.estimate.long_log import estimate_into
+        from hgorun.estimate.shut_out import shut_out
 
         ready(source)
         recording, aside = _held_out(log, log.read(files.result), options)
@@ -111,7 +112,7 @@ def estimate(options: Estimate) -> int:
 
         print(table([result]))
         print(written(told, before))
-    return NOT_OK if options.strict and result.status != "ok" else 0
+    return NOT_OK if options.strict and (result.status != "ok" or any(shut_out(result))) else 0
 
 
 def one_run(source: Source, config: Path, run: str | None) -> tuple[Source, str]:

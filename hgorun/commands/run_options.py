@@ -106,7 +106,10 @@ class Estimate(Configured, Drawing):
     sensitivity: Annotated[
         bool, typer.Option("--sensitivity/--no-sensitivity", help="Report how the scores depend on each gain.")
     ] = True
-    strict: Strict = False
+    strict: Annotated[
+        bool,
+        typer.Option("--strict", help="Exit with code 3 if a status is not ok, or a gate left out too many samples."),
+    ] = False
 
     @property
     def asks_for_a_result(self) -> bool:

@@ -14,6 +14,7 @@ from hgorun.estimate.completed import completed, known_later, known_too_late
 from hgorun.estimate.evaluated import Compared, Evaluated, evaluate_run
 from hgorun.estimate.far_off import far_off
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.estimate.shut_out import shut_out
 from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
 from hgorun.result.data import Integration, IntegrationError, Measurements
@@ -25,7 +26,6 @@ from hgorun.simulation.outcome import internal
 from hgorun.simulation.units import unit_remarks
 
 _MOST = 200_000  # samples for which runs with other gains are made
-_OUTLIERS = 0.2  # of the samples: more are none
 _LARGE = "an integration error above the accuracy asked for"
 
 
@@ -111,7 +111,7 @@ def result_of(
     run, experiment = prepared.run, prepared.experiment
     model, origin, grid = run.plant.model, run.origin, found.grid
     units = {"time": run.time.unit, **run.plant.units}
-    return Result(
+    result = Result(
         name=experiment.name,
         title=experiment.blocks.title,
         time=origin + grid,
@@ -140,10 +140,10 @@ def result_of(
         remarks=(
             *_remarks(prepared, recording, found),
             *far_off(prepared, found),
-            *_shut_out(prepared, found),
         ),
         recorded=recorded,
     )
+    return replace(result, remarks=(*result.remarks, *_shut_out(prepared, result)))
 
 
 def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated) -> list[str]:
@@ -174,19 +174,15 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
     return told
 
 
-def _shut_out(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
-    """Gates that leave out so many samples that these are no outliers."""
-    offered = found.carried.offered
-    for j, block in enumerate(prepared.run.observers):
-        for one, slots in zip(prepared.samples, prepared.slots, strict=True):
-            count = int(np.count_nonzero(offered[slots, j]))
-            left_out = count - int(np.count_nonzero(found.carried.used[slots, j]))
-            if one.gate is not None and left_out > _OUTLIERS * count:
-                yield (
-                    f"{block.label}: the gate of {one.output} left out {left_out} of {count} samples, too many for "
-                    "outliers: look at the unit of the column, the model, and whether std or the gate of "
-                    f"{one.gate:g} is too small"
-                )
+def _shut_out(prepared: PreparedEstimate, result: Result) -> Iterator[str]:
+    """What is told of gates that leave out too much."""
+    gates = {one.output: one.gate for one in prepared.samples}
+    for label, output, left_out, count in shut_out(result):
+        yield (
+            f"{label}: the gate of {output} left out {left_out} of {count} samples, too many for "
+            "outliers: look at the unit of the column, the model, and whether std or the gate of "
+            f"{gates[output]:g} is too small"
+        )
 
 
 def _observers(prepared: PreparedEstimate, found: Evaluated, assessed: Sequence[Assessed]) -> dict[str, ObserverResult]:

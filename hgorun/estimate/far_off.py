@@ -25,9 +25,8 @@ def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
     """
     noise, origin = stated(prepared.experiment), prepared.run.origin
     for name, one in found.held_out.items():
-        labels = [block.label for block in prepared.run.observers]
-        sound = np.isfinite(one.residuals).all(axis=1)
-        if one.taken.size < _FEWEST or not sound.any():
+        sound = np.flatnonzero(np.isfinite(one.residuals).all(axis=1)).tolist()
+        if one.taken.size < _FEWEST or not sound:
             continue
         residuals = one.residuals[sound]
         sizes = np.min([_deviations(row, noise.get(name, 0.0)) for row in residuals], axis=0)
@@ -38,7 +37,7 @@ def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
         if not 0 < count <= max(1, _PART * far.size) or not all(2 * rest < whole for whole, rest in scores):
             continue
         size, at = float(sizes[far].min()), origin + float(one.taken[far.argmax()])
-        whose = [f" of {label}" * (len(scores) > 1) for label, is_sound in zip(labels, sound, strict=True) if is_sound]
+        whose = [f" of {prepared.run.observers[j].label}" if len(scores) > 1 else "" for j in sound]
         without = ", ".join(
             f"holdout_rmse{of} is {rest:.3g} in place of {whole:.3g}"
             for of, (whole, rest) in zip(whose, scores, strict=True)

@@ -5,12 +5,14 @@ from __future__ import annotations
 import io
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from shell import Shell
 
+from hgorun.estimate.shut_out import shut_out
 from hgorun.result.reading import read
 
 CONFIG = """
@@ -83,6 +85,19 @@ def test_what_would_be_compared_with_itself_or_ignored_is_refused(
     assert (code, out) == (2, "")
     assert message in err
     assert not (shell.folder / "results").exists()
+
+
+def test_a_gate_that_leaves_out_too_many_is_not_as_it_should_be(shell: Shell) -> None:
+    """Which stderr says, and the exit code with --strict."""
+    sure = "observers={K: {type: ekf, Q: {b: 1e-9}, R: 1e-9, initial: {a: 0, b: 3}}}"
+    words = ("estimate", "pendulum.yaml", "--set", sure, *QUIET)
+    for gate, strict, expected in ((None, True, 0), (3, False, 0), (3, True, 3)):
+        code, _, err = shell(
+            *words, *(["--set", f"data.outputs.a.gate={gate}"] if gate else []), *(["--strict"] if strict else [])
+        )
+        assert code == expected, err
+        assert ("K: the gate of a left out" in err) == (gate is not None)
+    assert not list(shut_out(replace(read(shell.folder / "results" / "pendulum.h5"), recorded=None)))
 
 
 @pytest.mark.parametrize("key", ["outputs", "reference"])
