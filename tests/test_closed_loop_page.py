@@ -28,6 +28,7 @@ PAGE = (ROOT / "docs" / "closed_loop.md").read_text(encoding="utf-8")
 ROWS = re.findall(r"^\| (\d+) \| ([\d.]+) \| ([\d.]+) \| ([\d.]+) \|$", PAGE, re.MULTILINE)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("row", ROWS, ids=[row[0] for row in ROWS])
 def test_recovery(row: tuple[str, ...]) -> None:
     theta, *expected = map(float, row)

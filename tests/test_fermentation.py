@@ -92,6 +92,8 @@ def test_interpolation_afterwards() -> None:
     assert rows[0] == rows[1]
 
 
+@pytest.mark.measured("divided-error without it")
+@pytest.mark.costly
 @pytest.mark.parametrize(("column", "row"), [("ethanol", "error, g/L"), ("divided", "error without it")])
 def test_laboratory_samples_that_are_held_out(
     column: str, row: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

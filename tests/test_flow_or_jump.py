@@ -116,6 +116,7 @@ def of_poles(poles: str, r: float) -> np.ndarray:
     return least(lambda theta, r: of_flow(theta * g_1, theta**2 * g_2, r), r)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("poles", POLES)
 def test_the_table(poles: str) -> None:
     for place, r in enumerate((0.03, 0.3, 3)):
@@ -123,6 +124,7 @@ def test_the_table(poles: str) -> None:
         np.testing.assert_allclose(ratios[:3], cells_of(poles)[place::3], rtol=0, atol=0.006)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("kind", FILTERED)
 def test_the_table_of_filters(kind: str) -> None:
     for place, r in enumerate((0.03, 0.3, 3)):
@@ -130,6 +132,7 @@ def test_the_table_of_filters(kind: str) -> None:
         np.testing.assert_allclose(ratios[:3], cells_of(kind)[place::3], rtol=0, atol=0.006)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("r", [3, 30, 300, 3000])
 def test_the_table_of_large_noise(r: int) -> None:
     """theta T of the poles apart, then angle and velocity of Butterworth poles and of those apart."""

@@ -44,6 +44,7 @@ def test_places_are_those_that_a_search_finds(within: str, side: Literal["left",
         np.testing.assert_array_equal(places_in(WITHIN[within], sought, side), expected, err_msg=name)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("within", ["even", "jitter", "repeated", "one"])
 @pytest.mark.parametrize("sought", SOUGHT)
 def test_how_far_behind_the_last_one_each_is(within: str, sought: str) -> None:

@@ -118,6 +118,7 @@ def test_options(shell: Shell) -> None:
     assert not Path("one.pdf").exists()
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [

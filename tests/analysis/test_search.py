@@ -13,6 +13,7 @@ from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.search import critical_theta, smallest, works
 
 
+@pytest.mark.costly
 @given(st.floats(-9, 9), st.floats(-3, 3))
 def test_the_border_of_a_step_function(border: float, start: float) -> None:
     """Found to 2 %, from above, wherever the search starts within ten doublings."""

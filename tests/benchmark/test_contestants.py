@@ -12,6 +12,7 @@ from hgorun.reproduce.shipped import folder
 from hgorun.simulation.preparation import prepare
 
 
+@pytest.mark.costly
 def test_every_observer_takes_part_or_has_a_reason() -> None:
     asked = load_benchmark(folder() / "benchmark" / "benchmark.yaml")
     taking = {one.block["type"] for one in asked.contestants.values()}

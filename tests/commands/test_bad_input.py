@@ -415,6 +415,8 @@ def test_a_wrong_result_file_is_refused(
     assert err.count("\n") == 1
 
 
+@pytest.mark.measured("arguments6")
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -127,6 +127,7 @@ def test_the_experiment_is_shown_where_a_plant_is_called_alike(shell: Shell) -> 
     assert "observers:" not in shell("show", "van_der_pol")[1]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "title"),
     [

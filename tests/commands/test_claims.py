@@ -32,6 +32,7 @@ def study(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
+@pytest.mark.costly
 def test_verdicts_are_printed_with_their_numbers(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert claims(Claims(names=[str(study)], strict=True)) == 0
     out, err = capsys.readouterr()

@@ -36,6 +36,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("step", "said", "verdict"), [(0.02, True, "undecidable"), (0.01, False, "refuted")])
 def test_a_mean_of_one_point_is_told_and_has_no_verdict(shell: Shell, step: float, said: bool, verdict: str) -> None:
     (shell.folder / "base.yaml").write_text(BASE.format(step=step) + CLAIM)

@@ -78,6 +78,7 @@ def test_samples_that_change_places_are_told(shell: Shell) -> None:
         assert (code, "is more than half of the period 0.1, so that samples change places" in err) == (0, told)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("content", "name", "said"),
     [

@@ -66,6 +66,7 @@ def test_every_file_keeps_to_the_schema_that_it_names(file: Path) -> None:
     validator(schema).validate(yaml.safe_load(file.read_text()))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "wrong",
     [

@@ -119,6 +119,7 @@ def test_what_is_no_file_is_told_as_what_it_is(shell: Shell, command: str, name:
     assert err.startswith(f"hgorun: {name}: there is no such file. {said}"), err
 
 
+@pytest.mark.costly
 def test_an_unknown_plant_lists_those_that_there_are(shell: Shell) -> None:
     code, _, err = shell("init", "--plant", "foo")
     assert code == 2

@@ -93,6 +93,7 @@ WORDS = (
 )
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "cls"), [*OBSERVERS.all().items(), *PLANTS.all().items()], ids=[*OBSERVERS.names(), *PLANTS.names()]
 )

@@ -33,6 +33,7 @@ class Counting(Interpreter):
         return super().step(*arguments)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("seed", range(3))
 def test_a_rejected_step_leaves_nothing_behind(seed: int) -> None:
     """A first step that is far too long is tried again, from the same state and slope."""

@@ -198,6 +198,8 @@ def test_adaptive_steps(seed: int) -> None:
     np.testing.assert_allclose(found.diverged[:, 0], expected.diverged, rtol=1e-7)
 
 
+@pytest.mark.measured("rodas5p-False-8")
+@pytest.mark.costly
 @pytest.mark.one_in(2)
 @pytest.mark.parametrize("lanes", [2, pytest.param(4, marks=pytest.mark.slow), 8])
 @pytest.mark.parametrize("delayed", [False, True])

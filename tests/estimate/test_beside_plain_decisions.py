@@ -246,6 +246,7 @@ def test_estimates_of_further_random_logs(group: str, tmp_path: Path) -> None:
         compared(group, list(GROUPS[group][-1]), seed, tmp_path)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "without"),
     [

@@ -88,6 +88,7 @@ def together(seed: int, outputs: Sequence[str]) -> list[Sample]:
     return sorted([*rows, *more]) if len(outputs) > 1 else rows
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", CASES)
 @pytest.mark.parametrize("seed", [1, *(pytest.param(seed, marks=pytest.mark.slow) for seed in (0, 4))])
 def test_estimates_of_a_random_log(name: str, seed: int, tmp_path: Path) -> None:
@@ -102,6 +103,7 @@ def test_estimates_of_a_random_log(name: str, seed: int, tmp_path: Path) -> None
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-13 * np.max(np.abs(wanted)))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("first", [2, pytest.param(0, marks=pytest.mark.slow)])
 def test_kkl_of_samples_with_a_map_fitted_in_a_box(first: int, tmp_path: Path) -> None:
     """Coefficients of some hundreds amplify the errors of two integrations."""

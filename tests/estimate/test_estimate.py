@@ -34,6 +34,7 @@ from hgorun.tables.metrics import as_json, csv, text
 MEASUREMENT = {"sampling": {"period": 0.1, "jitter": 0.02}, "noise": NOISE}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("delay", ["0", "0.1 + 0.05*sin(3*t)"], ids=["at once", "late"])
 @pytest.mark.parametrize("start", [0.0, 100.0])
 def test_the_recording_of_a_simulation_gives_its_bits(delay: str, start: float) -> None:
@@ -79,6 +80,7 @@ def plain_observer(taken: np.ndarray, y: np.ndarray, known: np.ndarray, until: f
     return np.array([a, b])
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("late", [0.0, 0.4])
 def test_irregular_samples_as_a_plain_integration_has_them(late: float) -> None:
     rng = np.random.default_rng(3)
@@ -226,6 +228,7 @@ def test_late_samples_as_each_observer_is_told(delay: str) -> None:
         assert np.array_equal(found.observers[label].xhat, one.xhat), label
 
 
+@pytest.mark.costly
 def test_a_gate_that_leaves_out_too_much_is_told() -> None:
     taken = np.arange(0, 5, 0.05)
     values = np.sin(taken)

@@ -40,6 +40,7 @@ def at_arrivals(prepared: PreparedEstimate) -> np.ndarray:
     return np.stack(estimates(prepared, np.unique(times), raw), axis=1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("late", [False, True])
 @pytest.mark.parametrize("gate", [None, 2.5])
 def test_samples_one_by_one_give_the_bits_of_the_whole(late: bool, gate: float | None) -> None:

@@ -63,6 +63,7 @@ def lines_of(estimator: Estimator) -> list[str]:
     return found
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("sampling", [[], ["measurement={sampling: {period: 0.1}}"]])
 def test_python_has_the_lines_of_the_command(
     config: Path, sampling: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]

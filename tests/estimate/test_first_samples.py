@@ -78,6 +78,7 @@ def test_as_many_samples_are_used_as_agree() -> None:
     assert (found["a"], found["b"]) == pytest.approx((value, slope), rel=1e-8)
 
 
+@pytest.mark.costly
 def test_an_exact_model_is_not_left_for_its_noise() -> None:
     """Within two standard deviations half of such records do not stay over all fits, within three one in twenty (this
     one would be left with the twelfth sample), within four one in a thousand.

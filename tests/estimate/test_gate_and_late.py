@@ -88,6 +88,7 @@ def test_a_filter_of_what_has_come_so_far_is_that_of_an_independent_simulator() 
     assert assessed_of(result, "O").scores["gated"] == {"a": float(len(outliers))}
 
 
+@pytest.mark.costly
 def test_a_judgement_is_made_anew_when_an_older_sample_comes() -> None:
     """What looks like outliers may not, once the late samples in between have come."""
     judged = [set(filtered(known_by(t), t)[1]) for t in np.arange(0.5, END, 0.1)]
@@ -111,6 +112,7 @@ def arrivals() -> Iterator[tuple[float, float, float]]:
     yield from zip(TAKEN[order].tolist(), (TAKEN + DELAYS)[order].tolist(), VALUES[order].tolist(), strict=True)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("block", [EKF, SHGO], ids=["ekf", "shgo"])
 def test_a_stream_judges_alike_and_counts(block: Block) -> None:
     """Also one that is begun again from a checkpoint after every tenth sample."""

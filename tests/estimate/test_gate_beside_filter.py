@@ -34,6 +34,7 @@ def naive(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.array(rows), np.array(used)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("most", [1, 3, 512])  # samples that are passed at once
 def test_each_sample_is_judged_by_what_the_filter_knew_before_it(most: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gated, "_AHEAD", min(most, 4))

@@ -93,6 +93,8 @@ CASES = {
 }
 
 
+@pytest.mark.measured("one of two")
+@pytest.mark.costly
 @pytest.mark.parametrize(("plant", "blocks", "gated"), CASES.values(), ids=list(CASES))
 def test_the_estimate_is_that_of_the_log_without_outliers(
     plant: Block, blocks: dict[str, Block], gated: Sequence[str]

@@ -128,6 +128,7 @@ def test_so_it_has_with_a_gate(kind: str, late: str) -> None:
     agree(config(kind, FAMILIES[kind], ONE, late), {"ya": 4.0})
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("gates", [{}, {"yb": 5.0}, {"ya": 5.0, "yb": 5.0}], ids=["all", "one", "both"])
 @pytest.mark.parametrize("kind", OF_TWO)
 def test_so_it_has_with_two_outputs(kind: str, gates: dict[str, float]) -> None:

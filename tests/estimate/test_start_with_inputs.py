@@ -41,6 +41,8 @@ def of(family: str, plant: Block, initial: dict[str, float], **more: Any) -> hgo
     return experiment(plant, {"O": keys}, **{"end": 0.2, "measurement": sampled, "solver": solver, **more})
 
 
+@pytest.mark.measured("cascade")
+@pytest.mark.costly
 @pytest.mark.parametrize("family", FAMILIES)
 def test_the_estimate_begins_at_the_initial_one(family: str) -> None:
     run = prepare(of(family, DRIVEN, ASIDE))

@@ -260,6 +260,7 @@ def test_one_wild_estimate_does_not_hide_the_rest(result: Result) -> None:
     assert high > result.x[:, 0].max()
 
 
+@pytest.mark.costly
 def test_estimates_that_are_close_are_shown_whole(result: Result, compared: Any) -> None:
     low, high = compared.axes[0].get_ylim()
     for observer in result.observers.values():

@@ -51,6 +51,7 @@ def from_the_back(ax: Any) -> list[str]:
     return sorted(drawn, key=lambda text: float(drawn[text].get_zorder()))
 
 
+@pytest.mark.costly
 def test_a_line_that_is_much_rougher_in_a_panel_is_behind_there(result: Result) -> None:
     """Though it is smoother in all states together; lines about as rough stay, and so do their widths."""
     figure = comparison(noisy(result, A=(5.0, 0.1), B=(0.1, 2.0), C=(0.07, 1.9)))
@@ -60,6 +61,7 @@ def test_a_line_that_is_much_rougher_in_a_panel_is_behind_there(result: Result) 
     assert widths[0] == widths[1]
 
 
+@pytest.mark.costly
 def test_of_lines_about_as_rough_those_with_gaps_are_in_front(result: Result) -> None:
     """A solid line in front would hide a dotted one that it coincides with; one much rougher is behind both."""
     dotted = noisy(result, A=(0.1, 0.1), B=(0.14, 0.14), C=(1.0, 1.0))
@@ -71,6 +73,7 @@ def test_of_lines_about_as_rough_those_with_gaps_are_in_front(result: Result) ->
     assert min(widths, key=lambda text: widths[text]) == "B"
 
 
+@pytest.mark.costly
 def test_of_two_lines_the_one_at_the_back_is_only_a_little_thicker(result: Result) -> None:
     """It may stand in front in a panel where it is the smoother one."""
     widths = [line.get_linewidth() for line in lines(comparison(result).axes[0]).values() if line.get_label() in "AB"]
@@ -106,6 +109,7 @@ def test_a_logarithmic_axis_has_at_least_three_labels(low: float, high: float) -
     assert max(np.log(high / shown[-1]), np.log(shown[0] / low)) < 0.4 * np.log(high / low)  # nor only at one end
 
 
+@pytest.mark.costly
 def test_noise_has_a_symbol_that_no_state_has(result: Result) -> None:
     data = Bode(np.logspace(-1, 1, 5), {"A": np.ones((5, 2))}, ("x1", "x2"), np.zeros(0), {})
     assert [ax.get_ylabel().partition(r" \rightarrow")[0] for ax in bode_figure(data, result).axes] == ["$v"] * 2

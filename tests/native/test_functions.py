@@ -208,6 +208,7 @@ def tool() -> Iterator[Any]:
         mp.dps = digits  # the tool sets its own, and mpmath keeps it for the whole process
 
 
+@pytest.mark.costly
 def test_polynomials_have_the_errors_that_stand_above_them(tool: Any) -> None:
     text = Path(coefficients.__file__).read_text()
     for what in tool.FITS:

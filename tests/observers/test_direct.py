@@ -204,6 +204,7 @@ def test_plants_of_first_order() -> None:
 PLAIN = {"type": "direct", "theta": 1}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("plant", "block", "words"),
     [

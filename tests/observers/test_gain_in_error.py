@@ -63,6 +63,7 @@ LIMITS: list[tuple[Block, float]] = [
 ]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("measurement", [NOISE, {"sampling": {"period": 0.02}, "delay": 0.01}])
 def test_limits_in_which_they_are_the_standard_observer(measurement: Block) -> None:
     blocks = {str(i): block for i, (block, _) in enumerate(LIMITS)}

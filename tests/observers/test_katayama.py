@@ -278,6 +278,8 @@ def test_samples_at_one_time_are_one() -> None:
 PLANT = {"states": ["x", "z"], "initial": {"x": 1, "z": 1}, "output": "x"}
 
 
+@pytest.mark.measured("dynamics5-output5-state x is measured twice")
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("dynamics", "output", "words"),
     [

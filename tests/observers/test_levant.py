@@ -63,6 +63,7 @@ def test_explicit_is_exact_on_polynomials(n: int, phi: str) -> None:
     assert np.all(error < 10 * H ** np.arange(n, 0, -1)), error
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("n", "phi"), [(2, "0"), (2, "0.5"), (3, "0"), (3, "0.5")])
 def test_implicit_gives_the_difference_quotients_of_polynomials(n: int, phi: str) -> None:
     """z_i = nabla^i y / H^i after a while, to rounding: y^(i) for a ramp, up to O(H) otherwise."""

@@ -25,6 +25,7 @@ from hgorun.simulation.simulate import prepare
 LIMITS = {1: 8 / 9, 2: 0.28222, 3: 1 / 6}  # of rho, with G = (3, 3, 1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("r", LIMITS)
 def test_the_admissible_range_is_that_of_the_matrix(r: int) -> None:
     """On either side of the limit: accepted and stable, refused with the limit in the message."""

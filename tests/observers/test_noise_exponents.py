@@ -51,6 +51,7 @@ def test_filter_of_order_r(name: str, r: int) -> None:
         np.testing.assert_allclose(exponents(chain(3, phi), with_filter(name, r)), r + 1, rtol=0.02)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("n", [2, 3, 4, 5])
 def test_treangle(n: int) -> None:
     """i + 1; phi_n(x_1) alone brings 3 to the last component, and one more to each before it."""

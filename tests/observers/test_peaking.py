@@ -66,6 +66,7 @@ def agrees(found: ObserverResult, rows: Rows) -> None:
     np.testing.assert_allclose(found.xhat[places], list(rows.values()), atol=6e-6)
 
 
+@pytest.mark.costly
 def test_trajectories_computed_elsewhere() -> None:
     blocks = {name: {**KINDS[name], "theta": 10} for name in ("nested", "peaking-free")}
     found = simulated(JERK, blocks, end=5, step=2.5e-4, measurement=NOISE).observers
@@ -187,6 +188,7 @@ def test_a_saturated_correction_is_slow() -> None:
     np.testing.assert_allclose(np.diff(xhat[:end, 1]) / 0.01, -theta / 2 * M, rtol=1e-9)
 
 
+@pytest.mark.costly
 def test_the_missing_model_leaves_the_error_of_the_formula() -> None:
     """-(alpha_1/alpha_2 + sum 1/alpha_j) x_i'/theta where x_i' is constant: x_3 = 0.6 t here."""
     plant = inline({"x1": "x2", "x2": "x3", "x3": "0.6"}, "x1", 0.0)
@@ -307,6 +309,7 @@ def test_linear_theory_holds_inside_the_saturations_and_says_so() -> None:
         assert values.get("nonlinear_share", 0) == 0
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("name", "more"),
     [

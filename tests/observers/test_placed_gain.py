@@ -19,6 +19,7 @@ PLANT = chain(3, "-x1 - 2*x2 - x3")
 BINOMIALS = np.concatenate(cascade(np.array([1.0, *hurwitz_gain(6, -1)])))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("block", "gains"),
     [

@@ -42,6 +42,7 @@ def test_limits_of_a_copy(gain: tuple[float, ...], limit: float, plain: float) -
     assert copy_limit(np.array(gain), corrected=False) == pytest.approx(plain, abs=6e-5)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("corrected", [True, False])
 def test_stable_below_the_limit_and_unstable_above(corrected: bool) -> None:
     """Two copies on three integrators, 3 % to each side."""

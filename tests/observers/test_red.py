@@ -72,6 +72,7 @@ def runs() -> Callable[..., hgorun.Result]:
     return run
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("discretisation", TRAJECTORIES)
 def test_trajectories_computed_elsewhere(runs: Callable[..., hgorun.Result], discretisation: str) -> None:
     """An explicit step from t_k is the estimate of t_(k+1), where it is taken on."""
@@ -173,6 +174,7 @@ def test_implicit_is_exact_on_polynomials() -> None:
     assert kept == pytest.approx(0.018, abs=0.01)
 
 
+@pytest.mark.costly
 def test_scaling(runs: Callable[..., hgorun.Result]) -> None:
     """y -> 8 y, L -> 8 L: z -> 8 z; powers of two of it exactly."""
     once = runs("implicit")
@@ -183,6 +185,7 @@ def test_scaling(runs: Callable[..., hgorun.Result]) -> None:
     np.testing.assert_allclose(scaled.observers["D"].xhat, 8 * once.observers["D"].xhat, rtol=1e-9, atol=1e-11)
 
 
+@pytest.mark.costly
 def test_a_continuous_output_is_measured_at_the_steps() -> None:
     """Which makes it the recursion of samples with the same period, the first of them at the end of the first step."""
     blocks: dict[str, Block] = {d: {"type": "red", "L": 1.2, "discretisation": d} for d in ("explicit", "implicit")}

@@ -103,6 +103,7 @@ def test_a_live_page_varies_poles_where_they_decide(block: Block, expected: int)
     assert len([name for name in names if "poles" in name and "period" not in name]) == expected
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("theta", "period", "delay", "T"), [(20, 0.02, 0.6, 0.4), (60, 0.2, 0.0, 0.02), (60, 0.2, 0.0, 0.5)]
 )

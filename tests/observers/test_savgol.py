@@ -69,6 +69,7 @@ def test_samples_at_fewer_times_than_coefficients_leave_the_estimate() -> None:
     assert np.all(np.abs(xhat[4:, 0] - 1) < 0.5)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("block", [{"type": "savgol", "window": 5}, {"type": "spline", "smoothing": 1e-3}])
 def test_a_continuous_output_is_measured_at_the_steps(block: Block) -> None:
     options = {"end": 1, "output_step": 0.1, "step": 0.02}
@@ -91,6 +92,7 @@ def test_what_does_not_fit_is_refused(block: Block, measurement: Block, message:
         hgorun.simulate(experiment(PLANT, {"D": {"type": "savgol"} | block}, measurement=measurement))
 
 
+@pytest.mark.costly
 def test_the_state_is_found_from_a_guess_that_is_far_off() -> None:
     """Growth with saturation: a whole step of Newton's method from 40 leads behind the pole at -5."""
     growth = "s/(5 + s)*b"

@@ -28,6 +28,7 @@ from hgorun.errors import ConfigError
 from hgorun.simulation.simulate import prepare
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("n", range(1, 9))
 def test_poles_are_assigned(n: int) -> None:
     for seed in range(4):
@@ -67,6 +68,7 @@ def test_equal_poles_have_the_known_gains(pole: float) -> None:
     assert found.internal["e"].shape == (301, 5)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("scenario", SCENARIOS)
 @pytest.mark.parametrize("plant", PLANTS)
 def test_against_the_plain_simulator(plant: str, scenario: str) -> None:

@@ -32,6 +32,7 @@ def experiment(plant: dict[str, Any], observer: dict[str, Any], end: float, **mo
     return examples.experiment(plant, {"o": observer}, end=end, **more)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("observer", [{"type": "shgo_riccati"}, {"type": "fhgo1", "delta": 3}, {"type": "fhgo2_nuos"}])
 def test_the_model_is_the_one_written_out(observer: dict[str, Any]) -> None:
     one, two = (

@@ -159,6 +159,7 @@ def test_trajectories_of_an_ensemble_are_drawn(tmp_path: Path) -> None:
     assert made([name], output) == []
 
 
+@pytest.mark.costly
 def test_leftovers_of_dead_processes_go_and_of_living_ones_stay(tmp_path: Path) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()

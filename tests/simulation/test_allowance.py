@@ -111,6 +111,7 @@ def test_states_that_rise_from_below_the_smallest_numbers(method: str, kink: flo
     np.testing.assert_allclose(result.x[1:, 0], result.time[1:] ** 20 / math.factorial(20), rtol=1e-4)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("jump", [1e-12, 1e-9])
 @pytest.mark.parametrize("method", METHODS)
 def test_a_jump_just_after_the_start(method: str, jump: float, tmp_path: Path) -> None:

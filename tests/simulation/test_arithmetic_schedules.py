@@ -157,6 +157,8 @@ def test_a_long_run_has_the_bits_of_tables(case: str, request: pytest.FixtureReq
     assert found.integration_error == expected.integration_error
 
 
+@pytest.mark.measured("phases")
+@pytest.mark.costly
 @pytest.mark.parametrize("case", [name for name in CASES if name != "automatic"])
 @pytest.mark.usefixtures("short_parts")
 def test_the_parts_of_a_schedule_are_those_of_the_whole(case: str) -> None:

@@ -153,6 +153,7 @@ def test_with_a_chosen_method_it_is_met_or_said() -> None:
     assert result.status != "ok" or np.allclose(result.x, exact.x, atol=2e-3)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("force", ["-0.1*x2", "-max(min(x2, 0.1), -0.1)", "-x1**3/(1 + x1**2)", "-0.1*tanh(x2)"])
 def test_what_is_not_narrow_takes_no_other_steps(force: str) -> None:
     result = simulate(oscillator(force))

@@ -108,6 +108,7 @@ def test_every_member_has_its_own_continuous_delay() -> None:
     assert not np.array_equal(together.rows[..., 0], together.rows[..., 1])
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("stride", [1, 2, 3])
 def test_numbers_of_any_strides(stride: int) -> None:
     """The last members of a block that is not full may lie as far apart as a full one is wide."""

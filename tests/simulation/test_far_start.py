@@ -53,6 +53,8 @@ def test_a_gain_that_overflows_is_named_beside_such_a_start() -> None:
     assert caught.value.key == "observers.S.omega_o"
 
 
+@pytest.mark.measured("rk4")
+@pytest.mark.costly
 @pytest.mark.parametrize(
     "solver", [{"step": "auto"}, {"step": 0.01}, {"method": "rodas5p"}], ids=["auto", "rk4", "stiff"]
 )

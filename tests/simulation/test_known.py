@@ -92,6 +92,7 @@ def test_what_all_depend_on_is_part_of_what_is_known(other: dict[str, Any], inte
     assert [sorted(labels) for labels in integrated] == [["F", "S"], ["F", "S"]]
 
 
+@pytest.mark.costly
 def test_an_observer_that_is_lost_is_known_as_lost(integrated: list[list[str]]) -> None:
     known, base = Known(), contois({"S": HIGH, "W": HIGH})
     both(known, base)
@@ -101,6 +102,7 @@ def test_an_observer_that_is_lost_is_known_as_lost(integrated: list[list[str]]) 
     assert integrated == [["S", "W"], ["W"], ["S"]]
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(
     ("solver", "delay", "late"),
     [({"rtol": 1e-6, "method": "dopri5"}, 0.0, {}), ({"step": 0.01}, 0.3, {"late": "replay"})],

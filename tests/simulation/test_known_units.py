@@ -32,6 +32,7 @@ def test_other_units_of_time_are_refused(unit: str, told: str) -> None:
     assert "Known: ns, us, ms, s, min, h, d, week, month, year" in str(caught.value)
 
 
+@pytest.mark.costly
 def test_units_of_time_are_as_long_as_those_of_a_library() -> None:
     for name in (*SECONDS, *SHORT):
         assert _registry().Quantity(1, name).to("ns").magnitude == pytest.approx(

@@ -290,6 +290,7 @@ def assert_linear(result: Result, r: int, exact: np.ndarray) -> None:
         np.testing.assert_allclose(found.internal["eta"], exact[:, 6:-1], rtol=0, atol=1e-9)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("solver", SOLVERS, ids=["rk4", "dopri5"])
 def test_linear_plant_measured_continuously(solver: dict[str, Any], tmp_path: Path) -> None:
     result = run_linear(tmp_path, {}, 2.0, solver)
@@ -301,6 +302,7 @@ def test_linear_plant_measured_continuously(solver: dict[str, Any], tmp_path: Pa
         assert_linear(result, r, np.array([expm(t * M) @ z0 for t in result.time]))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("solver", SOLVERS, ids=["rk4", "dopri5"])
 def test_linear_plant_sampled_late(solver: dict[str, Any], tmp_path: Path) -> None:
     """Samples every 0.3 that are 0.2 old: between arrivals e is a held number plus alpha."""
@@ -462,6 +464,8 @@ def test_a_diverging_observer_is_flagged_and_masked(name: str, solver: dict[str,
     assert 10 < np.nanmax(np.abs(sooner.observers["lost"].xhat)) <= reached
 
 
+@pytest.mark.measured("solver2")
+@pytest.mark.costly
 @pytest.mark.parametrize("solver", [{"step": 0.001}, *({"method": name} for name in ("dopri5", "rodas5p"))])
 def test_a_diverging_plant_ends_the_run(solver: dict[str, Any], tmp_path: Path) -> None:
     """x' = x^2 from 1 is infinite at t = 1."""

@@ -34,6 +34,8 @@ def prepared(observers: dict[str, Block] = SHGO, **more: Any) -> PreparedRun:
     return prepare(experiment(VAN_DER_POL, observers, end=3.0, output_step=0.03, step=0.02, **more))
 
 
+@pytest.mark.measured("sampled-None")
+@pytest.mark.costly
 @pytest.mark.parametrize("uneven", [None, 0.62])
 @pytest.mark.parametrize("case", CASES)
 def test_parts_are_those_of_the_whole(case: str, uneven: float | None, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -165,6 +165,7 @@ def test_euler_is_of_order_one() -> None:
     assert order_of(run, [0.01, 0.005, 0.0025]) == pytest.approx(1.0, abs=0.1)
 
 
+@pytest.mark.costly
 def test_output_between_steps_is_of_order_four() -> None:
     out = np.linspace(0, 6, 2001)
 
@@ -211,6 +212,7 @@ def test_continuous_contois_against_dop853(r: int) -> None:
     np.testing.assert_allclose(stacked(result), exact, atol=1e-7, rtol=0)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("r", [0, 2])
 def test_original_coordinates_are_the_chain_seen_through_phi(r: int) -> None:
     plant = Contois()
@@ -222,6 +224,7 @@ def test_original_coordinates_are_the_chain_seen_through_phi(r: int) -> None:
     np.testing.assert_allclose([plant.to_z(p) for p in x["xhat"]], z["xhat"], atol=1e-7, rtol=0)
 
 
+@pytest.mark.costly
 def test_delayed_nonlinear_output_in_two_coordinates() -> None:
     """z_1 = w_1 + w_1^3/10: the interpolated past of h(w) needs dh, that of z_1 does not."""
 
@@ -363,6 +366,7 @@ def test_linear_constant_delay_against_expm_of_the_method_of_steps(r: int) -> No
     np.testing.assert_allclose(stacked(result), np.array(exact)[:, :-2], atol=2e-8)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("r", [0, 2])
 def test_varying_delay_against_dop853_between_breakpoints(r: int) -> None:
     def lag(t: float) -> float:
@@ -424,6 +428,7 @@ def test_largest_constant_delay_of_a_triple_integrator(r: int, limit: float) -> 
     assert_turns_unstable(r, limit, lambda x: {"delay": x})
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize(("r", "limit"), [(0, 2.896), (1, 2.855), (2, 2.968), (3, 3.014)])
 def test_largest_sampling_period_of_a_triple_integrator(r: int, limit: float) -> None:
     assert_turns_unstable(r, limit, lambda x: {"sampling": x * np.arange(100)})

@@ -36,6 +36,7 @@ def test_smooth_equations_have_nothing_to_name(monkeypatch: pytest.MonkeyPatch) 
     assert simulated(with_friction("0.1*tanh(20*v)"), SHGO, end=4).remarks == ()
 
 
+@pytest.mark.costly
 def test_the_reason_of_inaccurate_numbers_names_what_jumps() -> None:
     """Friction holds the plant, where no step is accurate."""
     result = simulated(with_friction("0.5*sign(v)", 0.5), SHGO, end=10, solver={"max_evaluations": 2e5})

@@ -144,6 +144,7 @@ def test_rk4_keeps_its_order_through_kinks(where: str, tmp_path: Path) -> None:
     assert found == pytest.approx(dict.fromkeys(found, 4.0), abs=0.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ["sampled", "constant delay"])
 def test_rk4_between_its_steps_is_of_order_four(name: str, tmp_path: Path) -> None:
     """Output points that no step lands on: the cubic Hermite polynomial."""
@@ -191,6 +192,7 @@ def test_euler_is_of_order_one(measurement: dict[str, Any], tmp_path: Path) -> N
     assert found == pytest.approx(dict.fromkeys(found, 1.0), abs=0.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("solver", [{"method": "euler"}, {"method": "rk4"}, {"method": "dopri5"}], ids=str)
 @pytest.mark.parametrize("finer", [False, True])
 def test_the_estimated_error_of_a_given_step_is_at_least_the_error(

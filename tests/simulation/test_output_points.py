@@ -96,6 +96,7 @@ def test_what_is_written_as_it_comes_is_what_memory_holds(name: str, long: pytes
         assert (back.integration_error or {})[label] == pytest.approx(error, rel=0.1)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("room", [1, 2, 7, 10_000])
 def test_pieces_of_any_size_give_the_same_file(room: int, long: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Their borders lie at events, between them, and at the end of the run."""

@@ -116,6 +116,7 @@ def test_an_input_of_straight_lines() -> None:
     np.testing.assert_allclose(recorded(run, lines), simulated, rtol=0, atol=1e-13)
 
 
+@pytest.mark.costly
 def test_groups_with_plants_of_their_own() -> None:
     """Two observers with a copy of the plant each are two runs side by side."""
     plant, measurement = chain(2, "-x1", 1.0), {"sampling": {"period": 0.1}, "delay": 0.03}

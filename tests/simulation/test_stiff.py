@@ -62,6 +62,7 @@ def test_robertsons_reaction(end: float, tmp_path: Path) -> None:
     np.testing.assert_allclose(result.x.sum(axis=1), 1, rtol=1e-9)
 
 
+@pytest.mark.costly
 def test_the_defaults_point_to_the_method_that_solves_it(tmp_path: Path) -> None:
     config = {
         "time": {"end": 40, "output_step": 1},
@@ -211,6 +212,7 @@ def test_many_observers_have_the_bits_of_one(tmp_path: Path) -> None:
         np.testing.assert_array_equal(together.x, alone.x)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("start", [0.0, -4e11])
 def test_output_points_long_before_the_end_are_where_they_stand(start: float, tmp_path: Path) -> None:
     """The first step is shorter than 1e-4: times are rounded like those of the step, not like the end of the run."""

@@ -38,6 +38,7 @@ def fine() -> hgorun.Result:
     return pendulum(solver={"method": "rk4", "step": 2.5e-5})
 
 
+@pytest.mark.costly
 def test_an_automatic_step_follows_it(fine: hgorun.Result) -> None:
     found = pendulum()
     assert found.observers["S"].verdict.status in ("ok", "inaccurate")
@@ -45,6 +46,8 @@ def test_an_automatic_step_follows_it(fine: hgorun.Result) -> None:
     assert np.allclose(found.x, fine.x, atol=5e-3)
 
 
+@pytest.mark.measured("solver1")
+@pytest.mark.costly
 @pytest.mark.parametrize("solver", [{"method": "dopri5"}, {"method": "dopri5", "rtol": 1e-8}])
 def test_with_controlled_steps_alone_it_is_inaccurate_and_why_is_said(solver: dict[str, Any]) -> None:
     verdict = pendulum(solver=solver).observers["S"].verdict

@@ -231,6 +231,7 @@ def test_a_plant_without_chains_keeps_its_blocks(monkeypatch: pytest.MonkeyPatch
     assert_equal(second, hgorun.simulate(Experiment(varied.source.data, name="test")))
 
 
+@pytest.mark.costly
 def test_what_the_equations_read_decides_the_structure() -> None:
     base = experiment(CONTOIS, {"o": {"type": "fhgo2", "r": 1, "theta": 2, "initial": {"x1": 1, "x2": 14}}}, step=0.01)
     known = prepare(base).structure

@@ -62,6 +62,7 @@ def test_a_gain_of_another_name_is_told_of(observer: Block, said: str) -> None:
     assert re.search(said + "$", reason(chain(2), observer | start, PERIOD, end=4, step=0.005))
 
 
+@pytest.mark.costly
 def test_what_is_advised_holds_for_a_plant_of_ones_own() -> None:
     """Where the estimate stays bounded, too."""
     shgo: Block = {"type": "shgo", "theta": 80, "initial": {"p": 1, "q": 0.4}}
@@ -130,6 +131,8 @@ def test_two_times_in_one_reason_are_told_apart() -> None:
     assert 0.2 < left < given_up < 0.23
 
 
+@pytest.mark.measured("5.0-")
+@pytest.mark.costly
 @pytest.mark.parametrize(("theta_2", "beside"), [(40.0, " with theta_2 below it"), (5.0, "")])
 def test_of_two_gains_the_larger_is_told_of(theta_2: float, beside: str) -> None:
     """Errors beyond d go at theta_1; what is advised holds."""

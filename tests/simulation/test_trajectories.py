@@ -260,6 +260,7 @@ def gap(a: Result, b: Result) -> float:
     return max(float(np.abs(a.observers[k].xhat - b.observers[k].xhat).max()) for k in a.observers)
 
 
+@pytest.mark.costly
 def test_a_phase_begins_at_an_event_that_is_a_rounding_error_earlier(tmp_path: Path) -> None:
     """1.4 - 0.8 < 0.6: the sample that arrives at 1.4 was taken just before the phase change at 0.6."""
 

@@ -108,6 +108,7 @@ def test_two_outputs_that_do_not_meet_are_two_single_ones(block: dict[str, Any])
         np.testing.assert_allclose(together.observers["o"].xhat[:, columns], alone.observers["o"].xhat, atol=1e-13)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("delay", [0, 0.05])
 def test_two_outputs_with_their_own_schedules(delay: float) -> None:
     """Each output keeps its own samples, also with other rates: again two single observers."""
@@ -165,6 +166,7 @@ def test_inverse_of_delta() -> None:
     np.testing.assert_array_equal(np.asarray(value), np.diag([1, 2, 4]))
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("states", ["a b c d", "a c b d", "d c b a"])
 def test_saturation_does_not_depend_on_the_order_of_the_states(states: str) -> None:
     """F leads from the measured states to the others, wherever they stand in the list."""

@@ -71,6 +71,7 @@ def test_a_parameter_that_is_one_is_the_number_one(written: str) -> None:
     np.testing.assert_allclose(number.observers["S"].xhat, parameter.observers["S"].xhat, rtol=1e-12)
 
 
+@pytest.mark.costly
 def test_a_parameter_that_is_zero_links_nothing() -> None:
     dynamics = {"a": "b + k*c", "b": "c - a", "c": "-c"}
     assert taken(simulated(plant(dynamics, "a", parameters={"k": 0}))).map == "chain"
@@ -100,6 +101,7 @@ def test_an_output_in_other_units_is_not_another_observer() -> None:
     assert taken(found[1]) == Coordinates("chain", {"gauge": 2})
 
 
+@pytest.mark.costly
 def test_derivatives_can_be_chosen() -> None:
     """The gain by hand: with J = d(h, L_f h)/dx of a' = b - a the correction of b is (1 + 2) times that of a."""
     block = plant({"a": "b - a", "b": "-b + u"}, "a", inputs={"u": "cos(t)"}) | {"initial": {"a": 1, "b": 0}}
@@ -128,6 +130,7 @@ def test_derivatives_can_be_chosen() -> None:
 STRONG_AND_WEAK = {"a": "c - a", "b": "0.001*c - b", "c": "-c + sin(t)"}
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("outputs", [["a", "b"], ["b", "a"]])
 def test_the_order_of_outputs_decides_nothing(outputs: list[str]) -> None:
     """c is seen through the strong sensor a."""
@@ -145,6 +148,7 @@ def test_the_better_sensor_carries_the_chain() -> None:
         assert taken(simulated(plant(dynamics, ["a", "b"]), measurement=noise)).chains == chains
 
 
+@pytest.mark.costly
 def test_of_equal_outputs_the_first_in_the_alphabet_carries_the_chain() -> None:
     dynamics = {"a": "c - a", "b": "c - b", "c": "-c + sin(t)"}
     for outputs in (["a", "b"], ["b", "a"]):
@@ -193,6 +197,7 @@ def test_files_say_what_was_taken(tmp_path: Path) -> None:
     assert file.observers["S"].coordinates == Coordinates("chain", {"a": 3})
 
 
+@pytest.mark.costly
 def test_two_sensors_of_one_state_are_averaged_by_their_noise() -> None:
     """Both samples at once: the observer is that of the weighted mean."""
     dynamics = {"x": "v", "v": "-x"}

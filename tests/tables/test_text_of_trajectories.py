@@ -30,6 +30,7 @@ def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Ca
     return Shell(tmp_path, monkeypatch, capsys)
 
 
+@pytest.mark.costly
 def test_a_simulation_is_written_as_text_with_all_digits(shell: Shell) -> None:
     code, out, err = shell("simulate", "chain.yaml", "--export-csv", "chain.csv")
     assert (code, err) == (0, "")
@@ -46,6 +47,7 @@ def test_a_simulation_is_written_as_text_with_all_digits(shell: Shell) -> None:
     assert len(rows) == 3 * result.time.size
 
 
+@pytest.mark.costly
 def test_what_is_undefined_is_an_empty_cell(shell: Shell) -> None:
     code, _, _ = shell(
         "simulate",

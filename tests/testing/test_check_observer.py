@@ -387,10 +387,17 @@ class KeyWithoutAWord(StandardObserver):
         (Traceback, "refusal", "IndexError: list index out of range"),
         (TakenName, "states", "a state called alpha"),
         (NoReference, "documentation", "an empty `reference`"),
-        (WrongSign, "the error decays", "eigenvalues of the linearised error with real parts up to 7.6"),
+        pytest.param(
+            WrongSign,
+            "the error decays",
+            "eigenvalues of the linearised error with real parts up to 7.6",
+            marks=pytest.mark.costly,
+        ),
         (WrongSignAndRate, "the error decays", "look at the sign of the correction"),
-        (Blind, "the error decays", "real parts up to 0 on integrator_chain with 3 states"),
-        (WrongOnOneSide, "the error decays", "real parts up to 7.6"),
+        pytest.param(
+            Blind, "the error decays", "real parts up to 0 on integrator_chain with 3 states", marks=pytest.mark.costly
+        ),
+        pytest.param(WrongOnOneSide, "the error decays", "real parts up to 7.6", marks=pytest.mark.costly),
         (UnknownRole, "states", "the roles ['integrator']; expected roles among ['filter', 'gain', 'signal']"),
         (CompiledNumber, "numbers are arguments", "equations that read self.theta, a number; expected k.theta"),
         (RaisingDesign, "takes a plant", "found design() raised IndexError: list index out of range; expected no"),

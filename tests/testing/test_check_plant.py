@@ -18,6 +18,8 @@ from hgorun.testing import ContractError, check_plant
 ALL = PLANTS.all()
 
 
+@pytest.mark.measured("integrator_chain")
+@pytest.mark.costly
 @pytest.mark.parametrize("name", ALL)
 def test_every_plant_keeps_the_contract(name: str) -> None:
     assert {"finite", "slopes", "documentation"} <= set(check_plant(ALL[name]).kept)

@@ -149,6 +149,7 @@ def test_the_same_file_is_tuned_to_the_same_gains(experiment: Experiment) -> Non
     assert tuned(task).tuned == tuned(task).tuned
 
 
+@pytest.mark.costly
 def test_what_cannot_be_met_is_said(experiment: Experiment) -> None:
     (task,) = tasks(experiment, block(subject=[{"value": "settling(SHGO, x2)", "below": 1e-3}]))
     with pytest.raises(ValueError, match=r"no gains that were tried meet all limits: settling.* at best"):
@@ -348,6 +349,7 @@ def test_a_wrong_block_is_refused_by_all_commands(shell: Shell) -> None:
         assert "c.yaml:21: tune.budget" in err
 
 
+@pytest.mark.costly
 def test_the_block_changes_no_result(shell: Shell) -> None:
     (shell.folder / "plain.yaml").write_text(CONFIG)
     digests = []
@@ -420,6 +422,7 @@ def test_lines_join_what_nothing_beats_on_held_out_seeds() -> None:
     assert "hollow: beaten" in figure.legends[0].get_title().get_text()
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("logarithmic", [True, False])
 def test_a_gain_has_the_scale_of_its_range_and_the_minimum_its_whole_interval(logarithmic: bool) -> None:
     goals = np.array([[2.0], [1.5], [1.0], [1.4]])

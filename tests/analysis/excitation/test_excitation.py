@@ -71,6 +71,7 @@ def test_the_gramian_as_it_is_printed(academic: tuple[PreparedRun, Result], r: i
         assert np.linalg.eigvalsh(W)[0] == pytest.approx(np.linalg.eigvalsh(printed)[0], rel=0.02)
 
 
+@pytest.mark.costly
 def test_unbroken_links_in_closed_form(academic: tuple[PreparedRun, Result]) -> None:
     """integral_0^T (1, -s, s^2/2)^T (1, -s, s^2/2) ds."""
     run, result = academic

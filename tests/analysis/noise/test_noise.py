@@ -57,6 +57,7 @@ def test_h2_is_the_integral_of_the_frequency_response(block: dict[str, Any]) -> 
     np.testing.assert_allclose(h2(system), np.sqrt(power), rtol=1e-4)
 
 
+@pytest.mark.costly
 @pytest.mark.parametrize("block", FAMILIES, ids=lambda b: b["type"])
 def test_hinf_is_where_the_hamiltonian_gets_imaginary_eigenvalues(block: dict[str, Any]) -> None:
     system = relevant(linear(3, **block))

@@ -73,6 +73,7 @@ def test_linear_plants_within_one_percent_whatever_the_schedule(tmp_path: Path) 
             np.testing.assert_allclose(ratio, 1, atol=0.01, err_msg=f"{label} {settings}")
 
 
+@pytest.mark.costly
 def test_what_has_no_answer_says_why(tmp_path: Path) -> None:
     path = tmp_path / "linear.yaml"
     path.write_text(LINEAR)
