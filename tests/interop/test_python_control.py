@@ -62,6 +62,7 @@ def test_a_nonlinear_system_is_followed_by_symbols() -> None:
     np.testing.assert_allclose(simulated(block).x, found.states.T, rtol=1e-6, atol=1e-6)
 
 
+@pytest.mark.measured
 @pytest.mark.costly
 def test_an_observer_is_a_system_of_theirs() -> None:
     """The plant of theirs and the observer of ours, connected and simulated by them, against our own run."""
