@@ -13,7 +13,6 @@ from hgorun.measurement.signals import delay_range
 from hgorun.observers.base import AnyObserver, CorrectedObserver, DecidedObserver
 from hgorun.observers.hold import Shrinking
 from hgorun.observers.stepped import SteppedObserver
-from hgorun.observers.together import not_beside
 from hgorun.observers.treatment import late_to, treatment_of, why_punctual
 from hgorun.simulation.jump_checks import check_jumps
 from hgorun.simulation.prepared import PreparedRun
