@@ -174,7 +174,7 @@ def with_observers(start: Start, types: Sequence[str]) -> Start:
             hint = nearest(name, OBSERVERS.names())
             plant = f" It is a plant: --plant {name}" if name in PLANTS.names() else ""
             advice = plant or f"{hint} See hgorun list observers"
-            raise ConfigError(f"--observer: no observer is called {name!r}.{advice}") from None
+            raise ConfigError(f"no observer is called {name!r}.{advice}", key="--observer") from None
         known = next((keys for keys in start.observers.values() if keys["type"] == name), None)
         example = {**cls.example(tuple(start.initial)), **start.told.get(name, {})}
         gain = cls.model_fields.get("theta")

@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from hgorun.commands.catalogue_options import Init
-from hgorun.commands.first import first_of
+from hgorun.commands.first import First, first_of
 from hgorun.commands.other_names import in_its_place
-from hgorun.commands.outputs import refuse_unwritable
-from hgorun.commands.questions import ask
+from hgorun.commands.outputs import refuse_no_configuration, refuse_unwritable
+from hgorun.commands.questions import ask, ask_for_file, ask_for_others
 from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
 from hgorun.commands.trial import FOLLOWS, Found, followed
 from hgorun.config import yaml_source
@@ -25,6 +25,7 @@ from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 
 _DEFAULT = "contois_te025"
+_ANOTHER = "-o FILE names another one"
 _ELSEWHERE = "hgorun init NAME FOLDER copies it elsewhere"
 
 
@@ -39,7 +40,10 @@ def init(options: Init) -> int:
     HgorunError
         Where the new configuration does not run.
     """
-    for place, option in ((options.output, "--output"), (options.folder, "FOLDER")):
+    for place, option in (
+        (options.output or (Path() if options.ask else None), "--output"),
+        (options.folder, "FOLDER"),
+    ):
         if place is not None:
             refuse_unwritable(place, option)
     if options.ask or options.plant is not None:
@@ -67,6 +71,9 @@ def init(options: Init) -> int:
 
 def _first(options: Init) -> int:
     """A configuration of a plant, which is tried before the command ends."""
+    target = options.output
+    if target is not None:
+        refuse_no_configuration(target, options.plant or "mine", "--output")
     if options.plant is not None:
         try:
             plant = PLANTS.find(options.plant)
@@ -77,17 +84,20 @@ def _first(options: Init) -> int:
         found = Found(0, first_of(options.plant, plant))
         if options.observers:
             found = _fitting(options.plant, plant, options.observers)
+        target = target or Path(f"{options.plant}.yaml")
     else:
-        found = _answered()
-    target = options.output or Path(f"{found.first.name}.yaml")
-    if target.suffix.lower() not in (".yaml", ".yml"):
-        right = target / f"{found.first.name}.yaml" if target.is_dir() else target.with_suffix(".yaml")
-        raise ConfigError(f"--output: expected a file whose name ends in .yaml, such as {right}, found {target}")
+        if target is not None and target.exists() and not options.force:
+            raise ConfigError(f"{target} exists; --force overwrites it, {_ANOTHER}")
+        chosen = ask()
+        target = target or Path(f"{chosen.name}.yaml")
+        if target.exists() and not options.force:
+            target = ask_for_file(target)
+        found = _that_runs(chosen)
     schema = _schema_for(target.parent, beside=options.schema)
     _write(
         [(target, with_schema(found.first.text(str(target)), schema.address))],
         schema,
-        "-o FILE names another one",
+        _ANOTHER,
         force=options.force,
     )
     if found.error > FOLLOWS:
@@ -117,11 +127,17 @@ def _fitting(name: str, plant: type[Plant], observers: Sequence[str]) -> Found:
     raise ConfigError(f"--observer: no configuration of {name} with {types} was found that follows: {why}{advice}")
 
 
-def _answered() -> Found:
-    """What follows from answers; it is written though it may not run, since a plant of your own may be the reason."""
-    chosen = ask()
-    found = followed(chosen)
-    return Found(0, chosen) if found.trouble else found
+def _that_runs(chosen: First) -> Found:
+    """What follows from answers, with other observers where those do not run.
+
+    It may be written though it does not run, since a plant of your own may be the reason.
+    """
+    while (found := followed(chosen)).trouble:
+        other = ask_for_others(chosen, found.trouble)
+        if other is None:
+            return Found(0, chosen)
+        chosen = other
+    return found
 
 
 def _try(target: Path) -> None:

@@ -92,6 +92,22 @@ def _refuse_other_kinds(output: Path, suffixes: Collection[str], advice: Mapping
     raise ConfigError(f"--output: expected {kinds}, found {output}{instead}")
 
 
+def refuse_no_configuration(path: Path, name: str, option: str) -> None:
+    """Refuse a file that is not called as a configuration is.
+
+    Parameters
+    ----------
+    path : Path
+    name : str
+        What a file in this folder would be called, where it is one.
+    option : str
+        By which somebody names it.
+    """
+    if path.suffix.lower() not in (".yaml", ".yml"):
+        right = path / f"{name}.yaml" if path.is_dir() else path.with_suffix(".yaml")
+        raise ConfigError(f"{option}: expected a file whose name ends in .yaml, such as {right}, found {path}")
+
+
 def refuse_no_csv(option: str, file: Path | None, *, or_stdout: bool = False) -> None:
     """Refuse a file that is called as if it were something else than CSV, or that cannot be written."""
     if file is None or (or_stdout and file == STDOUT):

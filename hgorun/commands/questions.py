@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import TypeVar
 
 from hgorun.commands.first import First, first_of, with_observers
+from hgorun.commands.outputs import refuse_no_configuration
 from hgorun.config.expressions import CONSTANTS, check_name, nearest, parse
 from hgorun.config.time_units import run_unit
-from hgorun.errors import HgorunError
+from hgorun.errors import ConfigError, HgorunError
+from hgorun.files import why_unwritable
 from hgorun.plants.base import PLANTS, Input, Start
 
 Answer = TypeVar("Answer")
@@ -44,6 +47,26 @@ def ask() -> First:
     return replace(chosen, start=start, sampled=period > 0)
 
 
+def ask_for_others(chosen: First, trouble: str) -> First | None:
+    """The same with other observers, since those that it has do not run; nothing where they are to stay.
+
+    Parameters
+    ----------
+    chosen : First
+    trouble : str
+        What keeps them from running.
+    """
+    print(f"  {trouble}", file=sys.stderr)
+    question = "other observers (Enter: write it as it is)"
+    start = _answer(question, "", lambda text: _observers(chosen.start, text) if text else None)
+    return None if start is None else replace(chosen, start=start)
+
+
+def ask_for_file(taken: Path) -> Path:
+    """Another file, where there is one already of the name that a configuration would have."""
+    return _answer(f"{taken} exists already: a file to write", f"my_{taken.name}", _new_file)
+
+
 @dataclass
 class _Model:
     """The names of your own plant, as they are told one after another."""
@@ -51,7 +74,8 @@ class _Model:
     states: list[str]
     parameters: dict[str, float] = field(default_factory=dict)
     inputs: dict[str, str] = field(default_factory=dict)
-    texts: list[str] = field(default_factory=list)
+    dynamics: dict[str, str] = field(default_factory=dict)
+    outputs: list[str] = field(default_factory=list)
 
     @property
     def known(self) -> set[str]:
@@ -65,13 +89,33 @@ class _Model:
             raise ValueError(f"{taken} is {'the time' if taken == 't' else 'a name already'}: take another name")
         return named
 
-    def expression(self, question: str, default: str = "") -> str:
-        """An expression; of a name that is not known it is asked what that is, and where it is nothing, all again."""
+    def expressions(self, question: str, default: str, read: Callable[[str], Sequence[str]]) -> Sequence[str]:
+        """Expressions; of a name that is not known it is asked what that is, and where it is nothing, all again."""
         while True:
-            text = _answer(question, default, _expression)
-            if all(map(self._is_told, sorted(parse(text).names - self.known))):
-                self.texts.append(text)
-                return text
+            texts = _answer(question, default, read)
+            if all(map(self._is_told, sorted(_names_in(texts) - self.known))):
+                return texts
+
+    def measured(self) -> list[str]:
+        """The outputs; they are asked for again where states do not get into them, and may stay as they are."""
+        outputs = self.expressions("outputs, with commas between", self.states[0], _outputs)
+        while unseen := ", ".join(self._unseen(outputs)):
+            print(
+                f"  nothing that is measured depends on {unseen}, now or later: few observers take that",
+                file=sys.stderr,
+            )
+            given, outputs = outputs, self.expressions("outputs (Enter keeps them)", ", ".join(outputs), _outputs)
+            if outputs == given:
+                break
+        return list(outputs)
+
+    def _unseen(self, outputs: Sequence[str]) -> list[str]:
+        """States that neither an output nor the rate of a state that an output depends on contains."""
+        seen, new = set[str](), _names_in(outputs)
+        while new := new - seen:
+            seen |= new
+            new = _names_in(self.dynamics[name] for name in new & self.dynamics.keys())
+        return [state for state in self.states if state not in seen]
 
     def _is_told(self, name: str) -> bool:
         """Whether an unknown name is a parameter or an input, which it is from then on."""
@@ -86,7 +130,7 @@ class _Model:
 
     def used(self) -> dict[str, float]:
         """The parameters that something uses; it is said which are left out."""
-        used = {name for text in (*self.texts, *self.inputs.values()) for name in parse(text).names}
+        used = _names_in((*self.dynamics.values(), *self.outputs, *self.inputs.values()))
         for name in [name for name in self.parameters if name not in used]:
             print(f"  nothing uses the parameter {name}: it is left out", file=sys.stderr)
         return {name: value for name, value in self.parameters.items() if name in used}
@@ -104,8 +148,12 @@ def _own() -> First:
     names = _answer(f"inputs, with commas between, {none}", "", lambda text: model.free(text, _names) if text else [])
     model.inputs = dict.fromkeys(names, "0")
     lines = [f"  states: [{', '.join(states)}]", "  dynamics:"]
-    lines += [f'    {state}: "{right}"' for state in states if (right := model.expression(f"{state}' ="))]
-    lines.append(f'  output: "{model.expression("output", states[0])}"')
+    for state in states:
+        (model.dynamics[state],) = model.expressions(f"{state}' =", "", lambda text: [_expression(text)])
+        lines.append(f'    {state}: "{model.dynamics[state]}"')
+    model.outputs = model.measured()
+    quoted = ", ".join(f'"{text}"' for text in model.outputs)
+    lines.append(f"  output: {quoted if len(model.outputs) == 1 else f'[{quoted}]'}")
     for name in names:
         model.inputs[name] = _answer(f"{name} =", "sin(t)", lambda text: _expression(text, {*model.parameters, "t"}))
     if model.inputs:
@@ -162,7 +210,10 @@ def _observers(start: Start, text: str) -> Start:
         raise ValueError("name one observer at least; hgorun list observers has all of them")
     if types == [keys["type"] for keys in start.observers.values()]:
         return start
-    return with_observers(start, types)
+    try:
+        return with_observers(start, types)
+    except ConfigError as error:
+        raise ValueError(error.message) from None  # without the option that it is of elsewhere
 
 
 def _names(text: str) -> list[str]:
@@ -172,6 +223,43 @@ def _names(text: str) -> list[str]:
     for name in names:
         check_name(name)
     return names
+
+
+def _outputs(text: str) -> list[str]:
+    """Expressions with commas between, also in the brackets of a list, and without the quotes that YAML may need."""
+    whole = text[1:-1] if text.startswith("[") and text.endswith("]") else text
+    given = [part.strip() for part in _parts(whole)]
+    outputs = [part[1:-1] if len(part) > 1 and part[0] == part[-1] in "'\"" else part for part in given]
+    for output in outputs:
+        if not parse(_expression(output)).names:
+            raise ValueError(f"{output} is a number; an output is a state or an expression of states")
+    if len(set(outputs)) < len(outputs):
+        raise ValueError(f"outputs must differ, found {', '.join(outputs)}")
+    return outputs
+
+
+def _parts(text: str) -> list[str]:
+    """What stands between commas, but for those between the arguments of a function."""
+    parts, depth = [""], 0
+    for char in text:
+        depth += (char == "(") - (char == ")")
+        if char == "," and depth == 0:
+            parts.append("")
+        else:
+            parts[-1] += char
+    return parts
+
+
+def _new_file(text: str) -> Path:
+    file = Path(text)
+    refuse_no_configuration(file, "mine", "file")
+    if why := "it exists already" if file.exists() else why_unwritable(file):
+        raise ValueError(f"expected the name of a new file, found {file}: {why}")
+    return file
+
+
+def _names_in(texts: Iterable[str]) -> set[str]:
+    return {name for text in texts for name in parse(text).names}
 
 
 def _assignments(text: str) -> dict[str, float]:

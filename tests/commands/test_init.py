@@ -158,6 +158,9 @@ def test_a_plant_that_names_no_start_gets_numbers_near_one(monkeypatch: pytest.M
     prepare(load(tmp_path / "g.yaml"))
 
 
+APART = ("own", "", "", "", "", "-x1", "-x2")  # two states, neither of which says anything of the other
+
+
 def answers(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("".join(f"{line}\n" for line in lines)))
 
@@ -265,9 +268,75 @@ def test_what_does_not_go_together_is_refused(shell: Shell, arguments: tuple[str
 def test_a_plant_of_your_own_that_does_not_run_is_written_and_told(
     shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    answers(monkeypatch, "own", "", "", "", "", "-x1", "-x2", *[""] * 5, "", "", "", "shgo")  # x1 says nothing of x2
+    answers(monkeypatch, *APART, "x1", *[""] * 8, "shgo", "")
     code, _, err = shell("init", "--ask", "-o", "a.yaml")
     assert (code, "a.yaml is written, but does not run yet: a.yaml:" in err) == (1, True), err
+
+
+def test_what_cannot_be_seen_is_told_at_the_output_and_at_the_observers(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answers(monkeypatch, *APART, "x1", "", *[""] * 7, "shgo", "ekf")
+    code, _, err = shell("init", "--ask", "-o", "a.yaml")
+    assert code == 0, err
+    at_the_output, at_the_observers = err.splitlines()
+    assert at_the_output == "  nothing that is measured depends on x2, now or later: few observers take that"
+    assert at_the_observers.startswith(
+        "  nothing that is measured (x1) depends on the state x2, now or later: no observer"
+    )
+    assert [*yaml.safe_load((shell.folder / "a.yaml").read_text())["observers"]] == ["EKF"]
+
+
+@pytest.mark.parametrize(
+    ("given", "told", "written"),
+    [
+        (("x1, x2",), (), ["x1", "x2"]),
+        (("[min(x1, 2), 'x1 + x2']",), (), ["min(x1, 2)", "x1 + x2"]),
+        (
+            ("x2, x2", "3, x1", "sinn(x1), x2", "x1, x3", "", "x1,", "x2, x1"),
+            (
+                "outputs must differ, found x2, x2",
+                "3 is a number; an output is",
+                "mean `sin`?",
+                "expected an expression",
+            ),
+            ["x2", "x1"],
+        ),
+        (("x1", "x1 + x2"), ("depends on x2, now or later",), "x1 + x2"),
+    ],
+)
+def test_several_outputs_are_asked_for_until_they_can_be_read(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, given: tuple[str, ...], told: tuple[str, ...], written: object
+) -> None:
+    monkeypatch.setattr(init, "followed", lambda first: trial.Found(0, first))
+    answers(monkeypatch, *APART, *given, *[""] * 7, "ekf")
+    code, _, err = shell("init", "--ask", "-o", "a.yaml")
+    assert (code, err.count("\n")) == (0, len(told)), err
+    assert all(words in line for words, line in zip(told, err.splitlines(), strict=True)), err
+    assert yaml.safe_load((shell.folder / "a.yaml").read_text())["plant"]["output"] == written
+
+
+def test_no_answer_is_lost_for_a_file_that_cannot_be_written(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    (shell.folder / "contois.yaml").write_text("")
+    code, out, err = shell("init", "--ask", "-o", "contois.yaml")
+    assert (code, out) == (2, "")
+    assert err == "hgorun: contois.yaml exists; --force overwrites it, -o FILE names another one\n"
+    assert shell("init", "--ask", "-o", "a.txt")[1] == ""
+    monkeypatch.setattr(init, "followed", lambda first: trial.Found(0, first))
+    answers(monkeypatch, "contois", *[""] * 5, "a.txt", "contois.yaml", "contois.yaml/a.yaml", "")
+    code, out, err = shell("init", "--ask")
+    assert (code, "written: my_contois.yaml" in out, err.count("\n")) == (0, True, 3), err
+    assert "expected the name of a new file, found contois.yaml: it exists already" in err
+    assert not (shell.folder / "contois.yaml").read_text()
+
+
+def test_ctrl_c_at_a_question_leaves_nothing(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupted(_: str) -> str:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("builtins.input", interrupted)
+    assert shell("init", "--ask", "--schema")[0] == 130
+    assert not [*shell.folder.iterdir()]
 
 
 @pytest.mark.parametrize(
