@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected import Collected, Trajectories, last_point
 from hgorun.errors import printable
 from hgorun.result.forms import SWEEP, form_of, not_this
+from hgorun.result.not_yet import refuse_what_has_not_run
 from hgorun.result.status import STATUSES
 from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, opened
 
@@ -44,6 +45,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Collected:
         When the file is missing, not one of an ensemble, damaged, or larger than allowed.
     """
     path = file_at(path)
+    refuse_what_has_not_run(path, SWEEP)
     budget = int(max_memory)
     return opened(path, budget, lambda file: _Reader(file, path, budget).collected())
 

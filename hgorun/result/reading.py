@@ -9,12 +9,12 @@ from typing import Any
 import h5py
 import numpy as np
 
-from hgorun.config.kinds import kind_of_file
-from hgorun.errors import ConfigError, printable
+from hgorun.errors import printable
 from hgorun.result import digests
 from hgorun.result.closed_file import read_closed
 from hgorun.result.data import DesignNumbers, Integration, IntegrationError, Measurements
 from hgorun.result.forms import RESULT, not_this
+from hgorun.result.not_yet import refuse_what_has_not_run
 from hgorun.result.observer import MAPS, Coordinates, ObserverResult
 from hgorun.result.recorded_file import RecordedFile
 from hgorun.result.result import Result
@@ -52,8 +52,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Result:
     ('x1', 'x2')
     """
     path = file_at(path)
-    if path.suffix.lower() in {".yaml", ".yml"} and kind_of_file(path) is None:
-        raise ConfigError("this is a configuration, not a result file; hgorun simulate makes one of it", file=str(path))
+    refuse_what_has_not_run(path, RESULT)
     budget = int(max_memory)
     return opened(path, budget, lambda file: _Reader(file, path, budget).result())
 

@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import h5py
 import numpy as np
 
-from hgorun.config.kinds import HDF5, head_of, is_recording, kind_of, kind_of_file
+from hgorun.config.kinds import HDF5, head_of, is_recording, kind_of
 from hgorun.config.nearest import near_file
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
@@ -23,10 +23,6 @@ T = TypeVar("T")
 
 LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 NAMED = 1_000  # characters of a label
-_NOT_YET_RUN = (
-    "this is a configuration or a sweep file, not a result: hgorun simulate {0} writes results/{1}.h5, and hgorun "
-    "sweep {0} results/{1}.sweep.h5"
-)
 _SECONDS = 60.0  # that reading may take: a GiB takes two
 
 
@@ -62,11 +58,6 @@ def found(source: Path | BytesIO, path: Path, budget: int, work: Callable[[h5py.
     except MemoryError:
         raise ConfigError(f"reading it takes more than {budget / 2**30:.3g} GiB", file=str(path)) from None
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
-        if path.suffix.lower() in (".yaml", ".yml") and kind_of_file(path) is None:
-            empty = isinstance(source, Path) and os.path.getsize(source) == 0
-            raise ConfigError(
-                "the file is empty" if empty else _NOT_YET_RUN.format(path, path.stem), file=str(path)
-            ) from None
         if isinstance(source, Path) and (what := _other_file(source)):
             raise ConfigError(f"not a file of hgorun: {what}", file=str(path)) from None
         reason = str(error).splitlines()[0] if str(error) else type(error).__name__

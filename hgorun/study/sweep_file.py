@@ -14,6 +14,7 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.errors import ConfigError
+from hgorun.result.not_yet import steps_to_an_ensemble
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.ensembles import ensemble_of
 from hgorun.study.loading import load
@@ -54,7 +55,8 @@ def load_sweeps(path: str | Path, run: str | None = None) -> dict[str, Ensemble]
     if not found:
         known = [name for name, one in runs.items() if not one.single]
         what = f"no run with seeds or vary is called {run!r}. Known: {', '.join(known)}{meant(run or '', known)}"
-        nothing = "none of its runs has seeds or vary; a sweep file has base, axes and keep"
+        steps, _ = steps_to_an_ensemble(path, next(iter(runs)) if "runs" in keys else None)
+        nothing = f"none of its runs has seeds or vary; a sweep file has base, axes and keep, such as for {steps}"
         raise ConfigError(what if known else nothing, file=str(path))
     return {f"{path.stem}/{name}": ensemble for name, ensemble in found.items()}
 

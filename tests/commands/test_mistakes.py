@@ -136,7 +136,10 @@ def test_what_is_written_wrong(shell: Shell, right: str, wrong: str, words: str)
         (("c.yaml",), "a command comes first: hgorun simulate c.yaml"),
         (("c.h5",), "a command comes first: hgorun compare c.h5"),
         (("simulate", "log.csv"), "this is a log, not a configuration: hgorun estimate CONFIG log.csv"),
-        (("report", "c.yaml"), "a configuration or a sweep file, not a result: hgorun simulate c.yaml writes"),
+        (
+            ("report", "c.yaml"),
+            "this is a configuration, not a result: a report is of an ensemble, such as 20 seeds: `echo '{base: c.yaml",
+        ),
         (("simulate", "c.yaml", "--set", "theta=2"), "Did you mean `observers.SHGO.theta`?"),
         (("simulate", "c.yaml", "--set", "observers.shgo.theta=2"), "Did you mean `SHGO`?"),
     ],
