@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Sequence
+from shlex import quote
 
 from hgorun.config.nearest import nearest
 from hgorun.errors import ConfigError, printable
@@ -47,7 +48,7 @@ def _refuse_keys(words: Sequence[str]) -> None:
             path = _KEYS[name].replace("-", "_")
             raise ConfigError(
                 f"there is no option --{name}: keys of the configuration are changed by "
-                f"--set {printable(path)}={printable(value if equals else following)}"
+                f"--set {quote(printable(f'{path}={value if equals else following}'))}"
                 + (", where LABEL is that of the observer" if "LABEL" in path else "")
             )
 
@@ -57,8 +58,9 @@ def _refuse_spaces(words: Sequence[str]) -> None:
     for i, word in enumerate(words[:-1]):
         if word == "--set" and "=" not in words[i + 1] and _KEY.fullmatch(words[i + 1]):
             value = words[i + 2] if i + 2 < len(words) and not words[i + 2].startswith("-") else "VALUE"
-            path = printable(words[i + 1])
-            raise ConfigError(f"--set {path}: expected path=value, as in --set {path}={printable(value)}")
+            path = words[i + 1]
+            right = quote(printable(f"{path}={value}"))
+            raise ConfigError(f"--set {printable(path)}: expected path=value, as in --set {right}")
 
 
 def refuse_what_is_no_command(words: Sequence[str], commands: Collection[str]) -> None:

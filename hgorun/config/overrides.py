@@ -2,20 +2,29 @@
 
 from __future__ import annotations
 
+import json
+import re
+from collections.abc import Sequence
 from typing import Any
 
 from hgorun.config.expressions import nearest
 from hgorun.config.models import File
 from hgorun.config.paths import at, dotted, entries, walk
+from hgorun.config.shell import assigned, assigned_text
 from hgorun.config.yaml_source import MAX_DEPTH, Source, parse
 from hgorun.errors import ConfigError, KeyPath
+
+_ALL = "observers.*."  # how a path begins that means every observer
+_KEY_END = re.compile("[.=]")
+_MOST = 6  # paths in a message
 
 
 def set_path(source: Source, assignment: str) -> Source:
     """Carry out ``assignment``, the ``path=value`` of ``--set``.
 
     A path is keys and list indices with dots between. The longest path that exists wins, so a label may
-    contain ``=``; what follows it, up to the next ``=``, is created. The value is YAML; ``null`` removes the key.
+    contain ``=``; what follows it, up to the next ``=``, is created. ``observers.*`` means every observer whose block
+    has the key that follows. The value is YAML; ``null`` removes the key.
 
     Raises
     ------
@@ -23,7 +32,30 @@ def set_path(source: Source, assignment: str) -> Source:
         There is no ``=``, the value is not YAML, the path leads into a scalar or past the end of a list, or what is to
         be removed is not there.
     """
-    file = f"--set {assignment}"
+    for one in _written_out(source.data, assignment):
+        source = _with_assignment(source, one, f"--set {assignment}")
+    return source
+
+
+def _written_out(data: object, assignment: str) -> list[str]:
+    """The assignments that one stands for: several where it begins with ``observers.*``."""
+    blocks = data.get("observers") if isinstance(data, dict) else None
+    if not assignment.startswith(_ALL) or not isinstance(blocks, dict) or "*" in blocks:
+        return [assignment]
+    rest = assignment.removeprefix(_ALL)
+    key = _KEY_END.split(rest, maxsplit=1)[0]
+    having = [label for label, block in blocks.items() if isinstance(block, dict) and key in block]
+    if not having:
+        known = dict.fromkeys(str(name) for block in blocks.values() for name, _ in entries(block))
+        raise ConfigError(
+            f"no observer's block has the key {key!r}.{nearest(key, known)} Known here: {', '.join(known)}",
+            file=f"--set {assignment}",
+            line=1,
+        )
+    return [f"observers.{label}.{rest}" for label in having]
+
+
+def _with_assignment(source: Source, assignment: str, file: str) -> Source:
     old, end = _longest_path(source.data, assignment)
     names, equals, text = assignment[end:].partition("=")
     new = names[1 if old else 0 :].split(".") if names else []
@@ -31,14 +63,14 @@ def set_path(source: Source, assignment: str) -> Source:
         raise ConfigError("expected path=value, without spaces around `=`", file=file, line=1)
     above = at(source.data, old)
     if new and above is not None and not isinstance(above, dict):
-        raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=1)
+        raise ConfigError(_no_way(source.data, old, new[0], text), file=file, line=1)
     if not old and new[0] not in File.model_fields:
         _refuse_part_of_a_path(source.data, tuple(new), file)
     path = (*old, *new)
     if not text.strip():
-        removed = "" if new else f"; `--set {dotted(path)}=null` removes it"
-        raise ConfigError(f"there is no value behind `=`: write {dotted(path)}=value{removed}", file=file, line=1)
-    value = parse(text, file).data
+        removed = "" if new else f"; `{assigned(path, 'null')}` removes it"
+        raise ConfigError(f"there is no value behind `=`: write {assigned(path, 'value')}{removed}", file=file, line=1)
+    value = _value(text, path, file)
     if value is None:
         if new:
             raise ConfigError(_nothing_there(source.data, old, new[0]), file=file, line=1)
@@ -49,6 +81,26 @@ def set_path(source: Source, assignment: str) -> Source:
     if max(map(len, places)) > MAX_DEPTH:
         raise ConfigError(f"lists and mappings nested more than {MAX_DEPTH} deep", file=file, line=1)
     return Source(data, places | created, source.nulls)
+
+
+def _value(text: str, path: KeyPath, file: str) -> Any:
+    """What the text behind ``=`` says.
+
+    Raises
+    ------
+    ConfigError
+        It is not YAML. As a shell takes quotes away, the whole option is told that has those which YAML needs.
+    """
+    text = text.strip()
+    try:
+        if text.startswith("#"):
+            raise ConfigError("text that starts with `#` needs quotes: it is a comment", file=file, line=1)
+        return parse(text, file).data
+    except ConfigError as error:
+        right = f"as text: `{assigned_text(path, text)}`"
+        if text.startswith(("{", "[", '"', "'")):
+            right = "a shell takes quotes away, so the whole stands in single ones, as in `--set 'title=\"a: b\"'`"
+        raise ConfigError(f"{error.message}; {right}", file=file, line=1, key=error.key) from error
 
 
 def _without(source: Source, path: KeyPath, file: str) -> Source:
@@ -82,10 +134,21 @@ def _refuse_part_of_a_path(data: Any, names: tuple[str, ...], file: str) -> None
     known = sorted((tuple(map(str, path)) for path, _ in walk(data)), key=".".join)
     for length in range(len(names), 0, -1):  # what follows a known part is to be created
         part, more = names[:length], names[length:]
-        whole = next((path for path in known if len(path) > length and path[-length:] == part), None)
-        if whole is not None:
-            message = f"{names[0]!r} is not a key of the top of the file. Did you mean `{'.'.join((*whole, *more))}`?"
+        whole = [path for path in known if len(path) > length and path[-length:] == part]
+        if whole:
+            meant = _one_of([".".join((*path, *more)) for path in whole])
+            of_all = sum(path[0] == "observers" and path[2:] == part for path in whole) > 1
+            several = f" {_ALL}{'.'.join(names)} is that of all observers which have it." if of_all else ""
+            message = f"{names[0]!r} is not a key of the top of the file. Did you mean {meant}?{several}"
             raise ConfigError(message, file=file, line=1, key=".".join(names))
+
+
+def _one_of(paths: Sequence[str]) -> str:
+    """Some paths, as they are listed in a question."""
+    shown = [f"`{path}`" for path in paths[:_MOST]]
+    if len(paths) > _MOST:
+        return f"{', '.join(shown)} or another of {len(paths)}"
+    return " or ".join(filter(None, (", ".join(shown[:-1]), shown[-1])))
 
 
 def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
@@ -115,7 +178,7 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
         return source, (*old, *new)
     file, line = source.where(old)
     if new and above is not None and not isinstance(above, dict):
-        raise ConfigError(_no_way(source.data, old, new[0]), file=file, line=line, key=path)
+        raise ConfigError(_no_way(source.data, old, new[0], str(value)), file=file, line=line, key=path)
     place: KeyPath = (*old, *new)
     if index := next((i for i in range(1, len(new)) if new[i].isdigit()), None):
         lacking = ".".join(map(str, (*old, *new[:index])))
@@ -174,7 +237,8 @@ _OF_COLUMNS = {
 }
 
 
-def _no_way(data: object, path: KeyPath, name: str) -> str:
+def _no_way(data: object, path: KeyPath, name: str, text: str) -> str:
+    """Why a path does not lead on to a name below it; the text is what would be set there."""
     here, value = dotted(path) or "the file", at(data, path)
     if isinstance(value, list):
         indices = f"an index from 0 to {len(value) - 1}" if value else "nothing, as it is empty"
@@ -184,7 +248,10 @@ def _no_way(data: object, path: KeyPath, name: str) -> str:
     beside = [str(key) for key, _ in entries(at(data, path[:-1]))]
     names = f" Beside it: {', '.join(beside[:20])}." if beside else ""
     if isinstance(value, str) and path[:1] == ("data",) and name in _OF_COLUMNS:
-        names = f" It is the name of a column: {here}={{column: {value[:40]}, {name}: ...}} says more of it."
+        column = json.dumps(value[:40], ensure_ascii=False)
+        given = text if text[:1] in ("{", "[", '"', "'") else json.dumps(text[:40], ensure_ascii=False)
+        more = assigned(path, f"{{column: {column}, {name}: {given}}}")
+        names = f" It is the name of a column: `{more}` says more of it."
     return f"`{here}` is {str(value)[:40]!r} and has no `{name}` in it.{nearest(name, beside)}{names}"
 
 

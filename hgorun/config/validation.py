@@ -9,8 +9,9 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from hgorun.config.nearest import nearest
-from hgorun.config.paths import entries
+from hgorun.config.paths import dotted, entries
 from hgorun.config.separators import misread
+from hgorun.config.shell import assigned_text
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -59,7 +60,9 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         if item["type"] == "value_error" and isinstance(problem := item["ctx"]["error"], Problem):
             where = (*where, *problem.path)  # of a model's own check, from that model on
         file, line = source.where(where)
-        candidates.append((line, where, file, sentence_of(item) + _meaning(item, model) + _kind(item, where)))
+        message = sentence_of(item) + _meaning(item, model) + _kind(item, where)
+        message += _as_text(item, where, file)
+        candidates.append((line, where, file, message))
     line, where, file, message = min(candidates, key=lambda c: c[0])
     return ConfigError(message, file=file, line=line, key=".".join(map(str, source.written(where))) or None)
 
@@ -70,6 +73,14 @@ def _kind(item: ErrorDetails, where: KeyPath) -> str:
     is_type = item["type"] == "dict_type" and where[:1] == ("observers",) and isinstance(found, str)
     is_type = is_type and not misread(found)
     return f", such as {where[-1]}: {{type: {found[:40]}}}" if is_type and len(where) == _OF_OBSERVER else ""
+
+
+def _as_text(item: ErrorDetails, where: KeyPath, file: str) -> str:
+    """Of what ``--set`` gives in the place of a text: how it is one, since a shell takes quotes away."""
+    name, _, text = file.removeprefix("--set ").partition("=")
+    if item["type"] != "string_type" or not file.startswith("--set ") or name != dotted(where):
+        return ""
+    return f"; as text: `{assigned_text(where, text.strip())}`"
 
 
 def _known_path(source: Source, path: KeyPath, location: KeyPath) -> KeyPath:

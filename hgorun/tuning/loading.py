@@ -52,7 +52,7 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
         For anything wrong in them: file, line, key, what was found and what would be right.
     """
     for assignment in overrides:
-        if not assignment.startswith("tune."):
+        if not assignment.startswith(("tune.", "tune=")):
             raise ConfigError(
                 f"--set {assignment}: only keys of tune can be changed here; the tuned file would lack other changes"
             )

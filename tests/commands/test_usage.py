@@ -8,6 +8,7 @@ import pytest
 import yaml
 from shell import Shell
 
+from hgorun.errors import ConfigError
 from hgorun.tuning.loading import load_tuning
 from hgorun.version import __version__
 
@@ -70,6 +71,15 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
             "--set observers.S.theta: expected path=value, as in --set obse",
         ),
         ("simulate --set seed", "--set seed: expected path=value, as in --set seed=VALUE"),
+        ("simulate a.yaml --set title a*b", "--set title: expected path=value, as in --set 'title=a*b'"),
+        (
+            "simulate a.yaml --poles [-1,-2]",
+            "there is no option --poles: keys of the configuration are changed by --set 'observers.LABEL.poles=[-1,-2]',",
+        ),
+        (
+            "simulate a.yaml --set title=5",
+            "--set title=5: title: expected text, found 5; as text: `--set 'title=\"5\"'`",
+        ),
         ("simulate C:\\me\\tank.yaml", "C:\\me\\tank.yaml: there is no such file. Folders are separated by / here"),
         ("estimate log.yaml a.yaml", "a.yaml: this is a configuration, not a log: measurements are read from CSV, Par"),
         ("analyze a.yaml b.yaml", "b.yaml is one word too many: hgorun analyze CONFIG"),
@@ -104,3 +114,13 @@ def test_the_block_that_tune_names_is_one(shell: Shell) -> None:
     with (shell.folder / "b.yaml").open() as file:
         assert yaml.safe_load(file)["tune"]["minimise"] == "rmse(*, x1)"
     assert len(load_tuning(shell.folder / "b.yaml").tasks) == 1
+
+
+def test_tune_as_a_whole_is_set_for_one_call(shell: Shell) -> None:
+    """A mapping is a value as any other; keys beside tune would be lacking in the tuned file."""
+    found = load_tuning(
+        shell.folder / "a.yaml", ["tune={gains: {observers.*.theta: {log: [1, 9]}}, minimise: 'rmse(*, x2)'}"]
+    )
+    assert [gain.range.ends for task in found.tasks for gain in task.gains] == [(1, 9)]
+    with pytest.raises(ConfigError, match="only keys of tune"):
+        load_tuning(shell.folder / "a.yaml", ["tuned={}"])

@@ -1,6 +1,7 @@
 """Configurations on top of each other: ``--set`` and ``extends``, and the positions they leave."""
 
 import re
+import shlex
 from pathlib import Path
 from typing import Any
 
@@ -114,9 +115,12 @@ def test_set_path_in_turn() -> None:
         ("time..end=5", "path=value"),
         (".time=5", "path=value"),
         ("time.end = 5", "path=value"),
-        ("title=", "no value behind `=`: write title=value; `--set title=null` removes it"),
-        ("observers.FHGO r=2=", "; `--set observers.FHGO r=2=null` removes it"),
-        ("solver.step= ", "no value behind `=`: write solver.step=value"),
+        ("title=", "no value behind `=`: write --set title=value; `--set title=null` removes it"),
+        ("observers.FHGO r=2=", "; `--set 'observers.FHGO r=2=null'` removes it"),
+        ("solver.step= ", "no value behind `=`: write --set solver.step=value"),
+        ("title=#x", "needs quotes: it is a comment; as text: `--set 'title=\"#x\"'`"),
+        ("title=[a", "a shell takes quotes away, so the whole stands in single ones, as in `--set 'title=\"a: b\"'`"),
+        ("observers.*.thet=5", "no observer's block has the key 'thet'. Did you mean `theta`? Known here: type"),
         ("time.end.outputstep=5", "Did you mean `output_step`?"),
         ("time.end.x=5", "`time.end` is '40' and has no `x` in it. Beside it: end, output_step, unit."),
         ("measurement.noise.1.type=x", "an index from 0 to 0"),
@@ -136,6 +140,59 @@ def test_set_path_refusals(assignment: str, words: str) -> None:
     assert words in str(caught.value)
     assert caught.value.file == f"--set {assignment}"
     assert caught.value.line == 1
+
+
+@pytest.mark.parametrize(
+    "text", ["%d.%m.%Y %H:%M", "@home", "a: b: c", "*x", "!x", "#x", 'it\'s: %d: "x"', "- a: b\\d: c"]
+)
+def test_what_is_advised_is_a_word_for_the_shell_and_text_for_yaml(text: str) -> None:
+    """It is pasted as it stands: taken apart as a shell does, it sets the text."""
+    source = parse(EXAMPLE, "c.yaml")
+    with pytest.raises(ConfigError) as caught:
+        set_path(source, f"observers.FHGO r=2.note={text}")
+    option, assignment = shlex.split(re.findall(r"as text: `(.*)`$", str(caught.value))[0])
+    assert option == "--set"
+    assert get(set_path(source, assignment), "observers", "FHGO r=2", "note") == text
+
+
+def test_a_column_of_which_more_is_set_is_advised_as_a_mapping() -> None:
+    source = parse("data: {time: Zeit in h, outputs: {y: y}}", "c.yaml")
+    for text, value in (("%d.%m.%Y", "%d.%m.%Y"), ('"%d"', "%d"), ("1", "1")):
+        with pytest.raises(ConfigError) as caught:
+            set_path(source, f"data.time.format={text}")
+        _, assignment = shlex.split(re.findall("`(--set .*)`", str(caught.value))[0])
+        assert get(set_path(source, assignment), "data", "time") == {"column": "Zeit in h", "format": value}
+
+
+def test_all_observers_whose_blocks_have_a_key_are_set_at_once() -> None:
+    text = "{observers: {A: {theta: 1}, 'B r=2': {theta: 2}, C: {type: ekf}}}"
+    found = set_path(parse(text, "f"), "observers.*.theta=5")
+    assert found.data["observers"] == {"A": {"theta": 5}, "B r=2": {"theta": 5}, "C": {"type": "ekf"}}
+    assert found.where(("observers", "A", "theta")) == ("--set observers.*.theta=5", 1)
+    assert "theta" not in set_path(parse(text, "f"), "observers.*.theta=null").data["observers"]["A"]
+    starred = parse("{observers: {'*': {theta: 1}, A: {theta: 2}}}", "f")
+    assert set_path(starred, "observers.*.theta=5").data["observers"] == {"*": {"theta": 5}, "A": {"theta": 2}}
+
+
+@pytest.mark.parametrize(
+    ("text", "assignment", "meant"),
+    [
+        ("{observers: {B: {theta: 1}}}", "theta=3", "Did you mean `observers.B.theta`?"),
+        (
+            "{observers: {A: {theta: 1}, B: {theta: 2}}, plant: {theta: 1}}",
+            "theta=3",
+            "Did you mean `observers.A.theta`, `observers.B.theta` or `plant.theta`? observers.*.theta is that of all",
+        ),
+        (
+            str({"observers": {f"O{i}": {"theta": i} for i in range(8)}}),
+            "theta=3",
+            "`observers.O4.theta`, `observers.O5.theta` or another of 8? observers.*.theta",
+        ),
+    ],
+)
+def test_all_places_are_named_where_only_the_last_keys_are_given(text: str, assignment: str, meant: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(meant)):
+        set_path(parse(text, "f"), assignment)
 
 
 def test_set_path_into_an_empty_list_or_a_scalar() -> None:
