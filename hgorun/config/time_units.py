@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from fractions import Fraction
 
 from hgorun.config.nearest import nearest
@@ -27,22 +28,30 @@ _NAMES = {
 }
 SHORT = {name: unit for unit, names in _NAMES.items() for name in names}
 """Other names of them."""
-_WITHOUT = ("", "-", "1", "step", "steps", "sample", "samples")  # of a time that is counted, or has no unit
-_LONG = ("week", "weeks", "month", "months", "year", "years", "yr", "a")  # of which no log counts
+_LONG = {"week": ("weeks",), "month": ("months",), "year": ("years", "yr", "a")}  # of which no log counts
+_COUNTED = {"step": ("steps",), "sample": ("samples",)}
+_WITHOUT = {"-": ("", "1")}
+_OF_RUNS = {name: unit for unit, names in {**_LONG, **_COUNTED, **_WITHOUT}.items() for name in names}
 
 
 def run_unit(text: str) -> str:
-    """A unit of time of a run: one of a log, a longer one, or none.
+    """The short name of a unit of time of a run: one of a log, a longer one, or none.
 
     Raises
     ------
     ValueError
         Where it is another unit, or no unit.
     """
-    if text in SECONDS or text in SHORT or text in _WITHOUT or text in _LONG:
-        return text
-    known = (*SECONDS, "week", "month", "year")
+    unit = SHORT.get(text, _OF_RUNS.get(text, text))
+    if unit in SECONDS or unit in _LONG or unit in _COUNTED or unit in _WITHOUT:
+        return unit
+    known = (*SECONDS, *_LONG)
     raise ValueError(
-        f"{text!r} is not a unit of time.{nearest(text, (*known, *SHORT))} Known: {', '.join(known)}, and - for a time "
-        "without a unit"
+        f"{text!r} is not a unit of time.{meant_unit(text, (*known, *SHORT))} Known: {', '.join(known)}, and - for a "
+        "time without a unit"
     )
+
+
+def meant_unit(text: str, known: Collection[str]) -> str:
+    """Which unit of time may be meant, as a question; empty where none is like it."""
+    return " Did you mean `min`? m is a metre." if text == "m" else nearest(text.strip(), known)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hgorun.config.expressions import nearest
-from hgorun.config.time_units import SECONDS, SHORT
+from hgorun.config.time_units import SECONDS, SHORT, meant_unit
 from hgorun.data.readable_units import DEFINED, may_be_read
 from hgorun.data.usual_units import in_other_letters, is_usual, unusual
 from hgorun.errors import KeyPath, Problem
@@ -45,6 +45,7 @@ _COMMON = (
 # pint calculates with what it is given: no powers of powers, and few digits
 _FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%‰°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
+_NOT_NUMBERS = re.compile(r"[^\W\d]|[%‰°]")
 NO_UNIT = ("-", "1", "")
 """How it is written that numbers have no unit."""
 _NAMES = {
@@ -88,7 +89,7 @@ def seconds(unit: str, path: KeyPath) -> Fraction:
     found = SECONDS.get(SHORT.get(unit, unit))
     if found is None:
         raise Problem(
-            path, f"{unit!r} is not a unit of time.{nearest(unit, list(SECONDS))} Known: {', '.join(SECONDS)}"
+            path, f"{unit!r} is not a unit of time.{meant_unit(unit, list(SECONDS))} Known: {', '.join(SECONDS)}"
         )
     return found
 
@@ -159,8 +160,10 @@ def are_usual(*units: str) -> bool:
 
 def not_known(unit: str) -> str:
     """That a unit is not known, with what may be meant; empty where it is, or says that there is none."""
-    if are_usual(unit):
+    if unit in NO_UNIT:
         return ""
+    if are_usual(unit) and _UNIT.fullmatch(_usual(unit)):
+        return "" if _NOT_NUMBERS.search(unit) else f"{unit!r} is a number, not a unit."
     try:
         _parsed(_registry(), unit, ())
     except Problem:

@@ -16,15 +16,30 @@ from hgorun.simulation.scheduling import remarks
 OBSERVER = {"S": {"type": "shgo", "theta": 2}}
 
 
-@pytest.mark.parametrize("unit", ["s", "h", "days", "µs", "week", "year", "-", "", "samples"])
-def test_units_of_time_are_taken(unit: str) -> None:
+@pytest.mark.parametrize(
+    ("unit", "short"),
+    [
+        *((one, one) for one in ("s", "h", "week", "year", "-", "sample")),
+        *(("sec", "s"), ("µs", "us"), ("days", "d"), ("weeks", "week"), ("yr", "year"), ("", "-"), ("steps", "step")),
+    ],
+)
+def test_units_of_time_are_taken_and_have_one_name(unit: str, short: str) -> None:
     made = experiment(VAN_DER_POL, OBSERVER).varied({"time.unit": unit})
-    assert made.blocks.time.unit == unit
+    assert made.blocks.time.unit == short
+    assert made.varied({"time.unit": short}).blocks.time.unit == short
 
 
 @pytest.mark.parametrize(
     ("unit", "told"),
-    [("kg", ""), ("hz", " Did you mean"), ("hour s", " Did you mean `hours`?"), ("m", ""), ("Tag", ""), ("msekk", "")],
+    [
+        ("kg", ""),
+        ("hz", " Did you mean"),
+        ("hour s", " Did you mean `hours`?"),
+        ("m", " Did you mean `min`"),
+        (" s", " Did you mean `s`"),
+        ("Tag", ""),
+        ("msekk", ""),
+    ],
 )
 def test_other_units_of_time_are_refused(unit: str, told: str) -> None:
     with pytest.raises(ConfigError, match=f"time.unit: '{unit}' is not a unit of time.{told}") as caught:
@@ -38,6 +53,18 @@ def test_units_of_time_are_as_long_as_those_of_a_library() -> None:
         assert _registry().Quantity(1, name).to("ns").magnitude == pytest.approx(
             float(SECONDS[SHORT.get(name, name)] / Fraction(1, 10**9))
         )
+
+
+@pytest.mark.parametrize(
+    ("unit", "told"),
+    [
+        ("5", "'5' is a number, not a unit."),
+        ("m/", "'m/' is not a known unit."),
+        ("m//s", "'m//s' is not a known unit."),
+    ],
+)
+def test_a_number_or_half_a_unit_is_none(unit: str, told: str) -> None:
+    assert not_known(unit).startswith(told)
 
 
 def test_a_unit_of_a_state_that_is_not_known_is_told() -> None:
