@@ -18,7 +18,7 @@ from hgorun.commands import catalogue_options, ensemble_options, run_options
 from hgorun.commands.command import app, command
 from hgorun.commands.mistaken import refuse_what_is_no_command
 from hgorun.errors import HgorunError, PluginError, PluginWarning, printable
-from hgorun.process import INTERRUPTED, INTERRUPTION_SAID, TERMINATED, TERMINATION_SAID, say, silence
+from hgorun.process import INTERRUPTED, TERMINATED, say, say_ended, silence
 
 __all__ = ["app", "main"]
 
@@ -177,13 +177,11 @@ def main() -> None:
         say(f"hgorun: {error}")
         sys.exit(error.exit_code)
     except SystemExit as stop:
-        if stop.code == INTERRUPTED:  # typer's exit code for Ctrl-C
-            say(INTERRUPTION_SAID)
-        elif stop.code == TERMINATED:
-            say(TERMINATION_SAID)
+        if stop.code in (INTERRUPTED, TERMINATED):  # the first is typer's exit code for Ctrl-C
+            say_ended(stop.code)
         raise
     except KeyboardInterrupt:
-        say(INTERRUPTION_SAID)
+        say_ended(INTERRUPTED)
         sys.exit(INTERRUPTED)
     except OSError as error:
         silence(sys.stdout)

@@ -31,6 +31,7 @@ unfinished: set[Path] = set()
 _ended_by: list[int] = []  # exit codes of the signals that came, the first one first
 _postponed: list[list[int]] = []  # codes of signals that wait for the end of what is done whole
 _said: set[str] = set()  # what has been said on stderr
+_remaining: list[Callable[[], str]] = []  # what is to be said besides where a signal ends the process
 
 
 def run(main: Callable[[], Callable[[], None]]) -> None:
@@ -59,7 +60,7 @@ def _leave(code: int) -> NoReturn:
     """End at once, with nothing half-written and one line that says so."""
     _tidy()
     if not _said & {INTERRUPTION_SAID, TERMINATION_SAID}:
-        say(INTERRUPTION_SAID if code == INTERRUPTED else TERMINATION_SAID)
+        say_ended(code)
     with suppress(OSError, ValueError):
         sys.stdout.flush()
     os._exit(code)
@@ -107,6 +108,27 @@ def say(text: str) -> None:
         print(text, file=sys.stderr, flush=True)
     except (OSError, ValueError):
         silence(sys.stderr)
+
+
+def say_ended(code: int) -> None:
+    """Say that a signal has ended the process, and what is to be said besides."""
+    say(INTERRUPTION_SAID if code == INTERRUPTED else TERMINATION_SAID)
+    while _remaining:
+        say(_remaining.pop(0)())
+
+
+@contextmanager
+def told_where_ended(words: Callable[[], str]) -> Iterator[None]:
+    """Say a line, which is asked for then, if a signal ends the process while this lasts."""
+    _remaining.append(words)
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit):
+        raise  # it is said by whoever ends the process
+    except BaseException:
+        _remaining.remove(words)
+        raise
+    _remaining.remove(words)
 
 
 def silence(stream: object) -> None:

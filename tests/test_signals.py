@@ -11,6 +11,7 @@ import sys
 import threading
 import warnings
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn
 
@@ -90,6 +91,21 @@ def test_what_is_begun_is_ended_before_a_signal_is_answered(ended: list[int]) ->
     assert len(done) == 1
     with pytest.raises(SystemExit):  # from then on at once
         answer(signal.SIGTERM, None)
+
+
+def test_what_is_to_be_said_besides_is_said_where_a_signal_ends_it(
+    ended: list[int], capsys: pytest.CaptureFixture[str]
+) -> None:
+    for error in (None, ValueError):
+        with suppress(ValueError), process.told_where_ended(lambda: "nothing"):
+            if error is not None:
+                raise error
+    with suppress(KeyboardInterrupt), process.told_where_ended(lambda: "half of it is done"):
+        raise KeyboardInterrupt
+    for _ in range(2):
+        with pytest.raises(Ended):
+            process._leave(INTERRUPTED)
+    assert capsys.readouterr().err == f"{INTERRUPTION_SAID}\nhalf of it is done\n"
 
 
 def test_what_a_library_makes_of_a_signal_is_still_the_signal(

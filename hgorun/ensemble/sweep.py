@@ -80,11 +80,19 @@ class Count:
     members, done, failed : int
         How many there are, how many are finished, and of how many of those, as far as this call has carried them out,
         an estimate has no numbers.
+    stored : int
+        How many of the finished ones another call finds.
     """
 
     members: int
     done: int
     failed: int = 0
+    stored: int = 0
+
+    def continued(self, name: str, same: str = "the same command") -> str:
+        """What is to be said of an ensemble that is interrupted."""
+        there = f"{self.stored} of {self.members} members are finished" if self.stored else "no member is finished yet"
+        return f"hgorun: {name}: {there}; {same} {'continues there' if self.stored else 'begins again'}"
 
 
 def carry_out(
@@ -116,7 +124,8 @@ def carry_out(
     """
     start, stop = (0, store.size) if part is None else part.range(store.size)
     gaps = store.missing(start, stop)
-    count = Count(stop - start, stop - start - sum(b - a for a, b in gaps))
+    done = stop - start - sum(b - a for a, b in gaps)
+    count = Count(stop - start, done, stored=done)
     told(count)
     if not gaps:
         return
@@ -130,6 +139,7 @@ def carry_out(
         store.write(carried)
         count.done += carried.stop - carried.start
         count.failed += _lost(carried)
+        count.stored = count.done
         told(count)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable
 from hashlib import sha256
 from pathlib import Path
 
@@ -11,6 +12,7 @@ from shell import Shell
 
 import hgorun
 from hgorun.ensemble.fingerprint import fingerprint
+from hgorun.ensemble.sweep import Count
 
 BASE = """
 time: {end: 0.5, output_step: 0.1}
@@ -294,3 +296,35 @@ def test_a_block_that_nobody_has_written_is_refused_by_every_command(shell: Shel
         code, _, err = shell(*text.split())
         assert (code, name in err, "Traceback" in err) == (2, True, False)
     assert not (shell.folder / "m" / "s.sweep" / "blocks").exists()
+
+
+@pytest.mark.parametrize(
+    ("options", "done", "said"),
+    [
+        ((), 0, "s: no member is finished yet; the same command begins again"),
+        ((), 5, "s: 5 of 12 members are finished; the same command continues there"),
+        (("--fresh",), 5, "s: 5 of 12 members are finished; the same command without --fresh continues there"),
+    ],
+)
+def test_an_interrupted_sweep_says_what_the_same_command_finds(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, options: tuple[str, ...], done: int, said: str
+) -> None:
+    def stopped(*_: object, told: Callable[[Count], None], **__: object) -> None:
+        told(Count(12, done + 2, stored=done))  # two more of a block that is not written
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hgorun.commands.sweep.carry_out", stopped)
+    code, _, err = shell("sweep", "s.yaml", *options)
+    assert (code, err) == (130, f"hgorun: interrupted; no file is left half-written\nhgorun: {said}\n")
+
+
+def test_an_interrupted_ensemble_of_a_run_says_it_too(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    def stopped(ensemble: object, place: object, told: Callable[[Count], None]) -> None:
+        told(Count(3, 2, stored=2))
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("hgorun.commands.ensembles.carried_out", stopped)
+    (shell.folder / "r.yaml").write_text(f"{BASE}runs: {{many: {{seeds: 3}}}}")
+    assert shell("simulate", "r.yaml")[2].endswith(
+        "many: 2 of 3 members are finished; the same command continues there\n"
+    )

