@@ -16,6 +16,8 @@ _FILE = Path(__file__).with_name("references.bib")
 _ENTRY = re.compile(r"^@(\w+)\{(\w+),\n(.*?)^\}", re.MULTILINE | re.DOTALL)
 _FIELD = re.compile(r"^  (\w+) = \{(.*)\},$", re.MULTILINE)
 _COAUTHOR = re.compile(r"[A-Z][\w']*, $")
+_AND = re.compile(r",? (?:and|&) (?=[A-Z])")
+_LONGEST_KEY = 40
 _NEW = re.compile(r"\W+")
 
 
@@ -72,7 +74,8 @@ def known() -> Mapping[str, Entry]:
 
 def cited_in(reference: str) -> Iterator[Entry]:
     """The publications that the words of a reference name; the words themselves where none of them is known."""
-    named = [known()[words] for words in sorted(filter(lambda w: _names(reference, w), known()), key=reference.find)]
+    text = _AND.sub(", ", reference)  # as authors are separated there
+    named = [known()[words] for words in sorted(filter(lambda w: _names(text, w), known()), key=text.find)]
     if reference:
         yield from named or [_unknown(reference)]
 
@@ -86,5 +89,5 @@ def _names(reference: str, words: str) -> bool:
 
 
 def _unknown(reference: str) -> Entry:
-    key = _NEW.sub("", reference.split(",")[0].split(";")[0]).lower() or "reference"
+    key = _NEW.sub("", reference.split(",")[0].split(";")[0]).lower()[:_LONGEST_KEY] or "reference"
     return Entry("misc", key, (("note", re.sub(r"[{}\\]", "", reference)),))

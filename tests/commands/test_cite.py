@@ -179,6 +179,10 @@ def test_keys_are_unique_and_stay() -> None:
         ("after Khalil 2017, our own", ["khalil2017"]),
         ("gain: fading-memory polynomials, Morrison 1969", ["morrison1969"]),
         ("A paper {of} mine", ["apaperofmine"]),
+        ("plant and law of the separation results of Atassi and Khalil 1999; observers besides", ["atassi1999"]),
+        ("Bastin & Dochain 1990", ["bastin1990"]),
+        ("Freidovich and Khalil 2017", ["freidovichandkhalil2017"]),
+        ("a bench of ours with a very long description of it", ["abenchofourswithaverylongdescriptionofit"]),
         ("", []),
     ],
 )
