@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import json as json_text
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
+from shlex import quote
+from typing import Any
 
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
@@ -13,8 +16,12 @@ from hgorun.commands.outputs import RESULTS, formats, refuse_other_kinds, refuse
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
 from hgorun.commands.run_options import Analyze
+from hgorun.config.reading import read_source
+from hgorun.config.shell import assigned
 from hgorun.errors import ConfigError
 from hgorun.figures.page import Page
+from hgorun.plants.base import PLANTS
+from hgorun.simulation.blocks import of_a_log
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import load
 from hgorun.tables import analysis as table
@@ -32,6 +39,7 @@ def analyze(options: Analyze) -> int:
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
     if options.plots:
         refuse_unwritable(target.parent, kind="folder")
+    _refuse_recording(options)
     run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))
     result = run_with_progress(run, show=options.text)
     warn(result)
@@ -55,6 +63,58 @@ def analyze(options: Analyze) -> int:
         for files in filter(None, drawn):
             print(written(files, before))
     return 0
+
+
+def _refuse_recording(options: Analyze) -> None:
+    """Of a configuration of recorded data, say how its observers are analysed along a way of the model.
+
+    Raises
+    ------
+    ConfigError
+    """
+    data = read_source(options.config, options.overrides)[1].data
+    if not (isinstance(data, dict) and of_a_log(data)):
+        return
+    plant, time, log = (_mapping(data, key) for key in ("plant", "time", "data"))
+    inputs, outputs = _mapping(log, "inputs"), _mapping(log, "outputs").values()
+    noise = next((one["std"] for one in outputs if isinstance(one, dict) and "std" in one), None)
+    examples: dict[tuple[str, ...], object] = {
+        ("data",): "null",
+        ("tune",): "null" if "tune" in data else None,
+        ("time", "end"): None if "end" in time else 10,
+        ("time", "output_step"): None if "output_step" in time else 0.01,
+        ("measurement", "sampling", "period"): log.get("period", time.get("output_step", 0.01)),
+        ("measurement", "noise"): None if noise is None else f"[{{type: gaussian, std: {noise}}}]",
+        ("plant", "inputs"): _ones(inputs) if inputs and "inputs" not in plant else None,
+        ("plant", "initial"): _ones(_states(plant)) if "initial" not in plant else None,
+    }
+    words = " ".join(assigned(path, str(value)) for path, value in examples.items() if value is not None)
+    file = quote(str(options.config))
+    raise ConfigError(
+        "this configuration is of recorded data, and limits and noise follow from a way of the plant, which no log "
+        f"has: `hgorun analyze {file} {words}` analyses the observers along a way of the model, with your period, end "
+        f"and start in place of these; `hgorun estimate {file}` runs them on the log, and says of one that diverges if "
+        "its theta is too large for the period",
+        file=str(options.config),
+    )
+
+
+def _mapping(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
+    """What stands at a key, which nobody has checked yet; nothing where that is no mapping."""
+    found = data.get(key)
+    return found if isinstance(found, dict) else {}
+
+
+def _ones(names: Iterable[str]) -> str:
+    return "{" + ", ".join(f"{name}: 1" for name in names) + "}"
+
+
+def _states(plant: Mapping[str, Any]) -> list[str]:
+    """The names of the plant's states, as far as the block says them or its type is known."""
+    given, name = plant.get("states"), plant.get("type")
+    if isinstance(given, list):
+        return [str(state) for state in given]
+    return list(PLANTS.find(name).model_construct().state_names) if name in PLANTS.names() else []
 
 
 def _target(name: str, output: Path | None) -> Path:

@@ -62,15 +62,19 @@ def _refuse_recorded(source: Source) -> None:
     ------
     ConfigError
     """
-    data = source.data
-    if not isinstance(data, dict) or "data" not in data:
-        return
-    time, plant = data.get("time", {}), data.get("plant")
-    endless = isinstance(time, dict) and "end" not in time
-    if endless or (isinstance(plant, dict) and not {"initial", "type"} & plant.keys()):
+    if of_a_log(source.data):
         file, line = source.where(("data",))
         message = f"this configuration is of recorded data: hgorun estimate {file or 'FILE'}"
         raise ConfigError(message, file=file, line=line, key="data")
+
+
+def of_a_log(data: object) -> bool:
+    """Whether a configuration is of recorded data, and lacks what a simulation needs besides."""
+    if not isinstance(data, dict) or "data" not in data:
+        return False
+    time, plant = data.get("time", {}), data.get("plant")
+    endless = isinstance(time, dict) and "end" not in time
+    return endless or (isinstance(plant, dict) and not {"initial", "type"} & plant.keys())
 
 
 NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}

@@ -156,7 +156,11 @@ def test_recorded_data_given_to_a_command_of_simulations(shell: Shell, command: 
     recorded = CONFIG.replace("end: 1, output_step: 0.1", "unit: s") + "data: {file: log.csv, outputs: {x1: y}}\n"
     (shell.folder / "c.yaml").write_text(recorded)
     code, _, err = shell(command, "c.yaml")
-    assert (code, "this configuration is of recorded data: hgorun estimate c.yaml" in err) == (2, True), err
+    assert (code, "this configuration is of recorded data" in err, "hgorun estimate c.yaml" in err) == (
+        2,
+        True,
+        True,
+    ), err
 
 
 def test_a_run_without_an_accurate_fixed_step_is_exported_with_a_given_one(

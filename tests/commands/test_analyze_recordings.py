@@ -1,0 +1,53 @@
+"""``hgorun analyze`` of a configuration of recorded data says how its observers are analysed along the model."""
+
+from __future__ import annotations
+
+import re
+import shlex
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+PLANT = "plant: {states: [x1, x2], dynamics: {x1: x2, x2: -x1 + u}, output: x1}\n"
+OBSERVER = "observers: {S: {type: shgo, theta: 2}}\n"
+DATA = "data: {file: log.csv, time: t, outputs: {x1: {column: y, std: 0.1}}, inputs: {u: u}, period: 0.05}\n"
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (
+            PLANT + OBSERVER + DATA,
+            "--set data=null --set time.end=10 --set time.output_step=0.01 --set measurement.sampling.period=0.05 "
+            "--set 'measurement.noise=[{type: gaussian, std: 0.1}]' --set 'plant.inputs={u: 1}' "
+            "--set 'plant.initial={x1: 1, x2: 1}'",
+        ),
+        (
+            "plant: {type: van_der_pol}\ndata: {file: log.csv, outputs: [y]}\ntune: {}\n",
+            "--set data=null --set tune=null --set time.end=10 --set time.output_step=0.01 --set "
+            "measurement.sampling.period=0.01 --set 'plant.initial={x1: 1, x2: 1}'",
+        ),
+        (
+            "plant: {type: mine}\ntime: {output_step: 0.2}\ndata: {file: log.csv}\n",
+            "--set data=null --set time.end=10 --set measurement.sampling.period=0.2 --set 'plant.initial={}'",
+        ),
+    ],
+)
+def test_the_command_puts_a_way_of_the_model_in_place_of_the_log(shell: Shell, text: str, words: str) -> None:
+    (shell.folder / "a b.yaml").write_text(text if "time" in text.split("data")[0] else f"time: {{}}\n{text}")
+    code, _, err = shell("analyze", "a b.yaml")
+    assert (code, f"`hgorun analyze 'a b.yaml' {words}`" in err) == (2, True), err
+
+
+@pytest.mark.costly
+def test_the_command_works_as_it_stands(shell: Shell) -> None:
+    (shell.folder / "a.yaml").write_text(f"time: {{unit: s}}\n{PLANT}{OBSERVER}{DATA}")
+    words = shlex.split(re.findall("`hgorun (analyze [^`]*)`", shell("analyze", "a.yaml")[2])[0])
+    code, out, err = shell(*words, "--no-plots")
+    assert (code, "period 0.05000 s" in out) == (0, True), err
