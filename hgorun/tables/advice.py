@@ -143,18 +143,31 @@ def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | No
         yield f"to change: a smaller {key}, or an initial estimate nearer to the truth: as it is, the estimate diverges"
         return
     shares = _shares(analysis, label, noise) if isinstance(noise, Mapping) else {}
+    follow = isinstance(subject.observer, HighGain) and subject.observer.poles_follow
+    room = None if follow else _room(found, timing)
     filtered = "; a larger r may" if isinstance(subject.observer, FilterOrder) else ""
     if shares and min(shares.values()) >= _MOST:
         yield f"to change: most of its error is noise: a smaller {key} lowers it{filtered}"
+    elif shares and max(shares.values()) < _MOST and room is not None and room < _NEAR:
+        yield f"to change: little of its error is noise, but {key} has little room: measure more often and sooner first"
     elif shares and max(shares.values()) < _MOST:
         yield f"to change: little of its error is noise: a larger {key} lowers what is left"
     else:
         yield f"to change: {key}, larger for a faster decay, smaller for less noise"
-    follow = isinstance(subject.observer, HighGain) and subject.observer.poles_follow
-    room = None if follow else _room(found, timing)
     if room is not None:
-        narrow = ": that is near" if room < _NEAR else ""
-        yield f"{key} = {number(theta)} may grow to about {number(theta * room)} on a chain measured like this{narrow}"
+        yield _bound(key, float(theta), room)
+
+
+def _bound(key: str, theta: float, room: float) -> str:
+    """How far a gain is from what a chain of integrators stands: a bound, and no advice to go there."""
+    most = f"{key} = {number(theta * room)}"
+    if room < 1:
+        return (
+            f"limit: a chain measured like this is stable up to {most} only, less than {number(theta)}: the limits "
+            "above are those of this run, and hold near it"
+        )
+    near = ", which is near" if room < _NEAR else ""
+    return f"limit: a chain measured like this is stable up to {most}, {number(room)} times the present one{near}"
 
 
 def _unstable(found: Findings, timing: Timing | None) -> bool:

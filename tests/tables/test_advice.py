@@ -7,7 +7,8 @@ import pytest
 import hgorun
 from hgorun import Experiment
 from hgorun.analysis.report import Analysis
-from hgorun.tables.advice import advice
+from hgorun.tables import advice as advised
+from hgorun.tables.advice import _bound, advice
 from hgorun.tables.layout import number
 
 
@@ -50,7 +51,7 @@ def test_decay_limits_and_the_gain_to_change() -> None:
     found = analysis.observers["SHGO"].values
     limit = found["period_critical_chain"]
     assert isinstance(limit, float)
-    assert f"theta = 2.000 may grow to about {2 * limit / 0.1:.4g}" in together
+    assert f"stable up to theta = {number(2 * limit / 0.1)}, {number(limit / 0.1)} times the present one" in together
     assert "period 0.1000 s: " in together
     assert "most of its error is noise: a smaller theta lowers it" in together
     assert "to change: Q against R" in together
@@ -71,8 +72,30 @@ def test_a_period_beyond_the_limit_is_told_to_be_too_long() -> None:
 
 def test_how_far_theta_may_grow_is_not_said_where_poles_follow_from_it() -> None:
     """Limits of chains are in proportion to 1/theta with the same poles only."""
-    assert "may grow" in said(0.1, end=3.0)[0]
-    assert "may grow" not in said(0.1, end=3.0, poles_for_period=0.1)[0]
+    assert "limit: a chain" in said(0.1, end=3.0)[0]
+    assert "limit: a chain" not in said(0.1, end=3.0, poles_for_period=0.1)[0]
+
+
+@pytest.mark.parametrize(
+    ("room", "told"),
+    [
+        (10.0, "stable up to theta = 20.00, 10.00 times the present one"),
+        (1.5, "stable up to theta = 3.000, 1.500 times the present one, which is near"),
+        (0.75, "stable up to theta = 1.500 only, less than 2.000: the limits above are those of this run"),
+    ],
+)
+def test_a_limit_is_no_advice_to_go_there(room: float, told: str) -> None:
+    assert told in _bound("theta", 2.0, room)
+
+
+def test_no_larger_gain_is_advised_where_its_limit_is_near(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A quarter of the way to the limit a larger theta lowers the error; near it other things come first."""
+    for room, words in (
+        (4.0, "a larger theta lowers what is left"),
+        (1.5, "theta has little room: measure more often"),
+    ):
+        monkeypatch.setattr(advised, "_room", lambda *_, room=room: room)
+        assert words in " ".join(said(0.1, end=3.0, noise=1e-6)[0].split())
 
 
 def test_a_continuous_output_has_no_period() -> None:
