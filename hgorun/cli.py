@@ -17,7 +17,7 @@ import typer
 from hgorun.commands import catalogue_options, ensemble_options, run_options
 from hgorun.commands.command import app, command
 from hgorun.commands.mistaken import refuse_what_is_no_command
-from hgorun.errors import HgorunError, PluginError, PluginWarning, printable
+from hgorun.errors import ConfigError, HgorunError, PluginError, PluginWarning, printable
 from hgorun.process import INTERRUPTED, TERMINATED, say, say_ended, silence
 
 __all__ = ["app", "main"]
@@ -174,7 +174,8 @@ def main() -> None:
         refuse_what_is_no_command(sys.argv[1:], [str(one.name) for one in app.registered_commands])
         _called(sys.argv[1:])()
     except HgorunError as error:
-        say(f"hgorun: {error}")
+        for one in (error, *(error.others if isinstance(error, ConfigError) else ())):
+            say(f"hgorun: {one}")
         sys.exit(error.exit_code)
     except SystemExit as stop:
         if stop.code in (INTERRUPTED, TERMINATED):  # the first is typer's exit code for Ctrl-C

@@ -66,6 +66,11 @@ class ConfigError(HgorunError):
         What is wrong, what was found and what would be right.
     file, line, key : optional
         Where: the message then starts with ``file:line: key:``.
+
+    Attributes
+    ----------
+    others : tuple of ConfigError
+        Further faults of the same input, which do not follow from this one.
     """
 
     exit_code = 2
@@ -74,6 +79,7 @@ class ConfigError(HgorunError):
         self, message: str, *, file: str | None = None, line: int | None = None, key: str | None = None
     ) -> None:
         self.message, self.file, self.line, self.key = message, file, line, key
+        self.others: tuple[ConfigError, ...] = ()
         # an assignment on the command line has no lines
         where = f"{file}:{line}" if file and line and not file.startswith("--set ") else file
         super().__init__(": ".join([*(_shortened(part) for part in (where, key) if part), message]))

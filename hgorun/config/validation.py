@@ -63,8 +63,14 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         message = sentence_of(item) + _meaning(item, model) + _kind(item, where)
         message += _as_text(item, where, file)
         candidates.append((line, where, file, message))
-    line, where, file, message = min(candidates, key=lambda c: c[0])
-    return ConfigError(message, file=file, line=line, key=".".join(map(str, source.written(where))) or None)
+    first, *others = (
+        ConfigError(message, file=file, line=line, key=".".join(map(str, source.written(where))) or None)
+        for line, where, file, message in sorted(candidates, key=lambda c: c[0])
+    )
+    if not path:  # of a whole file: what is wrong in its other blocks does not follow from the first
+        by_block = {(one.key or "").partition(".")[0]: one for one in reversed((first, *others))}
+        first.others = tuple(one for one in others if one in by_block.values())
+    return first
 
 
 def _kind(item: ErrorDetails, where: KeyPath) -> str:

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
+from itertools import islice
 from typing import Any, TypeVar
 
 from hgorun.config.expressions import nearest
@@ -43,9 +45,46 @@ def check(source: Source) -> Checked:
     Raises
     ------
     ConfigError
-        For the first thing wrong: file, line, key, what was found and what would be right.
+        For the first thing wrong: file, line, key, what was found and what would be right; ``others`` are those of
+        other blocks.
     """
     _refuse_recorded(source)
+    try:
+        return _checked(source)
+    except ConfigError as first:
+        first.others = tuple(islice(_others(source, first), _MOST_OTHERS))
+        raise
+
+
+def _others(source: Source, first: ConfigError) -> Iterator[ConfigError]:
+    """What is wrong in other blocks than the first fault: each is checked by itself, so that none follows from it."""
+    data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
+    observers = data.get("observers")
+    checks: list[Callable[[], object]] = [partial(validate, ExperimentBlocks, data, source, ())]
+    if isinstance(data.get("plant"), dict):
+        checks.append(partial(plant_of, source))
+    if "measurement" in data:
+        checks.append(partial(validate, Measurement, data["measurement"], source, ("measurement",)))
+    if isinstance(observers, dict):
+        checks += [partial(observer_of, k, v, source) for k, v in observers.items() if isinstance(v, dict)]
+    seen = {_block_of(first)}
+    for check_one in checks:
+        try:
+            check_one()
+        except ConfigError as error:
+            for other in (error, *error.others):
+                if _block_of(other) not in seen:
+                    seen.add(_block_of(other))
+                    yield other
+
+
+def _block_of(error: ConfigError) -> tuple[str, ...]:
+    """The block that a fault is in; of an observer its own."""
+    keys = (error.key or "").split(".")
+    return tuple(keys[: 2 if keys[0] == "observers" else 1])
+
+
+def _checked(source: Source) -> Checked:
     blocks = validate(ExperimentBlocks, source.data, source, ())
     plant = plant_of(source)
     measurement = validate(Measurement, blocks.measurement, source, ("measurement",))
@@ -77,6 +116,7 @@ def of_a_log(data: object) -> bool:
     return endless or (isinstance(plant, dict) and not {"initial", "type"} & plant.keys())
 
 
+_MOST_OTHERS = 9  # faults beside the first
 NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
 PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
 _OWN_BLOCKS = {"time", "solver", "metrics", "controller"}  # what is a block already is not checked again

@@ -264,3 +264,35 @@ def test_a_figure_that_is_named_is_the_only_one_and_what_it_replaces_is_told(she
     assert shell("compare", "c.yaml", "-o", "one.png")[1].endswith("\nwritten: one.png\n")
     assert shell("compare", "c.yaml", "-o", "one.png")[1].endswith("\nwritten: one.png (replaced)\n")
     assert not (shell.folder / "one.pdf").exists()
+
+
+def test_faults_of_several_blocks_are_told_at_once(shell: Shell) -> None:
+    """One of each block, the first as before; what follows from another fault is none."""
+    (shell.folder / "c.yaml").write_text(
+        "time: {end: 5, outptu_step: 0.1}\n"
+        "plant: {type: van_der_pol, initial: {x1: 1, x2: 0}, parametrs: {a: 1}}\n"
+        "measurement: {sampling: {perod: 0.1}}\n"
+        "observers:\n"
+        "  A: {type: shgoo, theta: 2}\n"
+        "  B: {type: shgo, thet: 2}\n"
+        "  C: {type: shgo, theta: 2}\n"
+        "metrics: {windw: [1, 2]}\n"
+    )
+    code, out, err = shell("simulate", "c.yaml")
+    assert (code, out) == (2, "")
+    places = [line.removeprefix("hgorun: c.yaml:").split(": ")[:2] for line in err.splitlines()]
+    assert sorted(places) == [
+        ["1", "time.outptu_step"],
+        ["2", "plant.parametrs"],
+        ["3", "measurement.sampling"],
+        ["5", "observers.A.type"],
+        ["6", "observers.B.thet"],
+        ["8", "metrics.windw"],
+    ]
+    assert places[0] == ["1", "time.outptu_step"]
+    many = "".join(f"  O{i}: {{type: shgoo}}\n" for i in range(12))
+    (shell.folder / "c.yaml").write_text(f"{CONFIG.split('observers')[0]}observers:\n{many}")
+    assert shell("simulate", "c.yaml")[2].count("\n") == 10
+    (shell.folder / "c.yaml").write_text("observers: {S: {type: shgo, thet: 1}, T: 5}\nmeasurement: {perod: 1}\n")
+    keys = [line.split(": ")[2] for line in shell("simulate", "c.yaml")[2].splitlines()]
+    assert keys == ["time", "plant", "observers.T", "measurement.perod", "observers.S.thet"]
