@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.estimate.bands import FEWEST, Band, band_of
+from hgorun.estimate.bands import FEWEST, WIDE, Band, band_of
 from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
@@ -15,9 +15,6 @@ from hgorun.estimate.scores import scores_of, settled, settled_from, since
 from hgorun.pieces import all_true
 from hgorun.result.recorded import Assessed
 from hgorun.symbolic.evaluate import Floats
-
-_WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers
-
 
 _RESIDUALS = 1 << 20  # that a band is made of, evenly chosen where there are more
 
@@ -27,7 +24,7 @@ def assess(prepared: PreparedEstimate, found: Evaluated, j: int) -> Assessed:
     scores, normal = scores_of(prepared, found, j), found.normal[j]
     xhat = found.xhat[j]
     if normal is not None:
-        width = _WIDE * normal.deviation
+        width = WIDE * normal.deviation
         for i, (one, nis) in enumerate(zip(prepared.samples, normal.nis, strict=True)):
             sound = settled(nis[found.carried.used[prepared.slots[i], j]])
             if sound.size:

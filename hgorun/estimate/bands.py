@@ -3,7 +3,7 @@
 Split-conformal prediction: of n residuals the one of rank ceil(0.95 (n + 1)) bounds a further one with probability
 0.95 if their order means nothing. An estimate is worse the longer ago the last sample was, so residuals are sorted
 into a few classes by that time, each with its own rank. What a band covers is told from halves: every other residual
-is compared with the band of the others.
+is compared with the band of the others. An observer that knows the covariance of its errors has its band from that.
 """
 
 from __future__ import annotations
@@ -16,6 +16,7 @@ from hgorun.native.places import places_in, since_last_in
 from hgorun.symbolic.evaluate import Floats
 
 LEVEL = 0.95
+WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers
 FEWEST = 19  # residuals from which a rank follows
 _OF_A_CLASS = 40
 _CLASSES = 5
@@ -103,6 +104,22 @@ def coverage(residuals: Floats, since: Floats) -> float | None:
         covered += int(np.count_nonzero(np.abs(residuals[sound]) <= band.at(since[sound])))
         judged += int(np.count_nonzero(sound))
     return covered / judged if judged else None
+
+
+def coverage_of_normal(residuals: Floats, deviation: Floats) -> float | None:
+    """Which part of the residuals lies in a band that their standard deviations make; None where there are too few.
+
+    As many are asked for as for a band that is made of residuals, so that observers are compared by the same samples.
+
+    Parameters
+    ----------
+    residuals, deviation : ndarray, shape (n,)
+        Standard deviations are NaN where they are not known.
+    """
+    sound = np.isfinite(residuals) & np.isfinite(deviation)
+    if residuals.size < FEWEST + 1 or not sound.any():
+        return None
+    return float(np.mean(np.abs(residuals[sound]) <= WIDE * deviation[sound]))
 
 
 def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool = False) -> Floats:

@@ -51,10 +51,14 @@ class Normal:
         Their standard deviation on the output grid.
     nis : list of ndarray, shape (n_k,) each
         Of every output the innovations squared over their variance.
+    aside : mapping of str to ndarray, shape (k,)
+        By what was held out, the standard deviation of each residual: of a sample of an output with its noise, NaN
+        where that is not known; of a state that is no output without any.
     """
 
     deviation: Floats
     nis: list[Floats]
+    aside: Mapping[str, Floats]
 
 
 class Innovations(Protocol):
@@ -152,8 +156,10 @@ def evaluate_run(
     }
     compared = {key: with_lag(prepared, one, asked[key].lag) for key, one in compared.items()}
     predicted = [innovations_of(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
+    aside = {name: one for (which, name), one in compared.items() if which == 0}
+    rows = carried.raw.rows[:, :, 0]
     normal = [
-        None if one is None else _normal(prepared, one, carried.raw.rows[:, :, 0], times, shown, before, predicted, j)
+        None if one is None else _normal(prepared, one, rows, times, shown, before, predicted, aside, j)
         for j, one in enumerate(covariances)
     ]
     return Evaluated(
@@ -162,7 +168,7 @@ def evaluate_run(
         [x[on_grid] for x in everywhere],
         carried.raw.rows[on_grid, :, 0],
         [InnovationsInMemory(one) for one in predicted],
-        {name: one for (which, name), one in compared.items() if which == 0},
+        aside,
         {name: one for (which, name), one in compared.items() if which == 1},
         normal,
         np.array([first_undefined(shown, x[on_grid]) for x in everywhere]),
@@ -197,19 +203,31 @@ def _normal(
     shown: Floats,
     before: Sequence[Floats],
     predicted: Sequence[Floats],
+    aside: Mapping[str, Compared],
     j: int,
 ) -> Normal:
-    """What observer j knows of its errors, and what its innovations are in its own eyes."""
-    layout, nis = prepared.run.structure.system.held, []
-    for i, moments in enumerate(before):
+    """What observer j knows of its errors, and what its innovations and held-out residuals are in its own eyes."""
+    model, layout = prepared.run.plant.model, prepared.run.structure.system.held
+
+    def variance(moments: Floats, i: int) -> Floats:
+        """Of samples of output i."""
         found = np.empty(moments.size)
         for start in range(0, moments.size, _PIECE):
             some = slice(start, start + _PIECE)
             held = prepared.held(moments[some])
             w = np.zeros(layout.size) if held is None else held
             found[some] = covariance.variance(moments[some], rows[np.searchsorted(times, moments[some])], w)[:, i]
-        nis.append(predicted[i][j] ** 2 / found)
-    return Normal(covariance.deviation(rows[np.searchsorted(times, shown)]), nis)
+        return found
+
+    def deviation(one: Compared) -> Floats:
+        if one.name in model.outputs:
+            return np.asarray(np.sqrt(variance(one.taken, model.outputs.index(one.name))))
+        of_states = covariance.deviation(rows[np.searchsorted(times, one.taken)])
+        return np.asarray(of_states[:, model.states.index(one.name)])
+
+    nis = [predicted[i][j] ** 2 / variance(moments, i) for i, moments in enumerate(before)]
+    known = {name: deviation(one) for name, one in aside.items()}
+    return Normal(covariance.deviation(rows[np.searchsorted(times, shown)]), nis, known)
 
 
 def inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:

@@ -8,7 +8,7 @@ from itertools import accumulate
 
 import numpy as np
 
-from hgorun.estimate.bands import coverage, since_last
+from hgorun.estimate.bands import coverage, coverage_of_normal, since_last
 from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled, stated
@@ -28,7 +28,7 @@ def scores_of(
 
     ``holdout_rmse``, ``holdout_mean``, ``holdout_coverage``
         Of samples that were held out: size of measured minus estimated, its mean, and which part a band of 95 % covers
-        that was made of the others.
+        that was made of the others, or that follows from the covariance of the observer and the noise of a sample.
     ``innovation_mean``, ``innovation_rms``
         Of measured minus estimated at every sample before it was used, behind the first tenth of them.
     ``whiteness``
@@ -55,7 +55,10 @@ def scores_of(
         residuals = _defined(one.residuals[j], lost=lost)
         add("holdout_rmse", name, rms(residuals))
         add("holdout_mean", name, float(np.mean(residuals)) if residuals.size else None)
-        add("holdout_coverage", name, coverage(one.residuals[j], _since(prepared, name, one.taken)))
+        if (normal := found.normal[j]) is None:
+            add("holdout_coverage", name, coverage(one.residuals[j], _since(prepared, name, one.taken)))
+        else:
+            add("holdout_coverage", name, coverage_of_normal(one.residuals[j], normal.aside[name]))
     for i, sampled in enumerate(prepared.samples):
         used = found.carried.used[prepared.slots[i], j]
         every = found.predicted[i].of(j)

@@ -11,6 +11,7 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.errors import HgorunError
 from hgorun.estimate.evaluated import evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.estimate.samples import stated
 from hgorun.estimate.scores import scores_of
 from hgorun.observers.base import AnyObserver
 from hgorun.result.result import Result
@@ -25,7 +26,8 @@ def with_sensitivity(
     """The result with the score ``sensitivity``, by observer and gain.
 
     d ln(score) / d ln(gain), of the hold-out's size where samples were held out, and otherwise of that of the
-    innovations: 0.1 says that ten per cent more of the gain make the score one per cent larger. Summed over outputs.
+    innovations: 0.1 says that ten per cent more of the gain make the score one per cent larger. Of several outputs each
+    is counted in the standard deviation of its noise, or else in that of what was measured, whatever the units.
     """
     gains = {label: list(_gains(observer)) for label, observer in prepared.experiment.observers.items()}
     found: dict[str, dict[str, float]] = {}
@@ -73,12 +75,21 @@ def _sizes(
         each = [{label: one} for label, one in chosen.items()] if len(chosen) > 1 else []
         alone = [_sizes(prepared, recording, held_out, one, factor) for one in each]
         return {label: of[label] for one, of in zip(each, alone, strict=True) for label in one if label in of}
-    return {b.label: size_of(scores_of(other, found, j)) for j, b in enumerate(other.run.observers)}
+    scales = _scales(other, held_out)
+    return {b.label: _size_of(scores_of(other, found, j), scales) for j, b in enumerate(other.run.observers)}
 
 
-def size_of(scores: Mapping[str, Mapping[str, float]]) -> float:
+def _scales(prepared: PreparedEstimate, held_out: Mapping[str, Signal]) -> dict[str, float]:
+    """In what each output, and each state that is held out, is counted, so that they can be added."""
+    measured = {one.output: one.values for one in prepared.samples}
+    measured |= {name: one.values for name, one in held_out.items() if name not in measured}
+    spreads = {name: float(np.std(values[np.isfinite(values)])) for name, values in measured.items() if values.size}
+    return {name: spread for name, spread in spreads.items() if spread > 0} | dict(stated(prepared.experiment))
+
+
+def _size_of(scores: Mapping[str, Mapping[str, float]], scales: Mapping[str, float]) -> float:
     """One number: the hold-out's, or that of the innovations; the root of the sum over outputs of its squares."""
     for name in ("holdout_rmse", "innovation_rms"):
         if scores.get(name):
-            return float(np.sqrt(sum(value**2 for value in scores[name].values())))
+            return float(np.sqrt(sum((value / scales.get(of, 1.0)) ** 2 for of, value in scores[name].items())))
     return float("nan")

@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from recordings import PENDULUM, observers, recording, signal, source
+from recordings import PENDULUM, assessed_of, observers, recording, signal, source
 from scipy.special import chdtrc
 
 from hgorun.errors import ConfigError
-from hgorun.estimate.bands import Band, band_of, coverage, since_last
+from hgorun.estimate.bands import Band, band_of, coverage, coverage_of_normal, since_last
 from hgorun.estimate.completed import completed
+from hgorun.estimate.estimate import estimate
 from hgorun.estimate.evaluated import evaluate_run
 from hgorun.estimate.gate import RunningDeviation, kept_of
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
@@ -48,6 +49,39 @@ def test_a_band_covers_what_it_should() -> None:
     new = (0.1 + fresh) * rng.standard_normal(4000)
     assert 0.93 < np.mean(np.abs(new) <= band.at(fresh)) < 0.97
     assert 0.93 < (coverage(residuals, since) or 0.0) < 0.97
+
+
+def test_what_a_kalman_filter_covers_is_told_of_its_own_band_and_the_noise() -> None:
+    """Of a constant P remains what it was until the first sample, so that both bands are known by hand."""
+    taken, std = np.arange(40.0), 0.5
+    text = {
+        "plant": {"states": ["x", "w"], "dynamics": {"x": "0", "w": "0"}, "output": "x"},
+        "observers": {
+            "K": {
+                "type": "ekf",
+                "Q": {"x": 1e-12, "w": 1e-12},
+                "initial": {"x": 0.0, "w": 0.0},
+                "internal": {"P": 0.25},
+            }
+        },
+        "solver": {"step": 0.5},
+        "time": {"start": 0, "end": 40, "output_step": 1},
+    }
+    values = np.linspace(0.0, 2.6, 40)  # 1.96 sqrt(0.25 + 0.25) = 1.386, 1.96 sqrt(0.25) = 0.980
+    aside = {"x": signal("x", taken, values), "w": signal("w", taken, values)}
+    found = estimate(
+        source(text), recording(signal("x", [39.5, 40.0], [0.0, 0.0], std=std)), held_out=aside, sensitivity=False
+    )
+    one = assessed_of(found, "K")
+    assert one.upper[:-1] == pytest.approx(np.full((40, 2), 0.97998), abs=1e-5)
+    covered = one.scores["holdout_coverage"]
+    assert covered == {"x": np.mean(values <= 1.3859), "w": np.mean(values <= 0.97998)}
+
+
+def test_of_an_unknown_noise_nothing_is_covered() -> None:
+    assert coverage_of_normal(np.ones(30), np.full(30, np.nan)) is None
+    assert coverage_of_normal(np.ones(19), np.ones(19)) is None
+    assert coverage_of_normal(np.append(np.nan, np.arange(19.0)), np.ones(20)) == 2 / 19
 
 
 def test_few_residuals_make_no_band() -> None:

@@ -55,3 +55,23 @@ def test_a_gain_that_cannot_be_larger_takes_none_from_another_observer() -> None
     assert "eps" not in beside["B"]
     assert beside["U"].keys() == {"theta_0", "theta_max", "delta", "a"}
     assert beside["U"] == scores(U=UPDATED)["U"]
+
+
+@pytest.mark.parametrize("std", [{}, {"std": 0.05}])
+def test_units_of_outputs_do_not_matter(std: dict[str, float]) -> None:
+    """The rate of the angle in rad/s, and in thousandths of it."""
+
+    def slope(unit: float) -> float:
+        text = {
+            "plant": {**PENDULUM, "dynamics": {"a": f"b/{unit}", "b": f"-{unit}*sin(a) - 0.1*b"}, "output": ["a", "b"]},
+            "observers": {
+                "S": {"type": "shgo", "theta": 2.0, "chains": {"a": 1, "b": 1}, "initial": {"a": 0.8, "b": 0.0}}
+            },
+            "solver": {"step": PERIOD / STEPS},
+        }
+        rate = -unit * (np.sin(TAKEN) + 0.05 * np.cos(41 * TAKEN**2))
+        other = {key: unit * value for key, value in std.items()}
+        log = recording(signal("a", TAKEN, Y, **std), signal("b", TAKEN, rate, **other))
+        return assessed_of(estimate(source(text), log), "S").scores["sensitivity"]["theta"]
+
+    assert slope(1000.0) == pytest.approx(slope(1.0), rel=1e-9)
