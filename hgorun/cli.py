@@ -6,6 +6,7 @@ Only typer is imported here; everything else when a command runs, so that help c
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 import warnings
@@ -227,6 +228,12 @@ def _show_warnings() -> None:
 
     warnings.simplefilter("always", PluginWarning)
     warnings.showwarning = show
+    logging.getLogger("matplotlib").addFilter(_matters)
+
+
+def _matters(record: logging.LogRecord) -> bool:
+    """Where the home cannot be written, matplotlib takes a temporary folder, which is of no matter here."""
+    return record.funcName != "_get_config_or_cache_dir"
 
 
 if __name__ == "__main__":

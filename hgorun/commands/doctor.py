@@ -18,7 +18,7 @@ import numpy as np
 from hgorun.commands.catalogue_options import Doctor
 from hgorun.commands.outputs import NOT_OK
 from hgorun.errors import HgorunError
-from hgorun.native.compiler import cache_folder, processor, vector_doubles
+from hgorun.native.compiler import cache_folder, processor, vector_doubles, why_not_kept
 from hgorun.process import processors
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate_prepared
@@ -73,7 +73,7 @@ def doctor(options: Doctor) -> int:
     Raises
     ------
     HgorunError
-        When the numbers of the self-test are wrong.
+        When the numbers of the self-test are wrong, or the cache cannot be emptied.
     """
     freed = _pruned() if options.prune else None
     test = self_test()
@@ -141,16 +141,8 @@ def _amiss(test: SelfTest) -> Iterator[str]:
     """What works, and could be better."""
     if test.seconds > _SLOW * STORED:
         yield f"a step takes {test.seconds / STORED:.1f} times the stored time: {_CAVEAT}"
-    folder = cache_folder()
-    if not _writable(folder):
-        yield f"compiled code is not kept, since {folder} cannot be written: each run compiles again"
-
-
-def _writable(folder: Path) -> bool:
-    """Whether a file can be written in a folder, or in the one in which it would be made."""
-    while not folder.exists() and folder != folder.parent:
-        folder = folder.parent
-    return folder.is_dir() and os.access(folder, os.W_OK)
+    if why := why_not_kept():
+        yield f"compiled code is not kept in {cache_folder()}: {why}; what is not there yet is compiled by each run"
 
 
 def _text(test: SelfTest, extras: Mapping[str, str | None], count: int, size: int, freed: int | None) -> list[str]:
@@ -205,8 +197,17 @@ def _cached() -> tuple[int, int]:
 
 
 def _pruned() -> int:
-    """Remove all programs; the bytes that they took."""
+    """Remove all programs; the bytes that they took.
+
+    Raises
+    ------
+    HgorunError
+        When one cannot be removed.
+    """
     _, size = _cached()
     for path in _entries():
-        path.unlink(missing_ok=True)
+        try:
+            path.unlink(missing_ok=True)
+        except OSError as error:
+            raise HgorunError(f"--prune: {path.parent} cannot be emptied: {error.strerror}") from None
     return size

@@ -138,6 +138,20 @@ def cache_folder() -> Path:
     return Path(base) / "hgorun"
 
 
+def why_not_kept() -> str | None:
+    """Why compiled code cannot be kept, or None: whether it can is tried."""
+    folder = cache_folder()
+    try:
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+        if not _private(folder):
+            return "others can write there, and what they wrote is not run"
+        with tempfile.TemporaryFile(dir=folder) as file:
+            file.write(bytes(_GRAIN))
+    except OSError as error:
+        return f"it cannot be written: {error.strerror}"
+    return None
+
+
 def _private(folder: Path) -> bool:
     """Whether only this user can write into the folder; nothing from another one is ever executed."""
     if not hasattr(os, "getuid"):
@@ -164,7 +178,8 @@ def _entry(path: Path) -> bytes:
         if os.fstat(file.fileno()).st_size > _LARGEST:
             raise OSError("no entry of ours")
         content = file.read()
-    os.utime(path)
+    with suppress(OSError):  # where nothing can be written, nothing is removed either
+        os.utime(path)
     return content
 
 

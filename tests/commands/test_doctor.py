@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import sys
 import tomllib
 from pathlib import Path
 
@@ -47,6 +50,38 @@ def test_the_cache_is_emptied(shell: Shell) -> None:
     assert "2.0 MiB were freed" in out
     assert not (shell.folder / "cache" / "old.o").exists()
     assert (shell.folder / "cache" / "mine.txt").exists()
+
+
+def test_a_cache_that_cannot_be_emptied_is_named(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    (shell.folder / "cache").mkdir(mode=0o700)
+    (shell.folder / "cache" / "old.o").write_bytes(b"")
+
+    def refuse(path: Path, *, missing_ok: bool) -> None:
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    code, out, err = shell("doctor", "--prune")
+    assert (code, out) == (1, "")
+    assert err == f"hgorun: --prune: {shell.folder / 'cache'} cannot be emptied: Read-only file system\n"
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="/proc")
+def test_a_cache_in_which_nothing_can_be_made_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also to the superuser, who may write in /proc as far as its permissions say."""
+    monkeypatch.setenv("HGORUN_CACHE_DIR", "/proc/nothing")
+    assert list(doctor_module._amiss(SelfTest(0.0, 0.0))) == [
+        "compiled code is not kept in /proc/nothing: it cannot be written: No such file or directory; "
+        "what is not there yet is compiled by each run"
+    ]
+
+
+def test_a_cache_that_others_can_write_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HGORUN_CACHE_DIR", str(tmp_path))
+    tmp_path.chmod(0o777)
+    assert "others can write there" in next(doctor_module._amiss(SelfTest(0.0, 0.0)))
+    tmp_path.chmod(0o700)
+    assert list(doctor_module._amiss(SelfTest(0.0, 0.0))) == []
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_wrong_numbers_are_found(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -50,6 +50,20 @@ def test_a_second_time_nothing_is_compiled(folder: Path, compiled: list[str]) ->
     assert folder.stat().st_mode & 0o077 == 0
 
 
+def test_an_entry_that_cannot_be_touched_is_used(
+    folder: Path, compiled: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As on a file system that is read-only."""
+    NativeModule(IR, ("number",))
+
+    def refuse(*_: object) -> None:
+        raise OSError
+
+    monkeypatch.setattr(os, "utime", refuse)
+    assert number(NativeModule(IR, ("number",))) == 42.0
+    assert compiled == [IR]
+
+
 def test_other_code_is_another_entry(folder: Path, compiled: list[str]) -> None:
     other = IR.replace("42.0", "43.0")
     assert [number(NativeModule(ir, ("number",))) for ir in (IR, other)] == [42.0, 43.0]
