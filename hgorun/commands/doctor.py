@@ -159,7 +159,8 @@ def _text(test: SelfTest, extras: Mapping[str, str | None], count: int, size: in
     lines += wrapped(f"compiled for {name}{chosen}: {vector_doubles()} members of an ensemble side by side", "  ")
     lines += wrapped(f"{processors()} processors for threads and workers", "  ")
     lines += ["", "cache of compiled code:"]
-    lines += wrapped(f"{cache_folder()}: {count} programs, {size / 2**20:.1f} MiB; --prune empties it", "  ")
+    emptied = "; --prune empties it" if count else ""
+    lines += wrapped(f"{cache_folder()}: {count} programs, {size / 2**20:.1f} MiB{emptied}", "  ")
     if freed is not None:
         lines += wrapped(f"{freed / 2**20:.1f} MiB were freed", "  ")
     right = "right" if test.right else "wrong"
