@@ -70,7 +70,8 @@ class Assessed:
     Attributes
     ----------
     lower, upper : ndarray, shape (Nt, n)
-        A band that should hold 95 % of what is measured; NaN where there is none.
+        A band of 95 %: of Kalman filters one that should hold the true state, of others one that should hold what is
+        measured, with its noise; NaN where there is none.
     no_band : mapping of str to str
         By state, why it has none.
     scores : mapping of str to mapping
