@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
 
 from hgorun.analysis.chains import on_chains, outputs_of_chains
-from hgorun.analysis.reasons import RECALLS, NoValue
-from hgorun.errors import HgorunError
+from hgorun.analysis.reasons import RECALLS, NoValue, why_no_flow
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
@@ -23,6 +24,7 @@ from hgorun.symbolic.forms import BlockForm, ChainForm, Form
 
 _POINTS = 2_000, 20_000  # fewest and most output points of a nominal run
 _JUMPING = (CorrectedObserver, SampledObserver)
+_NO_CHAIN = "the observer does not take a chain of integrators"
 _MEMORY = 40.0  # of 1/(slowest rate): a chain's Riccati equation has come to rest
 
 
@@ -85,11 +87,14 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     ------
     NoValue
     """
+    observer = run.experiment.observers[label]
+    if isinstance(observer, _JUMPING):  # the chains' outputs are continuous, which it would not take
+        raise NoValue(why_no_flow(observer))
     if next(b for b in run.observers if b.label == label).recalled:
         raise NoValue(RECALLS)
     lengths = chain_lengths(run.forms[label])
     if lengths is None:
-        raise NoValue("blocks of different sizes are not chains of integrators")
+        raise NoValue(_no_chains(run.forms[label]))
     names = [[f"x{i + 1}_{j + 1}" for j in range(k)] for i, k in enumerate(lengths)]
     rates = {state: following for one in names for state, following in zip(one, [*one[1:], "0"], strict=True)}
     states = [one[j] for j in range(max(lengths)) for one in names if j < len(one)]
@@ -98,7 +103,7 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
     block = run.experiment.resolved()["observers"][label]
     for name in ("initial", "saturation", "clip_estimate", "coordinates", "map", "chains"):
         block.pop(name, None)
-    observer, outputs = run.experiment.observers[label], outputs_of_chains(len(names))
+    outputs = outputs_of_chains(len(names))
     block |= on_chains(observer, run.plant.model.outputs).model_dump(include={"speed"}, exclude_none=True)
     slowest = observer.settling_rate if isinstance(observer, HighGain) else 1.0
     end = _MEMORY / slowest
@@ -114,8 +119,33 @@ def chain(run: PreparedRun, label: str) -> tuple[PreparedRun, Result]:
         "observers": {label: block},
         "solver": {"method": "rk4", "step": _step(run, observer)},
     }
-    failure = "the observer does not take a chain of integrators"
-    return _simulated(lambda: Experiment(config, name="chain").informed_by(run.experiment), failure)
+    with _of_this_plant(run, label):
+        return _simulated(lambda: Experiment(config, name="chain").informed_by(run.experiment), _NO_CHAIN)
+
+
+@contextmanager
+def _of_this_plant(run: PreparedRun, label: str) -> Iterator[None]:
+    """Say of a key that names states or outputs of the plant that chains have no such ones."""
+    try:
+        yield
+    except NoValue as error:
+        key = getattr(error.__cause__, "key", None) or ""
+        within = key.removeprefix(f"observers.{label}.")
+        model = run.plant.model
+        name = next((part for part in within.split(".") if part in (*model.states, *model.outputs)), None)
+        if name is None:
+            raise
+        raise NoValue(f"{_NO_CHAIN}: `{within}` is about {name} of this plant") from error
+
+
+def _no_chains(form: Form) -> str:
+    """Why no chains of integrators can stand in the place of what an observer has of the plant."""
+    if not isinstance(form, BlockForm):
+        return (
+            "the observer has no copy of the plant in chains or triangular blocks, whose place integrators could take"
+        )
+    sizes = " and ".join(map(str, np.bincount(form.block)))
+    return f"blocks of different sizes, of {sizes} states, are not chains of integrators"
 
 
 def _step(run: PreparedRun, observer: AnyObserver) -> float | str:
@@ -134,9 +164,15 @@ def chain_lengths(form: Form) -> tuple[int, ...] | None:
 
 
 def _simulated(experiment: Callable[[], Experiment], failure: str) -> tuple[PreparedRun, Result]:
-    """The run of an experiment; ``failure`` introduces the reason where there is none."""
+    """The run of an experiment; ``failure`` introduces the reason where there is none.
+
+    What was changed or made up for it stands in no file: the reason has no place in one.
+    """
     try:
         run = prepare(experiment())
         return run, since_start(run, simulate_prepared(run))
+    except ConfigError as error:
+        key = f"{error.key}: " if error.key else ""
+        raise NoValue(f"{failure}: {key}{error.message}") from error
     except HgorunError as error:
         raise NoValue(f"{failure}: {error}") from error
