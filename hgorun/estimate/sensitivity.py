@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 
 from hgorun.data.recording import Recording, Signal
-from hgorun.errors import HgorunError
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.estimate.evaluated import evaluate_run
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.samples import stated
@@ -19,6 +20,8 @@ from hgorun.result.result import Result
 _LITTLE = 0.05  # of a gain
 _NO_GAINS = {"type", "initial", "internal", "saturation", "coordinates", "map", "chains", "late"}
 
+_Gain: TypeAlias = tuple[str, float]  # its key in the observer's block, and its value
+
 
 def with_sensitivity(
     result: Result, prepared: PreparedEstimate, recording: Recording, held_out: Mapping[str, Signal]
@@ -28,18 +31,35 @@ def with_sensitivity(
     d ln(score) / d ln(gain), of the hold-out's size where samples were held out, and otherwise of that of the
     innovations: 0.1 says that ten per cent more of the gain make the score one per cent larger. Of several outputs each
     is counted in the standard deviation of its noise, or else in that of what was measured, whatever the units.
+    A gain that cannot be larger, or smaller, has none, which a remark says.
     """
     gains = {label: list(_gains(observer)) for label, observer in prepared.experiment.observers.items()}
     found: dict[str, dict[str, float]] = {}
+    refused: dict[str, str] = {}
+
+    def sizes(chosen: Mapping[str, _Gain], factor: float) -> dict[str, float]:
+        """Of the observers that can have the gain that is chosen for them; tried one by one where one cannot."""
+        try:
+            return _sizes(prepared, recording, held_out, chosen, factor)
+        except HgorunError as error:
+            if len(chosen) > 1:
+                alone = [sizes({label: one}, factor) for label, one in chosen.items()]
+                return {label: of[label] for label, of in zip(chosen, alone, strict=True) if label in of}
+            ((label, (key, value)),) = chosen.items()
+            why = error.message if isinstance(error, ConfigError) else str(error)
+            told = f"{label}: how its scores depend on {key} is not told, as {key} = {factor * value:.6g} is refused"
+            refused[f"{label}.{key}"] = f"{told}: {why}"
+            return {}
+
     for place in range(max((len(of) for of in gains.values()), default=0)):
         chosen = {label: of[place] for label, of in gains.items() if place < len(of)}
-        sizes = [_sizes(prepared, recording, held_out, chosen, factor) for factor in (1 + _LITTLE, 1 / (1 + _LITTLE))]
+        both = [sizes(chosen, factor) for factor in (1 + _LITTLE, 1 / (1 + _LITTLE))]
         for label, (key, _) in chosen.items():
-            larger, smaller = (one.get(label, np.nan) for one in sizes)
+            larger, smaller = (one.get(label, np.nan) for one in both)
             slope = np.log(larger / smaller) / (2 * np.log1p(_LITTLE)) if larger > 0 and smaller > 0 else np.nan
             if np.isfinite(slope):
                 found.setdefault(label, {})[key] = float(slope)
-    return _added(result, found)
+    return replace(_added(result, found), remarks=(*result.remarks, *refused.values()))
 
 
 def _added(result: Result, found: Mapping[str, Mapping[str, float]]) -> Result:
@@ -52,7 +72,7 @@ def _added(result: Result, found: Mapping[str, Mapping[str, float]]) -> Result:
     return replace(result, observers=observers)
 
 
-def _gains(observer: AnyObserver) -> Iterator[tuple[str, float]]:
+def _gains(observer: AnyObserver) -> Iterator[_Gain]:
     """The keys of an observer's block that are numbers other than zero."""
     for key, value in observer:
         if key not in _NO_GAINS and isinstance(value, float) and value:
@@ -63,18 +83,19 @@ def _sizes(
     prepared: PreparedEstimate,
     recording: Recording,
     held_out: Mapping[str, Signal],
-    chosen: Mapping[str, tuple[str, float]],
+    chosen: Mapping[str, _Gain],
     factor: float,
 ) -> dict[str, float]:
-    """Of every observer the size of what it cannot explain, where each has one of its gains changed."""
+    """Of every observer the size of what it cannot explain, where each has one of its gains changed.
+
+    Raises
+    ------
+    HgorunError
+        Where one of the gains cannot be that.
+    """
     changes = {f"observers.{label}.{key}": factor * value for label, (key, value) in chosen.items()}
-    try:
-        other = prepare_estimate(prepared.experiment.varied(changes), recording)
-        found = evaluate_run(other, held_out, {}, with_error=False)
-    except HgorunError:  # one of the gains cannot be that
-        each = [{label: one} for label, one in chosen.items()] if len(chosen) > 1 else []
-        alone = [_sizes(prepared, recording, held_out, one, factor) for one in each]
-        return {label: of[label] for one, of in zip(each, alone, strict=True) for label in one if label in of}
+    other = prepare_estimate(prepared.experiment.varied(changes), recording)
+    found = evaluate_run(other, held_out, {}, with_error=False)
     scales = _scales(other, held_out)
     return {b.label: _size_of(scores_of(other, found, j), scales) for j, b in enumerate(other.run.observers)}
 

@@ -75,3 +75,10 @@ def test_units_of_outputs_do_not_matter(std: dict[str, float]) -> None:
         return assessed_of(estimate(source(text), log), "S").scores["sensitivity"]["theta"]
 
     assert slope(1000.0) == pytest.approx(slope(1.0), rel=1e-9)
+
+
+def test_a_gain_that_cannot_be_larger_is_named() -> None:
+    text = {"plant": PENDULUM, "observers": {"B": BANK, "S": SHGO}, "solver": {"step": PERIOD / STEPS}}
+    (told,) = estimate(source(text), recording(signal("a", TAKEN, Y))).remarks
+    said = "B: how its scores depend on eps is not told, as eps = 1.05 is refused: expected a number of at most 1.0, "
+    assert told == said + "found 1.05"
