@@ -29,6 +29,7 @@ from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment import Experiment
 from hgorun.tables.layout import number, packed, wrapped
+from hgorun.tuning.task import refuse_ends
 
 _OF_PLANT = "plant.parameters."
 _END = 1e-3  # of a range: what is nearer to an end of it is at the end
@@ -97,12 +98,13 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
     """What is minimised, and with which gains: of every observer that has them, where the goal is of ``*``."""
     found: dict[str, dict[str, Range]] = {}
     of_plant: dict[str, Range] = {}
+    written_as: dict[str, str] = {}
     for key, given in block.gains.items():
         if key.startswith(_OF_PLANT):
             if (name := key.removeprefix(_OF_PLANT)) not in experiment.plant.model.parameters:
                 known = among(name, experiment.plant.model.parameters)
                 raise Problem(("tune", "gains", key), f"the plant has no such parameter; there are {known}")
-            of_plant[key] = given
+            of_plant[key], written_as[key] = given, key
             continue
         try:
             paths = written_out(experiment, key)
@@ -113,7 +115,7 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
             if label is None:
                 message = "with recorded data, gains of observers and parameters of the plant are tuned"
                 raise Problem(("tune", "gains", key), message)
-            found.setdefault(label, {})[path] = given
+            found.setdefault(label, {})[path], written_as[path] = given, key
     if of_plant and goal.label == "*":
         raise Problem(
             ("tune", "minimise", 0), "observers share the plant: with its parameters name one observer, not *"
@@ -125,6 +127,8 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
     tasks = [(Goal(goal.score, label, goal.name), {**of_plant, **found.get(label, {})}) for label in wanted]
     for _, gains in tasks:
         require_few(len(gains))
+        for path, one in gains.items():
+            refuse_ends(experiment, path, written_as[path], one)
     return tasks
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from hgorun.ensemble.ensemble import Ensemble
-from hgorun.errors import HgorunError
+from hgorun.ensemble.members import written_out
+from hgorun.errors import ConfigError, HgorunError
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import prepare
 
@@ -68,10 +69,19 @@ def refusal_of(ensemble: Ensemble, number: int) -> HgorunError | None:
 def told_where(ensemble: Ensemble, number: int, error: str) -> str:
     """The recorded error of a member with its place in the file, where the base of the ensemble knows it.
 
-    What is recorded has none, so that it does not depend on who has carried the member out.
+    What is recorded has none, so that it does not depend on who has carried the member out. A value that an axis has
+    made stands in no line of the base: the axis is named.
     """
     refusal = refusal_of(ensemble, number)
+    if isinstance(refusal, ConfigError) and (axis := _axis_of(ensemble, refusal.key)) is not None:
+        other = "" if refusal.key == axis else f"{refusal.key}: "
+        return f"axis {axis}: {other}{refusal.message}"  # the file has another value at that key
     if refusal is not None:
         return str(refusal)
     file, line = ensemble.base.source.where(("plant",))
     return f"{file}:{line}: {error}" if file is not None and error.startswith("plant: ") else error
+
+
+def _axis_of(ensemble: Ensemble, key: str | None) -> str | None:
+    """The axis whose values stand at a key; None where there is none."""
+    return next((axis for axis in ensemble.axes if key in written_out(ensemble.base, axis)), None)

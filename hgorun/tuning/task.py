@@ -177,12 +177,32 @@ def _task(experiment: Experiment, tune: Tune, label: str, paths: Sequence[tuple[
 
 def _gain(base: Experiment, path: str, key: str, given: Range) -> Gain:
     """A gain, both ends of whose range are admissible."""
+    refuse_ends(base, path, key, given)
+    return Gain(path, given)
+
+
+def refuse_ends(base: Experiment, path: str, key: str, given: Range) -> None:
+    """Refuse a range with an end that a configuration does not admit.
+
+    Parameters
+    ----------
+    path : str
+        The number that is sought, as after ``--set``.
+    key : str
+        Of ``tune.gains``, which may stand for several paths.
+
+    Raises
+    ------
+    Problem
+        At ("tune", "gains", key).
+    """
     for value in given.ends:
         try:
             base.varied({path: value})
         except ConfigError as error:
-            raise Problem(("tune", "gains", key), f"{error.message} (for the value {value:g})") from None
-    return Gain(path, given)
+            other = "" if error.key in (None, path) else f"{error.key}: "
+            message = f"{other}{error.message} (for the value {value:g})"
+            raise Problem(("tune", "gains", key), message) from None
 
 
 def _limit(bound: Bound, label: str, experiment: Experiment, i: int) -> Limit:

@@ -139,7 +139,7 @@ def test_members_that_fail_are_said_on_stderr(shell: Shell) -> None:
     code, out, err = shell("sweep", "s.yaml")
     assert (code, out.splitlines()[1]) == (0, "  SHGO  1 ok, 1 failed")
     assert err == (
-        "hgorun: s: 1 of 2 members failed; the first is member 0: base.yaml:6: observers.SHGO.theta: "
+        "hgorun: s: 1 of 2 members failed; the first is member 0: axis observers.SHGO.theta: "
         "expected a number above 0, found -1\n"
     )
     assert shell("sweep", "s.yaml", "--strict", "-q")[0] == 3

@@ -104,6 +104,12 @@ def test_innovations_of_all_outputs(shell: Shell) -> None:
         ("gains", {"plant.initial.a": {"log": [1, 2]}}, "and parameters of the plant"),
         ("gains", {f"observers.o.poles.{i}": {"linear": [-2, -1]} for i in range(7)}, "expected 1 to 6 gains"),
         ("gains", {"observers.o.poles.0": {"linear": [-2, -1]}}, "observers.o.poles"),
+        (
+            "gains",
+            {"observers.o.theta": {"linear": [-5, 5]}},
+            "tune.gains.observers.o.theta: expected a number above 0, found -5.0 (for the value -5)",
+        ),
+        ("gains", {"observers.*.theta": {"linear": [-5, 5]}}, "tune.gains.observers.*.theta: expected"),
     ],
 )
 def test_what_cannot_be_sought_is_said(shell: Shell, key: str, value: object, message: str) -> None:
@@ -111,6 +117,15 @@ def test_what_cannot_be_sought_is_said(shell: Shell, key: str, value: object, me
     code, _, err = shell("tune", "tuned.yaml")
     assert code == 2
     assert message in err
+
+
+def test_the_line_of_a_range_that_is_refused_is_its_own(shell: Shell) -> None:
+    file = shell.folder / "tuned.yaml"
+    file.write_text(
+        file.read_text().replace("observers.o.theta: {log: [0.3, 8]}", "observers.o.theta: {linear: [-5, 5]}")
+    )
+    line = file.read_text().splitlines().index("    observers.o.theta: {linear: [-5, 5]}") + 1
+    assert f"tuned.yaml:{line}: tune.gains.observers.o.theta: " in shell("tune", "tuned.yaml")[2]
 
 
 def test_all_outputs_are_counted_in_deviations_that_are_stated(shell: Shell) -> None:
