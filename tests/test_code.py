@@ -77,6 +77,7 @@ WITHOUT_NUMBERS = {
     "hgorun.config.overrides",
     "hgorun.config.paths",
     "hgorun.config.plugin",
+    "hgorun.config.reading",
     "hgorun.config.time_units",
     "hgorun.config.validation",
     "hgorun.config.yaml_errors",
