@@ -85,11 +85,15 @@ class ConfigError(HgorunError):
         super().__init__(": ".join([*(_shortened(part) for part in (where, key) if part), message]))
 
     def __reduce__(self) -> tuple[Callable[..., ConfigError], tuple[object, ...]]:
-        return _config_error, (self.message, self.file, self.line, self.key)
+        return _config_error, (self.message, self.file, self.line, self.key, self.others)
 
 
-def _config_error(message: str, file: str | None, line: int | None, key: str | None) -> ConfigError:
-    return ConfigError(message, file=file, line=line, key=key)
+def _config_error(
+    message: str, file: str | None, line: int | None, key: str | None, others: tuple[ConfigError, ...]
+) -> ConfigError:
+    error = ConfigError(message, file=file, line=line, key=key)
+    error.others = others
+    return error
 
 
 def _shortened(text: str, limit: int = 200) -> str:

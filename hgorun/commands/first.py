@@ -56,8 +56,8 @@ class First:
 
     def text(self, file: str) -> str:
         """The configuration, for a file of this name."""
-        start, end = self.start, _number(self.start.end)
-        third, step = _number(float(f"{start.end / 3:.2g}")), _number(start.end / _POINTS)
+        start, end = self.start, number_text(self.start.end)
+        third, step = number_text(float(f"{start.end / 3:.2g}")), number_text(_rounded(start.end / _POINTS))
         blocks = [
             self._head(file),
             [f"title: {_text(f'{self.name}, a first configuration')}"],
@@ -87,7 +87,7 @@ class First:
     def _solver(self) -> list[str]:
         """The method, which is chosen unless an observer has no solution to which shorter steps would lead."""
         if any(issubclass(OBSERVERS.find(str(keys["type"])), Switching) for keys in self.start.observers.values()):
-            step = _number(self.start.end / _POINTS / 20)
+            step = number_text(_rounded(self.start.end / _POINTS / 20))
             return [f"solver: {{method: euler, step: {step}}}  # sliding modes have no limit as steps get shorter"]
         return ["# solver: {method: rk4, step: 1.0e-3}  # by default the method and the step are chosen for you"]
 
@@ -108,7 +108,7 @@ class First:
             lines.append("  parameters:")
             for name, parameter in self.parameters.items():
                 value = 1.0 if parameter.default is None else parameter.default
-                lines.append(_beside(f"    {name}: {_number(value)}", f"{parameter.meaning}, {parameter.unit}"))
+                lines.append(_beside(f"    {name}: {number_text(value)}", f"{parameter.meaning}, {parameter.unit}"))
         if self.start.inputs:
             lines.append("  inputs:  # expressions of the time t; observers know them")
             for name, text in self.start.inputs.items():
@@ -117,7 +117,10 @@ class First:
         return [*lines, f"  initial: {_mapping(self.start.initial)}  # the true state, which observers do not know"]
 
     def _measurement(self) -> list[str]:
-        period, noise = _number(self.start.period), _number(self.start.noise * self.noise)
+        period, noise = (
+            number_text(self.start.period),
+            number_text(self.start.noise if self.noise == 1 else _rounded(self.start.noise * self.noise)),
+        )
         little = "" if self.noise == 1 else "  # little, since an observer below takes it for the signal"
         hold = "" if self.sampled else f", hold: {period}"
         return [
@@ -227,14 +230,19 @@ def _comment(words: str) -> list[str]:
     return textwrap.wrap(words, _WIDTH, initial_indent="# ", subsequent_indent="# ")
 
 
-def _number(value: float) -> str:
-    """As YAML and people read it."""
-    text = f"{value:.6g}"
+def number_text(value: float) -> str:
+    """As YAML and people read it, with all digits that it has."""
+    text = next((text for text in (f"{value:.6g}", f"{value:.15g}") if float(text) == value), repr(value))
     return text.replace("e", ".0e") if "e" in text and "." not in text else text
 
 
+def _rounded(value: float) -> float:
+    """What was computed, in few digits."""
+    return float(f"{value:.6g}")
+
+
 def _mapping(values: Mapping[str, float]) -> str:
-    return "{" + ", ".join(f"{name}: {_number(value)}" for name, value in values.items()) + "}"
+    return "{" + ", ".join(f"{name}: {number_text(value)}" for name, value in values.items()) + "}"
 
 
 def _value(value: object) -> str:
@@ -245,7 +253,7 @@ def _value(value: object) -> str:
         return "[" + ", ".join(map(_value, value)) + "]"
     if isinstance(value, bool):
         return "true" if value else "false"
-    return _number(value) if isinstance(value, (int, float)) else _text(str(value))
+    return number_text(value) if isinstance(value, (int, float)) else _text(str(value))
 
 
 def _text(words: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
-from hgorun.commands.first import First, first_of, with_observers
+from hgorun.commands.first import First, first_of, number_text, with_observers
 from hgorun.commands.outputs import refuse_no_configuration
 from hgorun.config.expressions import CONSTANTS, check_name, nearest, parse
 from hgorun.config.time_units import run_unit
@@ -159,7 +159,7 @@ def _own() -> First:
     if model.inputs:
         lines.append("  inputs: {" + ", ".join(f'{name}: "{text}"' for name, text in model.inputs.items()) + "}")
     if parameters := model.used():
-        lines.append("  parameters: {" + ", ".join(f"{k}: {v:g}" for k, v in parameters.items()) + "}")
+        lines.append("  parameters: {" + ", ".join(f"{k}: {number_text(v)}" for k, v in parameters.items()) + "}")
     initial = {state: _answer(f"{state} at the start", "1", _number) for state in states}
     estimate = {state: _answer(f"first guess of {state}", "0", _number) for state in states}
     start = Start(

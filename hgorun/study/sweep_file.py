@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from hgorun.config.expressions import nearest
@@ -92,6 +92,7 @@ def _base(blocks: SweepFile, source: Source, path: Path) -> Experiment:
         except ConfigError as error:
             if error.line is None:
                 raise ConfigError(f"{target}: {error.message}", file=file, line=line, key="base") from error
+            error.others = tuple(one for one in error.others if not _is_varied(one.key or "", blocks.axes))
             raise
     try:
         return _written_here(blocks, source, path)
@@ -99,6 +100,17 @@ def _base(blocks: SweepFile, source: Source, path: Path) -> Experiment:
         if error.key is None or error.file != file or error.key == "run":
             raise
         raise ConfigError(error.message, file=file, line=error.line, key=f"base.{error.key}") from error
+
+
+def _is_varied(key: str, axes: Iterable[str]) -> bool:
+    """Whether an axis puts another value in the place of a key."""
+    names = key.split(".")
+    paths = (axis.split(".") for axis in axes)
+    return any(len(path) == len(names) and all(map(_fits, path, names)) for path in paths)
+
+
+def _fits(part: str, name: str) -> bool:
+    return part in ("*", name)
 
 
 def _written_here(blocks: SweepFile, source: Source, path: Path) -> Experiment:

@@ -167,8 +167,8 @@ def answers(monkeypatch: pytest.MonkeyPatch, *lines: str) -> None:
 
 def test_a_plant_of_your_own_from_answers(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     equations = ("x2", "-a*x1 + w", "", "-a*x1 + u")  # the second of these has an unknown name, and is asked again
-    end_and_sampling = ("-5", "5", "0", "0.01")
-    named = ("own", "parsec", "h", "t, x1", "x1, x1", "x1, x2", "b", "a = 2, c = 3", "u")
+    end_and_sampling = ("-5", "5.00000012", "0", "0.01")
+    named = ("own", "parsec", "h", "t, x1", "x1, x1", "x1, x2", "b", "a = 1.23456789, c = 3", "u")
     answers(
         monkeypatch, *named, *equations, "", "a*cos(t)", "", "", "", "one", "0", *end_and_sampling, "shgo, ekff", "shgo"
     )
@@ -186,10 +186,10 @@ def test_a_plant_of_your_own_from_answers(shell: Shell, monkeypatch: pytest.Monk
     ):
         assert words in err
     found = yaml.safe_load((shell.folder / "own.yaml").read_text())
-    assert found["time"] == {"end": 5, "output_step": 0.005, "unit": "h"}
+    assert found["time"] == {"end": 5.00000012, "output_step": 0.005, "unit": "h"}
     assert found["plant"]["dynamics"] == {"x1": "x2", "x2": "-a*x1 + u"}
     assert found["plant"]["inputs"] == {"u": "a*cos(t)"}
-    assert found["plant"]["parameters"] == {"a": 2}
+    assert found["plant"]["parameters"] == {"a": 1.23456789}
     assert "sampling" not in found["measurement"]
 
 

@@ -165,7 +165,9 @@ def test_echoes_of_the_command_line_are_harmless(
 
 
 def test_errors_survive_the_way_back_from_a_worker() -> None:
-    error = pickle.loads(pickle.dumps(ConfigError("wrong", file="a.yaml", line=3, key="k")))
-    assert (str(error), error.line) == ("a.yaml:3: k: wrong", 3)
+    several = ConfigError("wrong", file="a.yaml", line=3, key="k")
+    several.others = (ConfigError("wrong, too"),)
+    error = pickle.loads(pickle.dumps(several))
+    assert (str(error), error.line, str(*error.others)) == ("a.yaml:3: k: wrong", 3, "wrong, too")
     problem = pickle.loads(pickle.dumps(Problem(("time", 0), "wrong")))
     assert (problem.path, problem.message) == (("time", 0), "wrong")

@@ -8,6 +8,7 @@ from hashlib import sha256
 from pathlib import Path
 
 import pytest
+import yaml
 from shell import Shell
 
 import hgorun
@@ -328,3 +329,14 @@ def test_an_interrupted_ensemble_of_a_run_says_it_too(shell: Shell, monkeypatch:
     assert shell("simulate", "r.yaml")[2].endswith(
         "many: 2 of 3 members are finished; the same command continues there\n"
     )
+
+
+def test_a_value_that_an_axis_replaces_is_no_further_fault(shell: Shell) -> None:
+    blocks = {label: {"type": "shgo", "theta": -2, "poles": -1} for label in ("C", "D")}
+    base = {"time": {"end": 2, "outputs": 1}, "plant": {"type": "van_der_pol"}, "observers": blocks}
+    (shell.folder / "base.yaml").write_text(yaml.safe_dump(base))
+    for axes, labels in (({"observers.C.theta": [1, 2]}, ["D"]), ({"observers.*.theta": [1, 2]}, [])):
+        (shell.folder / "swept.yaml").write_text(yaml.safe_dump({"base": "base.yaml", "axes": axes}))
+        code, _, err = shell("sweep", "swept.yaml")
+        assert (code, "time.outputs: unknown key" in err) == (2, True)
+        assert [label for label in "CD" if f"observers.{label}.theta: expected" in err] == labels
