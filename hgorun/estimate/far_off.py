@@ -44,13 +44,13 @@ def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
         )
         if count == 1:
             yield (
-                f"{name}: 1 held-out sample is {size:.3g} standard deviations away from what the others are, at "
-                f"t = {at:g}: without it {without}"
+                f"{name}: 1 held-out sample is {size:.3g} standard deviations farther from the estimates than usual, at "
+                f"t = {at:g}: an outlier, or one was used shortly before; without it {without}"
             )
         else:
             yield (
-                f"{name}: {count} held-out samples are {size:.3g} standard deviations or more away from what the "
-                f"others are, the first at t = {at:g}: without them {without}"
+                f"{name}: {count} held-out samples are {size:.3g} standard deviations or more farther from the estimates "
+                f"than usual, the first at t = {at:g}: outliers, or some were used shortly before; without them {without}"
             )
 
 

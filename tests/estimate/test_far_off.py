@@ -46,7 +46,10 @@ def told(result: Result) -> list[str]:
 def test_an_outlier_is_named_with_the_score_without_it(std: float | None) -> None:
     result = found({7: 3.0}, std=std)
     (one,) = told(result)
-    assert re.match(r"a: 1 held-out sample is [0-9.]+ standard deviations away .*, at t = 3.7: without it holdout", one)
+    assert re.match(
+        r"a: 1 held-out sample is [0-9.]+ standard deviations farther .*, at t = 3.7: an outlier, .* without it holdout",
+        one,
+    )
     ((rest, whole),) = re.findall(NUMBERS, one)
     scores = [assessed_of(each, "o").scores["holdout_rmse"]["a"] for each in (result, found({}, std=std, leave_out=7))]
     assert [float(whole), float(rest)] == pytest.approx(scores, rel=5e-3)  # as they are written
