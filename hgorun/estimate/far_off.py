@@ -44,13 +44,14 @@ def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
         )
         if count == 1:
             yield (
-                f"{name}: 1 held-out sample is {size:.3g} standard deviations farther from the estimates than usual, at "
-                f"t = {at:g}: an outlier, or one was used shortly before; without it {without}"
+                f"{name}: 1 held-out sample is {size:.3g} standard deviations farther from the estimates than usual, "
+                f"at t = {at:g}: an outlier, or one was used shortly before; without it {without}"
             )
         else:
             yield (
-                f"{name}: {count} held-out samples are {size:.3g} standard deviations or more farther from the estimates "
-                f"than usual, the first at t = {at:g}: outliers, or some were used shortly before; without them {without}"
+                f"{name}: {count} held-out samples are {size:.3g} standard deviations or more farther from the "
+                f"estimates than usual, the first at t = {at:g}: outliers, or some were used shortly before; "
+                f"without them {without}"
             )
 
 
