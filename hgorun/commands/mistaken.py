@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Collection, Sequence
+from itertools import takewhile
 from shlex import quote
 
 from hgorun.config.nearest import nearest
@@ -57,10 +58,20 @@ def _refuse_spaces(words: Sequence[str]) -> None:
     """An assignment with a space in the place of ``=``, whose value would be taken for a file."""
     for i, word in enumerate(words[:-1]):
         if word == "--set" and "=" not in words[i + 1] and _KEY.fullmatch(words[i + 1]):
-            value = words[i + 2] if i + 2 < len(words) and not words[i + 2].startswith("-") else "VALUE"
             path = words[i + 1]
-            right = quote(printable(f"{path}={value}"))
+            right = quote(printable(_assignment(path, words[i + 2 :])))
             raise ConfigError(f"--set {printable(path)}: expected path=value, as in --set {right}")
+
+
+def _assignment(path: str, following: Sequence[str]) -> str:
+    """What is meant by a path and the words behind it, which spaces have parted from it."""
+    values = [*takewhile(lambda word: not word.startswith("-"), following), "VALUE"]
+    first = values[0]
+    if first == "=":
+        return f"{path}={values[1]}"
+    if first.startswith("="):
+        return f"{path}{first}"
+    return f"{path} {first}" if "=" in first else f"{path}={first}"  # a label may have a space
 
 
 def refuse_what_is_no_command(words: Sequence[str], commands: Collection[str]) -> None:

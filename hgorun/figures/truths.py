@@ -28,18 +28,24 @@ def truth_looks(panels: Sequence[Sequence[str]], results: Mapping[str, ResultDat
     """
     groups: dict[str, int] = {}
     firsts: list[str] = []
-    for run in dict.fromkeys(run for panel in panels for run in panel):
+    for run in dict.fromkeys(run for panel in panels for run in panel if _has_truth(results[run])):
         same = (i for i, first in enumerate(firsts) if _same_truth(results[first], results[run]))
         groups[run] = next(same, len(firsts))
         if groups[run] == len(firsts):
             firsts.append(run)
-    if all(len({groups[run] for run in panel}) <= 1 for panel in panels):
-        return dict.fromkeys(groups, TRUTH)
+    looks: dict[str, Mapping[str, Any]] = dict.fromkeys((run for panel in panels for run in panel), TRUTH)
+    if all(len({groups[run] for run in panel if run in groups}) <= 1 for panel in panels):
+        return looks
     own = [
         {**OTHER_TRUTHS[i % len(OTHER_TRUTHS)], "label": f"{words(first)}: {TRUTH['label']}"}
         for i, first in enumerate(firsts)
     ]
-    return {run: own[group] for run, group in groups.items()}
+    return looks | {run: own[group] for run, group in groups.items()}
+
+
+def _has_truth(result: ResultData) -> bool:
+    """Whether a run knows its true state, as a recording does not."""
+    return result.x.shape[1] == len(result.states)
 
 
 def _same_truth(a: ResultData, b: ResultData) -> bool:

@@ -169,7 +169,6 @@ def test_files_that_are_not_read_say_what_they_are(tmp_path: Path, begin: bytes)
         recorded(tmp_path / "log.csv", "")
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("write", "prefix", "name"), WRITTEN)
 def test_dates_of_a_column_that_begins_with_missing_ones(tmp_path: Path, write: Any, prefix: str, name: str) -> None:
     known: Any = STAMPS + np.timedelta64(1, "s")

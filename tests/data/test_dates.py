@@ -83,7 +83,6 @@ def test_dates_of_all_lengths_beside_each_other() -> None:
     assert stamps.tolist() == [iso_stamp(cell)[0] if cell else NAT for cell in cells]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("odd", ["", ",1", "2024-01-01T00:00:00 ,1", "nan,1", "# remark", '"2024-01-01",1'])
 def test_rows_between_plain_ones(tmp_path: Path, odd: str) -> None:
     start = np.datetime64("2024-01-01T00:00:00", "ms")

@@ -55,7 +55,6 @@ def _signal(file: Path, column: str, **more: object) -> np.ndarray:
     return read(Data.model_validate(block), file.parent).outputs["S"].values
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("column", "expected"),
     [
@@ -75,7 +74,6 @@ def test_true_and_false_are_a_quality(file: Path) -> None:
     np.testing.assert_array_equal(kept, VALUES[[0, 2, 3]])
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("column", "said"),
     [

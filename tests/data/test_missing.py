@@ -76,7 +76,6 @@ def found(path: Path, **changes: Any) -> Any:
     return read(Data.model_validate(block), path.parent).outputs["S"]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize("name", ["log.parquet", "log.h5"])
 @pytest.mark.parametrize(
     ("values", "csv"),

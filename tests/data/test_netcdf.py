@@ -41,7 +41,6 @@ def recorded(path: Path, unit: str = "s", time: Any = "t", **changes: Any) -> Re
     return read(Data.model_validate(block), path.parent, time_unit=unit)
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(
     ("units", "spelt", "first", "step"),
     [
@@ -140,7 +139,6 @@ MISSING_AND_LEFT: list[tuple[str, dict[str, Any], list[float], list[float]]] = [
 ]
 
 
-@pytest.mark.costly
 @pytest.mark.parametrize(("kind", "attributes", "stored", "expected"), MISSING_AND_LEFT)
 def test_values_are_those_of_the_conventions(
     tmp_path: Path, kind: str, attributes: dict[str, Any], stored: list[float], expected: list[float]

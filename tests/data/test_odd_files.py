@@ -171,7 +171,6 @@ def test_labels_that_are_there_twice_name_no_column(tmp_path: Path) -> None:
     assert signal.values.tolist() == (-VALUES).tolist()
 
 
-@pytest.mark.costly
 def test_what_hdf5_has_under_a_name_is_said_where_it_is_no_column(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "log.h5", "w") as file:
         file["t"] = TIMES

@@ -31,7 +31,6 @@ def read_again() -> Iterator[None]:
     readable_units._listed.cache_clear()
 
 
-@pytest.mark.costly
 def test_what_the_library_reads_may_be_read() -> None:
     registry = units._registry.__wrapped__()  # another one, to which no test has added prefixes
     names = sorted(registry._units)
