@@ -9,9 +9,9 @@ from hgorun.ensemble.statistics import Statistics
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import names_of_values, short_axis, unit_of_axis
 from hgorun.tables.ensemble import Compared, best
-from hgorun.tables.latex import NEEDS, latex_head, latex_number, latex_unit
+from hgorun.tables.latex import NEEDS, latex_head, latex_unit
 from hgorun.tables.rows import NEVER
-from hgorun.tables.typeset import latex_words, symbol
+from hgorun.tables.typeset import latex_number, latex_words, symbol
 from hgorun.tables.uncertain import latex_uncertain
 
 _PAGE = 3  # numbers with their uncertainty side by side on a page

@@ -10,9 +10,10 @@ from itertools import product
 from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
+from hgorun.tables.latex_scores import columns_of_scores, lines_of_scores
 from hgorun.tables.layout import number
 from hgorun.tables.rows import NEVER, Row, metrics_of, rows_of, states_of
-from hgorun.tables.typeset import latex_words, symbol
+from hgorun.tables.typeset import latex_number, latex_words, symbol
 
 NEEDS = r"% needs \usepackage{booktabs}"
 _PAGE = 6  # numbers side by side on a page
@@ -23,8 +24,9 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     r"""A ``tabular`` for a document that loads the package booktabs.
 
     The best number of every column is bold, in every run, since runs may be measured otherwise: the smallest, for tv
-    the nearest to 1. Metrics that do not fit side by side follow below each other; observers that are not ok are named
-    at the end, as are units that differ among the runs, and the mark of times that are not resolved.
+    the nearest to 1. Scores of recorded data stand below the metrics, smallest errors bold. What does not fit side
+    by side follows below each other; observers that are not ok are named at the end, as are units that differ among the
+    runs, and the mark of times that are not resolved.
 
     Parameters
     ----------
@@ -38,8 +40,10 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     known = metrics_of(rows)
     chosen = [metric for metric in (known if metrics is None else metrics) if metric in known]
     at_once = max(_PAGE // max(len(states), 1), 1)
-    blocks = [chosen[i : i + at_once] for i in range(0, len(chosen), at_once)] or [[]]
-    width = len(blocks[0]) * len(states)
+    blocks = [chosen[i : i + at_once] for i in range(0, len(chosen), at_once)]
+    scores = columns_of_scores(rows, _PAGE) if metrics is None else []
+    blocks = blocks or ([] if scores else [[]])
+    width = max([len(block) * len(states) for block in blocks] + [len(block) for block in scores])
     lines = [NEEDS, rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
     for block in blocks:
         padding = [""] * (width - len(block) * len(states))
@@ -58,6 +62,11 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
         for row in rows:
             cells = [_cell(row, *column, best[column, row.run]) for column in numbers]
             lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
+    for columns in scores:
+        lines += [
+            *([r"\midrule"] if blocks or columns is not scores[0] else []),
+            *lines_of_scores(rows, columns, width),
+        ]
     notes = [f"{row.text} {row.status}" for row in rows if row.observer.status != "ok"]
     for name, texts in stated.items():
         if len(texts) > 1:
@@ -102,11 +111,6 @@ def latex_unit(unit: str) -> str:
     """A unit with its powers raised."""
     parts = re.split(r"\^\{?([-+]?[0-9.]+)\}?", unit)
     return "".join(f"$^{{{part}}}$" if i % 2 else latex_words(part) for i, part in enumerate(parts))
-
-
-def latex_number(text: str) -> str:
-    """A number as it is printed, its power of ten as mathematics."""
-    return re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", text)
 
 
 def _undecided(row: Row, metric: str, state: str) -> bool:

@@ -150,6 +150,11 @@ def _letters(formula: str) -> int:
     return max(1, len(re.sub(r"[{}_^ ]", "", re.sub(r"\\[A-Za-z]+|\\.", "x", bare))))
 
 
+def latex_number(text: str) -> str:
+    """A number as it is printed, its power of ten as mathematics."""
+    return re.sub(r"e([-+])0*(\d+)", lambda m: rf" \times 10^{{{m[1].strip('+')}{m[2]}}}", text)
+
+
 def latex_words(words: str) -> str:
     """Words with everything escaped that LaTeX would read as a command; simple mathematics is left."""
     parts = _MATHEMATICS.split(printable(words))

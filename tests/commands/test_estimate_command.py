@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -47,6 +48,25 @@ def test_json_and_a_hold_out_in_a_file(shell: Shell) -> None:
     assert (told["kind"], told["file"], told["status"]) == ("estimate", "x.h5", "ok")
     assert set(told["observers"]["o"]) >= {"status", "scores"}
     assert told["observers"]["o"]["scores"]["holdout_rmse"]["a"] < 0.2
+
+
+def test_scores_as_latex(shell: Shell) -> None:
+    """As many columns in each line, and the numbers of the table of text."""
+    two = "observers={o: {type: shgo, theta: 3}, p: {type: shgo, theta: 5}}"
+    given = ("--set", two, "--holdout", "a=5", "--no-plots", "--no-sensitivity")
+    assert shell("estimate", "pendulum.yaml", *given, "-q")[0] == 0
+    code, out, _ = shell("compare", "results/pendulum.h5", "--no-plots", "--format", "latex")
+    assert code == 0
+    width = len(re.findall(r"\\begin{tabular}{l(r+)}", out)[0])
+    for line in out.splitlines():
+        spans = [int(n) - 1 for n in re.findall(r"\\multicolumn{(\d+)}{c}", line)]
+        assert line.count(" & ") + sum(spans) in (0, width), line
+    scores = read(shell.folder / "results" / "pendulum.h5").observers
+    errors = [one.assessed.scores["holdout_rmse"]["a"] for one in scores.values() if one.assessed]
+    best, other = sorted(f"{error:.4g}" for error in errors)
+    assert rf"$\mathbf{{{best}}}$" in out
+    assert f"${other}$" in out
+    assert r"\multicolumn{1}{c}{innovation\_rms}" in out
 
 
 def test_one_of_several_runs(shell: Shell) -> None:

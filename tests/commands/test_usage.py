@@ -71,6 +71,22 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
             "--set observers.S.theta: expected path=value, as in --set obse",
         ),
         ("simulate --set seed", "--set seed: expected path=value, as in --set seed=VALUE"),
+        (
+            "simulate a.yaml --set observers.S.theta = 5",
+            "--set observers.S.theta: expected path=value, as in --set observers.S.theta=5",
+        ),
+        (
+            "simulate a.yaml --set observers.S.theta =5",
+            "--set observers.S.theta: expected path=value, as in --set observers.S.theta=5",
+        ),
+        (
+            "simulate a.yaml --set observers.S.theta = -q",
+            "--set observers.S.theta: expected path=value, as in --set observers.S.theta=VALUE",
+        ),
+        (
+            "simulate a.yaml --set observers.S b=2.theta=5",
+            "--set observers.S: expected path=value, as in --set 'observers.S b=2.theta=5'",
+        ),
         ("simulate a.yaml --set title a*b", "--set title: expected path=value, as in --set 'title=a*b'"),
         (
             "simulate a.yaml --poles [-1,-2]",

@@ -51,6 +51,14 @@ def test_truths_of_other_states_or_other_times_are_others(result: Result) -> Non
         assert len({look["label"] for look in truth_looks([["a", "b"]], {"a": result, "b": other}).values()}) == 2
 
 
+def test_a_recording_has_no_truth_that_could_be_told_from_another(result: Result) -> None:
+    recorded = replace(result, x=result.x[:, :0])
+    for results in ({"a": result, "b": recorded}, {"b": recorded, "a": result}, {"a": recorded, "b": recorded}):
+        assert truth_looks([["a", "b"]], results) == {"a": TRUTH, "b": TRUTH}
+    found = truth_looks([["a", "b", "c"]], {"a": result, "b": recorded, "c": moved(result, 0.5)})
+    assert [found[run]["label"] for run in "ac"] == ["a: true", "c: true"]
+
+
 def test_states_of_runs_that_have_others(result: Result) -> None:
     """A panel shows the observers of the runs that have its state."""
     other = replace(simulated(inline({"z": "-z"}, "z"), {"C": {"type": "shgo", "theta": 2}}), name="other")
