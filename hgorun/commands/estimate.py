@@ -32,7 +32,7 @@ from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout,
 from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
 from hgorun.files import remove_leftovers, write_text
-from hgorun.process import keep_memory, take_short_turns
+from hgorun.process import keep_memory, say, take_short_turns
 from hgorun.study.split import split
 
 if TYPE_CHECKING:
@@ -68,7 +68,12 @@ def estimate(options: Estimate) -> int:
     log = log_of(source, options.config, tuple(map(Path, options.data)))
     if options.export_samples is not None:
         with source.located():
-            return export_samples(log.read(), log.all_files, options.export_samples, quiet=not options.text)
+            from hgorun.commands.remarks import of_run
+
+            recording = log.read()
+            for note in recording.notes:
+                say(f"hgorun: {of_run(name, str(note))}")
+            return export_samples(recording, log.all_files, options.export_samples, quiet=not options.text)
     keep_memory()
     take_short_turns()
     target = _target(options, name)

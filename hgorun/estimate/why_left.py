@@ -89,10 +89,11 @@ def _too_large(prepared: PreparedEstimate, j: int, lost: float) -> str | None:
     if any(not np.array_equal(getattr(one, of), getattr(first, of)) for one in prepared.samples for of in _TIMES):
         return None
     taken, late = first.taken, first.available - first.taken
-    if np.any(late > 0) and treatment != "innovation":
-        if treatment != "drop":
+    if np.any(late > 0):
+        if treatment not in ("drop", "innovation"):
             return None
-        taken, late = taken[late <= 0], late[late <= 0]
+        some = late <= 0 if treatment == "drop" else first.used  # and not those that newer ones have overtaken
+        taken, late = taken[some], late[some]
     if taken.size < _FEWEST or not lost > first.available[_GROWING]:
         return None
     period = _usual(np.diff(distinct(taken)), "period", "longest usual gap")

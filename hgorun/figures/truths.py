@@ -45,7 +45,7 @@ def truth_looks(panels: Sequence[Sequence[str]], results: Mapping[str, ResultDat
 
 def _has_truth(result: ResultData) -> bool:
     """Whether a run knows its true state, as a recording does not."""
-    return result.x.shape[1] == len(result.states)
+    return bool(result.x.shape[1] == len(result.states))
 
 
 def _same_truth(a: ResultData, b: ResultData) -> bool:

@@ -87,6 +87,16 @@ def test_into_a_file_that_is_not_read(shell: Shell) -> None:
 
 
 @pytest.mark.parametrize("shell", [False], indirect=True)
+def test_faults_of_the_log_are_told(shell: Shell) -> None:
+    with (shell.folder / "log.csv").open("a") as file:
+        file.write("4,0,0,4\n")  # as in the line before
+    repeated = ("--set", "data.faults.repeated=first")
+    code, _, err = shell("estimate", "case.yaml", *repeated, "--export-samples", "samples.csv")
+    assert code == 0
+    assert "case: log.csv:43: outputs.y: 1 sample (first): the time stamp 4 has come before, on line 42" in err
+
+
+@pytest.mark.parametrize("shell", [False], indirect=True)
 @pytest.mark.parametrize("beside", [["--export-csv", "e.csv"], ["-o", "r.h5"], ["--holdout", "y=5"]])
 def test_nothing_that_it_does_not_write_is_taken_beside_it(shell: Shell, beside: list[str]) -> None:
     code, _, err = shell("estimate", "case.yaml", "--export-samples", "samples.csv", *beside)

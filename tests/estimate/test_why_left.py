@@ -104,6 +104,14 @@ def test_of_late_samples_that_are_left_out_or_gone_back_to() -> None:
     assert "too large" not in replayed
 
 
+def test_samples_that_newer_ones_overtook_are_none() -> None:
+    """Neither their delay counts nor their time, as if they had been left out."""
+    taken, late = 0.1 * np.arange(120), np.resize([0.0, 0.0, 0.0, 0.0, 0.0, 0.15], 120)
+    (overtaken,), (dropped,) = (followed(taken, late, 1e9, late=how).troubles() for how in ("innovation", "drop"))
+    assert "theta = 50 is too large for the longest usual gap 0.2 s, since" in overtaken
+    assert overtaken.partition(";")[0] == dropped.partition(";")[0]
+
+
 @pytest.mark.parametrize(("count", "divergence"), [(5, 1e4), (3, 1e3), (40, 30.0)])
 def test_few_samples_tell_it_but_not_before_errors_can_have_grown(count: int, divergence: float) -> None:
     (trouble,) = followed(0.1 * np.arange(count), 0.0, divergence).troubles()
