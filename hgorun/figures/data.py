@@ -17,6 +17,7 @@ _PARTS, _TURNS, _FILLED = 400, 2.0, 0.03
 # How far, in units of the truth's range, an estimate widens a panel: alone, beside others, diverged.
 _ALONE, _BESIDE, _DIVERGED = 3.0, 1.5, 0.25
 _BAND = 0.25  # of a panel: so much higher it is made for a band
+_RARE = 0.005  # of recorded values at either end: so few may be outliers
 _ERROR_BESIDE = 10.0  # the same for errors, in units of the median observer's largest error
 _WILD = 100.0  # in the same units: larger ones would hide the rest
 _ROUGHER = 1.5  # a line that goes up and down so many times more than another one would hide it
@@ -159,6 +160,18 @@ def moving_maximum(curve: Curve, points: int) -> Curve:
     rest = 2 * half + 1 - width
     count = len(curve.v)
     return Curve(curve.t, np.maximum(found[:count], found[rest : rest + count]))
+
+
+def without_outliers(v: np.ndarray) -> np.ndarray:
+    """Recorded values that an axis is made for: none far from where all but half a hundredth at either end lie.
+
+    Of few values all stay, since each is then a part of what was measured.
+    """
+    if v.size * _RARE < 1:
+        return v
+    low, high = _quantile(v, _RARE), _quantile(v, 1 - _RARE)
+    room = _BAND * (high - low)
+    return np.asarray(v[(v >= low - room) & (v <= high + room)])
 
 
 def state_limits(

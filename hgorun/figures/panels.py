@@ -191,7 +191,8 @@ def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> li
             if few and scene.results[run].recorded is not None:
                 size, dark = IN_FRONT, "0.25"
             ax.plot(curve.t[~dense], curve.v[~dense], **{**DOTS, "color": dark, "marker": marker, **size, **text})
-    return [curve.v for curve, _ in own.values()]
+    recorded_too = {run for run, r in scene.results.items() if r.recorded is not None}
+    return [data.without_outliers(c.v) if run in recorded_too else c.v for (run, _), (c, _) in own.items()]
 
 
 def _measured(result: ResultData, output: str) -> tuple[np.ndarray, np.ndarray]:

@@ -7,14 +7,18 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from hgorun.figures.data import without_outliers
 from hgorun.figures.looks import Look
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import HELD_OUT, OUTLIERS, REFERENCE, edged
+from hgorun.figures.style import AMONG, HELD_OUT, OUTLIERS, REFERENCE, edged
 from hgorun.result.data import ResultData
 from hgorun.result.recorded import Unseen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+
+
+_MANY = 60  # marks of what was not given: more of them would hide samples and estimates
 
 
 def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
@@ -34,7 +38,7 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
 
 
 def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
-    """Outliers, and measurements that no observer was given; the values of the latter."""
+    """Outliers, and measurements that no observer was given; the values of the latter that an axis is made for."""
     drawn, told = [], set()
     for run, result in scene.results.items():
         theirs = {a.label: scene.looks[a.order] for a in scene.actors if a.run == run}
@@ -43,10 +47,12 @@ def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
             if scene.window is not None:
                 inside &= (one.taken >= scene.window[0]) & (one.taken <= scene.window[1])
             if inside.any():
-                ax.plot(one.taken[inside], one.y[inside], **{**style, "label": "_" if label in told else label})
-                told.add(label)
+                how = {**style, "label": "_" if label in told else label}
                 if style["marker"] != OUTLIERS["marker"]:
-                    drawn.append(one.y[inside])
+                    how |= AMONG if np.count_nonzero(inside) > _MANY else {}
+                    drawn.append(without_outliers(one.y[inside]))
+                ax.plot(one.taken[inside], one.y[inside], **how)
+                told.add(label)
     return drawn
 
 

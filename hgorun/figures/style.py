@@ -79,6 +79,8 @@ REFERENCE: dict[str, Any] = {
     "zorder": 4.8,
     "label": "reference",
 }
+# Where either are many: small, and behind the estimates, as samples are.
+AMONG: dict[str, Any] = {"markersize": 2.0, "markeredgewidth": 0, "zorder": 1.6}
 # Greys and markers where one panel shows the measurements of several runs.
 OTHER_MEASUREMENTS = (("0.62", "0.45", "o"), ("0.8", "0.7", "s"), ("0.5", "0.25", "^"))
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")

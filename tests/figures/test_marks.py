@@ -18,6 +18,7 @@ from matplotlib.text import Annotation
 from hgorun import ConfigError, Result
 from hgorun.figures.bode import bode_figure
 from hgorun.figures.cuts import cuts
+from hgorun.figures.data import without_outliers
 from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.page import Page, dark
 from hgorun.figures.style import PALETTE, styled
@@ -286,6 +287,30 @@ def test_samples_that_are_the_reference_too_are_drawn_once(result: Result) -> No
     drawn = lines(comparison(replace(one, recorded=replace(one.recorded, reference={"x1": points}))).axes[0])
     assert drawn["reference"].get_xdata().tolist() == [0.77]
     assert drawn["measured"].get_xdata().size == taken.taken.size
+
+
+@pytest.mark.parametrize(("count", "many"), [(60, False), (400, True)])
+def test_many_held_out_samples_hide_no_estimate_and_an_outlier_sets_no_limits(
+    result: Result, count: int, many: bool
+) -> None:
+    one = recorded(result, np.ones((result.time[::5].size, 2), dtype=bool))
+    assert one.recorded is not None
+    taken = np.linspace(0, 5, count)
+    y = np.cos(taken)
+    y[count // 2] = 9.0
+    more = replace(one.recorded, held_out={"x1": Unseen(taken, y)})
+    ax = comparison(replace(one, recorded=more)).axes[0]
+    drawn = lines(ax)
+    assert drawn["held out"].get_xdata().size == count
+    assert (drawn["held out"].get_zorder() < drawn["A"].get_zorder()) == many
+    assert (ax.get_ylim()[1] < 3) == many
+    assert marks(ax) == (["9"] if many else [])
+
+
+def test_of_few_recorded_values_all_set_limits() -> None:
+    few = np.array([1.0, 2.0, 1.0, 9.0])
+    assert without_outliers(few).tolist() == few.tolist()
+    assert not without_outliers(few[:0]).size
 
 
 def test_two_estimates_compared_name_their_samples_once(result: Result) -> None:
