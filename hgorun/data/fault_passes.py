@@ -5,6 +5,8 @@ The formulas are those of :mod:`hgorun.data.faults`, operation by operation.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from hgorun.native.ir import Function
@@ -78,38 +80,11 @@ def _run(
 def _straight(f: Function) -> None:
     taken, values, room = (f.word("%taken", i, "ptr") for i in range(3))
     threes, least = f.word("%taken", 3), f.word("%taken", 4)
-    begin, count = f.slot("i64"), f.slot("i64")
-    f.store("-1", begin, "i64")
-    f.store("0", count, "i64")
 
-    def end(at: str) -> None:
-        """Keep the run that ends before a place, if it is long enough."""
-        first = f.load(begin, "i64")
-        long = f.test("sge", f.scalar("sub", at, first), least)
-        with f.when(f.let(f"and i1 {f.test('sge', first, '0')}, {long}")):
-            number = f.load(count, "i64")
-            row = f.at(room, f.scalar("mul", number, "2"))
-            f.store(first, row, "i64")
-            f.store(at, f.at(row, 1), "i64")
-            f.store(f.scalar("add", number, "1"), count, "i64")
-        f.store("-1", begin, "i64")
+    def on_line(k: str) -> str:
+        return _on_line(f, *([f.word(f.at(array, k), i, "double") for i in range(3)] for array in (taken, values)))
 
-    with f.count(0, threes) as k:
-        on_line = _on_line(f, *([f.word(f.at(array, k), i, "double") for i in range(3)] for array in (taken, values)))
-        begins, ends = f.label(), f.label()
-        after = f.label()
-        f.branch(on_line, begins, ends)
-        f.place(begins)
-        with f.when(f.test("slt", f.load(begin, "i64"), "0")):
-            f.store(k, begin, "i64")
-        f.jump(after)
-        f.place(ends)
-        with f.when(f.test("sge", f.load(begin, "i64"), "0")):
-            end(k)
-        f.jump(after)
-        f.place(after)
-    end(threes)
-    f.do(f"ret i64 {f.load(count, 'i64')}")
+    _runs(f, threes, on_line, room, least=least)
 
 
 def _on_line(f: Function, times: list[str], levels: list[str]) -> str:
@@ -163,35 +138,59 @@ def _gaps(f: Function) -> None:
 
 def _equal(f: Function) -> None:
     values, room = (f.word("%taken", i, "ptr") for i in range(2))
-    pairs = f.word("%taken", 2)
+
+    def same(k: str) -> str:
+        return f.test("oeq", *(f.word(f.at(values, k), i, "double") for i in range(2)))
+
+    _runs(f, f.word("%taken", 2), same, room, beyond="1")
+
+
+def _runs(
+    f: Function, size: str, holds: Callable[[str], str], room: str, *, least: str = "1", beyond: str = "0"
+) -> None:
+    """Write where each run of places begins at which something holds, and so far beyond its end; return how many.
+
+    Parameters
+    ----------
+    size : str
+        How many places there are.
+    holds : callable
+        Of a place, an i1.
+    room : str
+        Of pairs, for what is found.
+    least : str
+        The fewest places of a run.
+    beyond : str
+    """
     begin, count = f.slot("i64"), f.slot("i64")
     f.store("-1", begin, "i64")
     f.store("0", count, "i64")
 
     def end(at: str) -> None:
-        """Keep the run that ends with a sample, if there is one."""
+        """Keep the run that ends before a place, if it is long enough."""
         first = f.load(begin, "i64")
-        with f.when(f.test("sge", first, "0")):
+        long = f.test("sge", f.scalar("sub", at, first), least)
+        with f.when(f.let(f"and i1 {f.test('sge', first, '0')}, {long}")):
             number = f.load(count, "i64")
             row = f.at(room, f.scalar("mul", number, "2"))
             f.store(first, row, "i64")
-            f.store(f.scalar("add", at, "1"), f.at(row, 1), "i64")
+            f.store(f.scalar("add", at, beyond), f.at(row, 1), "i64")
             f.store(f.scalar("add", number, "1"), count, "i64")
-            f.store("-1", begin, "i64")
+        f.store("-1", begin, "i64")
 
-    with f.count(0, pairs) as k:
-        same = f.test("oeq", *(f.word(f.at(values, k), i, "double") for i in range(2)))
+    with f.count(0, size) as k:
         goes_on, ends, after = f.label(), f.label(), f.label()
-        f.branch(same, goes_on, ends)
+        f.branch(holds(k), goes_on, ends)
         f.place(goes_on)
         with f.when(f.test("slt", f.load(begin, "i64"), "0")):
             f.store(k, begin, "i64")
         f.jump(after)
         f.place(ends)
-        end(k)
+        with f.when(f.test("sge", f.load(begin, "i64"), "0")):
+            end(k)
         f.jump(after)
         f.place(after)
-    end(pairs)
+    end(size)
     f.do(f"ret i64 {f.load(count, 'i64')}")
 
 
