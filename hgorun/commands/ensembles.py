@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json as json_text
-from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
 
+from hgorun.commands.continued import counted
 from hgorun.commands.drawn import tell_drawn
 from hgorun.commands.ensemble_options import Compare, OfEnsembles, Report
 from hgorun.commands.inputs import refuse_name_of_another_thing
@@ -31,10 +31,10 @@ from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
 from hgorun.ensemble.reading import is_sweep
 from hgorun.ensemble.refused import refusal_of, told_where
-from hgorun.ensemble.sweep import Count, Place
+from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.figures.page import Page
-from hgorun.process import say, told_where_ended
+from hgorun.process import say
 from hgorun.progress import shown as progress
 from hgorun.study.ensembles import carried_out, ensemble_of
 from hgorun.study.study import Run
@@ -93,15 +93,11 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     """
     ensemble, place = ensemble_of(run), Place.of(target)
     before = there([place.file])
-    with progress(ensemble.size, run.name, "members", show=options.text) as bar:
-        counts = deque([Count(ensemble.size, 0)], maxlen=1)
-
-        def told(count: Count) -> None:
-            counts.append(count)
-            bar.update(count.done, failed=count.failed)
-
-        with told_where_ended(lambda: counts[-1].continued(run.name)):
-            carried_out(ensemble, place, told)
+    with (
+        progress(ensemble.size, run.name, "members", show=options.text) as bar,
+        counted(ensemble.size, run.name, bar) as told,
+    ):
+        carried_out(ensemble, place, told)
     outcome = outcome_of(place.file)
     if outcome.nothing and outcome.first is not None:
         refusal = refusal_of(ensemble, outcome.first[0])

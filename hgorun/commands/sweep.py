@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json as json_text
 import sys
-from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 
+from hgorun.commands.continued import counted
 from hgorun.commands.ensemble_options import Merge, Sweep
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Printing
@@ -22,10 +22,10 @@ from hgorun.ensemble.manifest import Manifest
 from hgorun.ensemble.outcome import Outcome, outcome_of
 from hgorun.ensemble.refused import refuse_base, told_where
 from hgorun.ensemble.store import Store
-from hgorun.ensemble.sweep import SUFFIX, Count, Part, Place, carry_out, finished
+from hgorun.ensemble.sweep import SUFFIX, Part, Place, carry_out, finished
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import remove_file
-from hgorun.process import processors, told_where_ended
+from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweeps
 from hgorun.tables.layout import reflowed, wrapped
@@ -62,18 +62,14 @@ def _one(options: Sweep, ensemble: Ensemble, place: Place, executor: Executor, j
         collect(store, place.file)
         return Told(store, place.file, part, ensemble)
 
-    counts = deque([Count(store.size, 0)], maxlen=1)
+    same = "the same command without --fresh" if options.fresh else "the same command"
 
     def missing() -> None:
-        with shown(_members(store, part), ensemble.name, "members", show=options.text) as progress:
-
-            def told(count: Count) -> None:
-                counts.append(count)
-                progress.update(count.done, failed=count.failed)
-
-            same = "the same command without --fresh" if options.fresh else "the same command"
-            with told_where_ended(lambda: counts[-1].continued(ensemble.name, same)):
-                carry_out(store, executor, part=part, workers=jobs, told=told)
+        with (
+            shown(_members(store, part), ensemble.name, "members", show=options.text) as progress,
+            counted(store.size, ensemble.name, progress, same) as told,
+        ):
+            carry_out(store, executor, part=part, workers=jobs, told=told)
 
     missing()
     return Told(store, place.file if finished(store, place.file, missing) else None, part, ensemble)
