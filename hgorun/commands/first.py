@@ -117,10 +117,8 @@ class First:
         return [*lines, f"  initial: {_mapping(self.start.initial)}  # the true state, which observers do not know"]
 
     def _measurement(self) -> list[str]:
-        period, noise = (
-            number_text(self.start.period),
-            number_text(self.start.noise if self.noise == 1 else _rounded(self.start.noise * self.noise)),
-        )
+        period = number_text(self.start.period)
+        noise = number_text(self.start.noise if self.noise == 1 else _rounded(self.start.noise * self.noise))
         little = "" if self.noise == 1 else "  # little, since an observer below takes it for the signal"
         hold = "" if self.sampled else f", hold: {period}"
         return [

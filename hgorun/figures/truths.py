@@ -23,12 +23,12 @@ def truth_looks(panels: Sequence[Sequence[str]], results: Mapping[str, ResultDat
     Parameters
     ----------
     panels : sequence of sequence of str
-        The runs whose truths each panel shows.
+        The runs whose truths each panel shows; recordings have none.
     results : mapping of str to ResultData
     """
     groups: dict[str, int] = {}
     firsts: list[str] = []
-    for run in dict.fromkeys(run for panel in panels for run in panel if _has_truth(results[run])):
+    for run in dict.fromkeys(run for panel in panels for run in panel if results[run].recorded is None):
         same = (i for i, first in enumerate(firsts) if _same_truth(results[first], results[run]))
         groups[run] = next(same, len(firsts))
         if groups[run] == len(firsts):
@@ -41,11 +41,6 @@ def truth_looks(panels: Sequence[Sequence[str]], results: Mapping[str, ResultDat
         for i, first in enumerate(firsts)
     ]
     return looks | {run: own[group] for run, group in groups.items()}
-
-
-def _has_truth(result: ResultData) -> bool:
-    """Whether a run knows its true state, as a recording does not."""
-    return bool(result.x.shape[1] == len(result.states))
 
 
 def _same_truth(a: ResultData, b: ResultData) -> bool:

@@ -27,6 +27,7 @@ T = TypeVar("T")
 
 _LONGEST_LABEL = 100
 _MANY = 12  # names, of which a message does not list more
+_MOST_OTHERS = 9  # faults beside the first
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -116,7 +117,6 @@ def of_a_log(data: object) -> bool:
     return endless or (isinstance(plant, dict) and not {"initial", "type"} & plant.keys())
 
 
-_MOST_OTHERS = 9  # faults beside the first
 NOT_OF_A_RUN: dict[str, Any] = {"figures": {}, "claims": (), "tune": None}
 PARTS = {"plant", "measurement", "observers"}  # each has a class of its own
 _OWN_BLOCKS = {"time", "solver", "metrics", "controller"}  # what is a block already is not checked again

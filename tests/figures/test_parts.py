@@ -20,6 +20,7 @@ from hgorun.figures.panels import _dense
 from hgorun.figures.peaking import peaking
 from hgorun.figures.style import TRUTH
 from hgorun.figures.truths import truth_looks
+from hgorun.result.recorded import Recorded
 from hgorun.result.theory import Bode, Transient
 
 
@@ -52,7 +53,7 @@ def test_truths_of_other_states_or_other_times_are_others(result: Result) -> Non
 
 
 def test_a_recording_has_no_truth_that_could_be_told_from_another(result: Result) -> None:
-    recorded = replace(result, x=result.x[:, :0])
+    recorded = replace(result, x=result.x[:, :0], recorded=Recorded({}))
     for results in ({"a": result, "b": recorded}, {"b": recorded, "a": result}, {"a": recorded, "b": recorded}):
         assert truth_looks([["a", "b"]], results) == {"a": TRUTH, "b": TRUTH}
     found = truth_looks([["a", "b", "c"]], {"a": result, "b": recorded, "c": moved(result, 0.5)})
