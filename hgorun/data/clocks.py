@@ -137,13 +137,30 @@ def origin_stamp(said: str | float, clock: ClockColumn) -> int:
         raise Problem(path, error.message) from None
 
 
-def shown(time: float, origin: Origin) -> str:
-    """A time as a message says it: the number, and the date that stands in the file where times are dates."""
-    text = f"{time:.9g}"
+def shown(time: float, origin: Origin, unit: str = "") -> str:
+    """A time as a message says it, with its unit, and the date that stands in the file where times are dates.
+
+    Parameters
+    ----------
+    time : float
+        In the unit of the run.
+    origin : Origin
+    unit : str
+        In which it is said, as it stands in a file of numbers; that of the run if empty.
+    """
+    text = duration_shown(time, origin, unit)
     if origin.epoch is None:
         return text
     date = origin.epoch + np.timedelta64(round(time * float(seconds(origin.unit, ("time", "unit"))) * 1e6), "us")
     return f"{text} ({str(date.astype('datetime64[us]')).removesuffix('.000000')}{'Z' if origin.zone else ''})"
+
+
+def duration_shown(time: float, origin: Origin, unit: str = "", digits: int = 9) -> str:
+    """How long something takes, with its unit; arguments as of :func:`shown`."""
+    said = unit or origin.unit
+    if said != origin.unit:
+        time *= float(seconds(origin.unit, ("time", "unit")) / seconds(said, ("time", "unit")))
+    return f"{time:.{digits}g} {said}"
 
 
 def times_since(found: np.ndarray, epoch: int, unit: str) -> np.ndarray:

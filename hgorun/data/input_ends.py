@@ -4,17 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from hgorun.data.clocks import shown
 from hgorun.data.faults import GAP, usual_step
-from hgorun.data.recording import InputSignal, Note, Signal
+from hgorun.data.recording import InputSignal, Note, Origin, Signal
 
 
-def inputs_beyond(inputs: Mapping[str, InputSignal], outputs: Mapping[str, Signal]) -> Iterator[Note]:
+def inputs_beyond(inputs: Mapping[str, InputSignal], outputs: Mapping[str, Signal], origin: Origin) -> Iterator[Note]:
     """Before its first value every input, and behind its last one with usual steps: others are written on a change.
 
     Parameters
     ----------
     inputs, outputs : mapping
         Signals in the order of their times.
+    origin : Origin
+        Of their times.
     """
     taken = [signal.taken for signal in outputs.values() if signal.taken.size]
     if not taken:
@@ -27,13 +30,18 @@ def inputs_beyond(inputs: Mapping[str, InputSignal], outputs: Mapping[str, Signa
         longest = GAP * usual_step(signal.times)
         begins, ends = float(signal.times[0]), float(signal.times[-1])
         if begins - first > (longest or step):
-            message = (
-                f"its values begin at {begins:.6g}, the outputs at {first:.6g}: the first value is taken until then"
+            at, since = shown(begins, origin), shown(first, origin)
+            yield _note(
+                name,
+                signal,
+                0,
+                f"its values begin at {at}, the outputs at {since}: the first value is taken until then",
             )
-            yield _note(name, signal, 0, message)
         if last - ends > longest > 0:
-            message = f"its values end at {ends:.6g}, the outputs at {last:.6g}: the last value is held until then"
-            yield _note(name, signal, -1, message)
+            at, until = shown(ends, origin), shown(last, origin)
+            yield _note(
+                name, signal, -1, f"its values end at {at}, the outputs at {until}: the last value is held until then"
+            )
 
 
 def _note(name: str, signal: InputSignal, k: int, message: str) -> Note:

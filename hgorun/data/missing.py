@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
 from hgorun.config.data import MISSING, Csv
 from hgorun.data.cells import Numbers
-from hgorun.data.recording import Note
 
 
 def missing_texts(told: Csv) -> frozenset[str]:
@@ -34,19 +33,3 @@ def leave_out(numbers: Sequence[float], values: np.ndarray) -> None:
     """Put NaN in the place of numbers that stand for a missing value."""
     for number in numbers:
         values[values == number] = np.nan
-
-
-def told_once(notes: Sequence[Note]) -> Iterator[Note]:
-    """Some notes, with those of missing values in one for each file: columns of several rates leave cells empty."""
-    of_files: dict[str, list[Note]] = {}
-    for note in dict.fromkeys(notes):
-        if note.kind == "missing":
-            of_files.setdefault(note.file, []).append(note)
-    for note in dict.fromkeys(notes):
-        if note.kind != "missing" or len(several := of_files.pop(note.file, [])) == 1:
-            yield note
-        elif several:
-            counts = ", ".join(f"{one.count:,} of {one.signal}" for one in several)
-            message = f"samples left out: the value is missing ({counts})"
-            first, total = min(one.line for one in several), sum(one.count for one in several)
-            yield Note(kind="missing", signal="", file=note.file, line=first, count=total, message=message)

@@ -11,7 +11,6 @@ import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data.input_ends import inputs_beyond
-from hgorun.data.missing import told_once
 from hgorun.data.named_units import (
     AnotherUnit,
     convertible_in_name,
@@ -25,7 +24,8 @@ from hgorun.data.one_clock import OneClock
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
-from hgorun.data.sources import LogFile, Sources, Wanted, given_references
+from hgorun.data.sources import LogFile, Part, Sources, Wanted, given_references
+from hgorun.data.told_once import told_once
 from hgorun.data.units import alike, converted
 
 _LONG = 1 << 18  # samples from which threads pay
@@ -97,7 +97,7 @@ class Reader:
         outputs = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["outputs"]}
         inputs = {one.name: self._input(one, sorted_out[one]) for one in self._wanted["inputs"]}
         reference = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
-        self._notes += inputs_beyond(inputs, outputs)
+        self._notes += inputs_beyond(inputs, outputs, self._origin)
         self._notes += given_references(self._wanted["outputs"], self._wanted["reference"])
         return Recording(
             outputs=outputs,
@@ -129,7 +129,13 @@ class Reader:
             else np.empty(0, np.int16),
             good=_joined(good) if good else None,
             sources=tuple(part.file.path for part in parts),
+            time_unit=self._unit_of_times(parts),
         )
+
+    def _unit_of_times(self, parts: Sequence[Part]) -> str:
+        """That in which times stand in the files, where all are numbers; else that of the run."""
+        dates = any(part.time.absolute for part in parts)
+        return (not dates and parts[0].time.clock.unit) or self._time_unit
 
     def _converted(self, signal: Wanted, values: np.ndarray) -> np.ndarray:
         """Values in the unit of the model."""

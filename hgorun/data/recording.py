@@ -116,7 +116,7 @@ class Note:
         ``missing``, ``unknown``, ``implausible``, ``quality``, ``repeated``, ``backwards``, ``gaps``, ``filled``,
         ``stuck``, ``slips``, ``units``, ``clock``, ``late``, ``format``, ``used``.
     signal : str
-        The signal it is about; empty where it is about a file.
+        The signal it is about, or several, with commas; empty where it is about a file.
     file : str
     line : int
         The first line concerned; 0 where it is about no line.
@@ -124,6 +124,8 @@ class Note:
         How many samples are concerned.
     message : str
         A sentence without place.
+    consequence : str
+        What follows from it for signals of one group, behind a semicolon.
     """
 
     kind: str
@@ -132,10 +134,12 @@ class Note:
     line: int = 0
     count: int = 0
     message: str
+    consequence: str = ""
 
     def __str__(self) -> str:
         place = f"{self.file}:{self.line}" if self.line else self.file
-        return ": ".join(part for part in (place, self.signal, self.message) if part)
+        told = "; ".join(part for part in (self.message, self.consequence) if part)
+        return ": ".join(part for part in (place, self.signal, told) if part)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,6 +23,8 @@ class Samples:
     good : ndarray of float, optional
         Whether the quality of each value is good; None without such a column.
     sources : tuple of Path
+    time_unit : str
+        In which messages say times: that of the files where their times are numbers, else that of the run.
     """
 
     key: str
@@ -33,6 +35,7 @@ class Samples:
     part: np.ndarray
     good: np.ndarray | None
     sources: tuple[Path, ...]
+    time_unit: str
 
     @property
     def late(self) -> bool:

@@ -10,12 +10,13 @@ import numpy as np
 from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data import faults
-from hgorun.data.clocks import shown
+from hgorun.data.clocks import duration_shown, shown
 from hgorun.data.recording import Note, Origin
 from hgorun.data.samples import Samples
 from hgorun.errors import ConfigError
 
 _SHOWN = 5  # places of a fault whose lines are named
+_HELD = "an input's last value is held meanwhile, or with hold: linear a straight line goes to the next"
 
 
 class Sorting:
@@ -59,9 +60,10 @@ class Sorting:
         samples = self._filled(samples)
         return self._stuck(samples)
 
-    def _note(self, kind: str, samples: Samples, k: int, count: int, message: str) -> None:
+    def _note(self, kind: str, samples: Samples, k: int, count: int, message: str, consequence: str = "") -> None:
         file, line = samples.place(k)
-        self.notes.append(Note(kind=kind, signal=samples.key, file=file, line=line, count=count, message=message))
+        note = Note(kind=kind, signal=samples.key, file=file, line=line, count=count, message=message)
+        self.notes.append(replace(note, consequence=consequence))
 
     def _refused(self, samples: Samples, k: int, message: str, hint: str) -> ConfigError:
         file, line = samples.place(k)
@@ -110,7 +112,10 @@ class Sorting:
     def _known_after(self, samples: Samples) -> Samples:
         if samples.late and (early := samples.available < samples.taken).any():
             k = int(early.argmax())
-            what = f"known at {samples.available[k]:g}, before it was taken at {samples.taken[k]:g}"
+            known, taken = (
+                shown(times[k], self._origin, samples.time_unit) for times in (samples.available, samples.taken)
+            )
+            what = f"known at {known}, before it was taken at {taken}"
             raise self._refused(samples, k, what, "the two columns may have been exchanged")
         return samples
 
@@ -121,7 +126,7 @@ class Sorting:
         if not back.size:
             return self._by_arrival(samples)
         k, told = int(back[0]), self._told.backwards
-        what = f"the time stamp {shown(samples.taken[k], self._origin)} lies before one above it"
+        what = f"the time stamp {shown(samples.taken[k], self._origin, samples.time_unit)} lies before one above it"
         if told == "drop":
             wrong = np.zeros(samples.values.size, dtype=bool)
             wrong[back] = True
@@ -145,7 +150,7 @@ class Sorting:
         if not again.size:
             return samples
         k = int(again[0])
-        stamp = shown(samples.taken[k], self._origin)
+        stamp = shown(samples.taken[k], self._origin, samples.time_unit)
         what = f"the time stamp {stamp} has come before, on line {samples.place(k - 1)[1]}"
         if told is None or told == "refuse":
             raise self._refused(samples, k, what, "faults: {repeated: first}, last, mean or keep if this is known")
@@ -169,13 +174,13 @@ class Sorting:
         if not found.size:
             return
         k, longest = int(found[0]), float(np.diff(samples.taken).max())
-        what = f"the time stamps jump by more than {faults.GAP:g} usual steps, at most by {longest:.6g}"
-        if not self._measured:
-            what += "; its last value is held meanwhile, or with hold: linear a straight line goes to the next"
+        most = duration_shown(longest, self._origin, samples.time_unit, digits=6)
+        what = f"the time stamps jump by more than {faults.GAP:g} usual steps, at most by {most}"
         if self._told.gaps == "refuse":
             raise self._refused(samples, k, what, "faults: {gaps: report} if nothing was measured there")
         places = [faults.Stretch(int(k), int(k) + 1) for k in found]
-        self._note("gaps", samples, k, found.size, f"{what}{_where(samples, places)}")
+        held = "" if self._measured else _HELD
+        self._note("gaps", samples, k, found.size, f"{what}{_where(samples, places)}", held)
 
     def _slips(self, samples: Samples) -> None:
         found = faults.slips(samples.values)

@@ -113,7 +113,7 @@ def test_labelled_columns_of_a_result(tmp_path: Path) -> None:
     [
         ({"t": [0.0, 1, 2], "glucose": [1.0, np.inf, 2]}, r":2: .*glucose: expected a number, found an infinite one"),
         ({"t": [0.0, 1, 2], "glucose": ["1", "bad", "2"]}, r":2: .*glucose: expected a number, found 'bad'"),
-        ({"t": [0.0, 2, 1], "glucose": [1.0, 2, 3]}, r":3: outputs\.S: the time stamp 1 lies before"),
+        ({"t": [0.0, 2, 1], "glucose": [1.0, 2, 3]}, r":3: outputs\.S: the time stamp 1 s lies before"),
         ({"t": [], "glucose": []}, "no rows"),
     ],
 )

@@ -228,12 +228,16 @@ def logged(places: list[int]) -> str:
 @pytest.mark.parametrize(
     ("places", "line", "said"),
     [
-        ([*range(20), *range(45, 61)], 47, "jump by more than 20 usual steps, at most by 26; its last value is held"),
-        ([*range(30, 61)], 32, "its values begin at 30, the outputs at 0: the first value is taken until then"),
-        ([*range(30)], 31, "its values end at 29, the outputs at 60: the last value is held until then"),
+        (
+            [*range(20), *range(45, 61)],
+            47,
+            "jump by more than 20 usual steps, at most by 26 s; an input's last value is held",
+        ),
+        ([*range(30, 61)], 32, "its values begin at 30 s, the outputs at 0 s: the first value is taken until then"),
+        ([*range(30)], 31, "its values end at 29 s, the outputs at 60 s: the last value is held until then"),
         ([*range(20), *range(38, 61)], 0, ""),
         ([0, 30], 0, ""),  # written when it changes
-        ([50], 52, "its values begin at 50, the outputs at 0: the first value is taken until then"),
+        ([50], 52, "its values begin at 50 s, the outputs at 0 s: the first value is taken until then"),
     ],
 )
 def test_an_input_that_goes_on_without_values_is_told(tmp_path: Path, places: list[int], line: int, said: str) -> None:
@@ -242,7 +246,7 @@ def test_an_input_that_goes_on_without_values_is_told(tmp_path: Path, places: li
         assert notes == []
         return
     (note,) = notes
-    assert (note.signal, note.line, said in note.message) == ("inputs.u", line, True), note
+    assert (note.signal, note.line, said in str(note)) == ("inputs.u", line, True), note
 
 
 def test_gaps_of_an_input_are_refused_when_told_so(tmp_path: Path) -> None:

@@ -162,7 +162,7 @@ def test_the_step_of_an_even_log_is_free_of_the_rounding_of_its_times(tmp_path: 
 def test_a_repeated_date_is_shown_as_it_stands_in_the_file(tmp_path: Path) -> None:
     dates = [f"2024-03-01T00:0{k}:30" for k in (0, 1, 2, 2, 3)]
     text = "t;glucose\n" + "".join(f"{date};{k}\n" for k, date in enumerate(dates))
-    with pytest.raises(ConfigError, match=r":5: .* stamp 120 \(2024-03-01T00:02:30\) has come before, on line 4"):
+    with pytest.raises(ConfigError, match=r":5: .* stamp 120 s \(2024-03-01T00:02:30\) has come before, on line 4"):
         recorded(tmp_path, text)
 
 

@@ -124,7 +124,7 @@ LATE = {"outputs": {"S": {"column": "glucose", "available": "known"}}}
 
 
 def test_known_before_it_was_taken(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r":3: outputs\.S: known at 1, before it was taken at 2"):
+    with pytest.raises(ConfigError, match=r":3: outputs\.S: known at 1 s, before it was taken at 2 s"):
         recorded(tmp_path, changes=LATE, **late("1,5,3\n2,1,4\n"))
 
 
