@@ -48,9 +48,10 @@ def _no_option(name: str, ctx: Context, known: Mapping[str, Sequence[str]]) -> C
     near = _nearest_option(name, own) if long and name not in everywhere else ""
     hint = near and f" Did you mean `{near}`?"
     meant = _nearest_option(name, everywhere) if long else name
-    of = ", ".join(other for other, of_one in known.items() if meant in of_one)
-    if not hint and of:
-        hint = f" Of {of} there is {meant}."
+    others = [other for other, of_one in known.items() if meant in of_one]
+    if not hint and others:
+        of = " and ".join(filter(None, (", ".join(others[:-1]), others[-1])))
+        hint = f" {'It' if meant == name else meant} is an option of {of}."
     called = f"hgorun {command.name}" if parent is not None else "hgorun"
     return ConfigError(f"there is no option {printable(name)}.{hint} {called} -h lists the options")
 

@@ -18,6 +18,7 @@ from hgorun.data.table import Table, TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
 
 _CSV_ADVICE = "csv: {"
+_LISTED = 20  # columns of a file, in a message
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -157,7 +158,8 @@ class Sources:
             return
         if count > 1:
             raise Problem(path, f"{file.path} has {count} columns called {column!r}")
-        shown = ", ".join(map(_visible, known[:20])) + (", ..." if len(known) > 20 else "")
+        more = f" and {len(known) - _LISTED} more in its header" if len(known) > _LISTED else ""
+        shown = ", ".join(map(_visible, known[:_LISTED])) + more
         hint = file.table.hint(column) or _meant(column, known)
         raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has: {shown}")
 

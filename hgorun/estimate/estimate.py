@@ -143,7 +143,7 @@ def result_of(
         ),
         recorded=recorded,
     )
-    return replace(result, remarks=(*result.remarks, *_shut_out(prepared, result)))
+    return replace(result, remarks=(*result.remarks, *_shut_out(prepared, recording, result)))
 
 
 def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated) -> list[str]:
@@ -174,13 +174,15 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
     return told
 
 
-def _shut_out(prepared: PreparedEstimate, result: Result) -> Iterator[str]:
-    """What is told of gates that leave out too much."""
+def _shut_out(prepared: PreparedEstimate, recording: Recording, result: Result) -> Iterator[str]:
+    """What is told of gates that leave out too much; an input without a column is what its plant has for it."""
     gates = {one.output: one.gate for one in prepared.samples}
+    without = [name for name in prepared.experiment.plant.model.inputs if name not in recording.inputs]
+    inputs = f", whether data.inputs should name columns of {', '.join(without)}" if without else ""
     for label, output, left_out, count in shut_out(result):
         yield (
             f"{label}: the gate of {output} left out {left_out} of {count} samples, too many for "
-            "outliers: look at the unit of the column, the model, and whether std or the gate of "
+            f"outliers: look at the unit of the column, the model{inputs}, and whether std or the gate of "
             f"{gates[output]:g} is too small"
         )
 

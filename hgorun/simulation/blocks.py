@@ -248,7 +248,7 @@ def _refuse_key_of_others(key: str, cls: type[AnyObserver], source: Source, path
     owners = [name for name, other in OBSERVERS.all().items() if key in other.model_fields]
     if owners and not nearest(key, cls.model_fields):
         file, line = source.where((*path, key))
-        more = f" and {len(owners) - _MANY} more" if len(owners) > _MANY else ""
+        more = f" and {len(owners) - _MANY} more of hgorun list observers" if len(owners) > _MANY else ""
         which = ", ".join(owners[:_MANY]) + more
         raise ConfigError(
             f"unknown key {key!r}: it is a key of {which}. Known here: {', '.join(cls.model_fields)}",

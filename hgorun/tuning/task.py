@@ -108,7 +108,12 @@ def tasks(experiment: Experiment, tune: Tune) -> list[Task]:
         At ("tune", key, ...), where names or paths do not exist, a quantity is no metric, a gain has no effect on what
         is minimised, observers would get different numbers of gains, or the budget is too small for the seeds.
     """
-    tune.require_enough()
+    found = _tasks(experiment, tune)
+    tune.require_enough()  # a wrong name is no less wrong for it
+    return found
+
+
+def _tasks(experiment: Experiment, tune: Tune) -> list[Task]:
     wanted = [*tune.minimise, *(bound.value for bound in tune.subject)]
     if not any(_of_all(text) for text in wanted):
         paths = [(path, key) for key in tune.gains for path in _paths(experiment, key)]

@@ -67,6 +67,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("observers:", "observers:\n  Z: ~", "or leave the key out: null removes only what is inherited by `extends`"),
         ("noise: [{type: gaussian, std: 0.1}]", "noise: gaussian", "a list has brackets"),
         ("theta: 2", "theta: 2, r: 1", "unknown key 'r': it is a key of fhgo2"),
+        ("shgo, theta: 2", "kalman_bucy, theta: 2", "more of hgorun list observers. Known here: type"),
         ("{type: shgo, theta: 2}", "{type: deadbeat, theta: 2}", " more. Known here: "),
         ("std: 0.1", "std: 0.02 rad", "a number has no unit here, so `rad` is too much"),
         ("std: 0.1", "std: 2 pixels", "write a product as `2*pixels`; a number has no unit here"),

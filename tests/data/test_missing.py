@@ -151,3 +151,9 @@ def test_marks_of_the_byte_order_are_passed_over_or_shown(tmp_path: Path) -> Non
         recorded(tmp_path, "# c\n" + mark + table(TIMES, VALUES))
     with pytest.raises(ConfigError, match=r"expected a number, found '.1'; . is a byte order mark"):
         recorded(tmp_path, table(TIMES, VALUES) + f"99,{mark}1\n")
+
+
+def test_of_many_columns_it_is_said_where_the_others_stand(tmp_path: Path) -> None:
+    names = [f"c{k}" for k in range(23)]
+    with pytest.raises(Problem, match=r"no column 'zz'\. It has: t, c0, .*, c18 and 4 more in its header$"):
+        recorded(tmp_path, ",".join(["t", *names]) + "\n1" + ",2" * 23 + "\n", {"outputs": {"S": "zz"}})

@@ -245,6 +245,20 @@ def test_a_gate_that_leaves_out_too_much_is_told() -> None:
     assert [one.partition(", too many")[0] for one in told] == [f"K: the gate of a left out {many} of 100 samples"]
 
 
+@pytest.mark.parametrize("recorded", [False, True])
+def test_a_gate_names_inputs_without_a_column(recorded: bool) -> None:
+    """A mass that is pushed, by an input that the plant has for zero and the log as it was."""
+    taken = np.arange(0, 5, 0.05)
+    pushed = inline({"a": "b", "b": "F"}, "a", inputs={"F": "0"})
+    sure = {"Q": {"b": 1e-9}, "R": 1e-9, "initial": {"a": 0.0, "b": 0.0}}
+    text = {"plant": pushed, "observers": {"K": {"type": "ekf", **sure}}, "solver": {"step": 0.01}}
+    position = signal("a", taken, 2.0 * taken**2, gate=5.0)
+    log = recording(position, F=held_input("F", [0.0], [0.1])) if recorded else recording(position)
+    (told,) = [one for one in estimate(source(text), log, sensitivity=False).remarks if "the gate of" in one]
+    named = "look at the unit of the column, the model, whether data.inputs should name columns of F, and whether std"
+    assert (named in told) == (not recorded)
+
+
 def test_long_logs_are_not_run_again_for_every_gain(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hgorun.estimate.estimate._MOST", 10)
     taken = np.arange(0, 2, 0.1)

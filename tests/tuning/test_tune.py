@@ -178,6 +178,8 @@ def test_gains_that_lose_the_estimate_are_left(experiment: Experiment) -> None:
         ({"gains": {"observers.SHGO.gamma": {"log": [1, 2]}}}, "unknown key 'gamma'"),
         ({"gains": {THETA: {"linear": [-1, 2]}}}, r"for the value -1"),
         ({"budget": 20}, "too small for 5 seeds: 40 at least"),
+        ({"budget": 20, "minimise": "rmse(SHGO, x3)"}, "no state 'x3'"),
+        ({"budget": 20, "gains": {"observers.SHGO.thetta": {"log": [1, 2]}}}, "unknown key 'thetta'"),
     ],
 )
 def test_what_does_not_fit_is_refused(experiment: Experiment, change: dict[str, Any], message: str) -> None:
