@@ -13,6 +13,7 @@ from hgorun.analysis.convergence.theorem import transient_of
 from hgorun.analysis.finding import Finding, Remarked, Value, all_findings
 from hgorun.analysis.reasons import NoValue, outcomes
 from hgorun.analysis.subject import Context, Subject
+from hgorun.config.named import Named, name_keys
 from hgorun.errors import PluginError, called
 from hgorun.files import json_value
 from hgorun.result.result import Result
@@ -40,6 +41,9 @@ class Findings:
     reasons: Mapping[str, str]
     remarks: tuple[str, ...] = ()
 
+    def __post_init__(self) -> None:
+        name_keys(self, values="finding", reasons="finding without a value")
+
 
 @dataclass(frozen=True)
 class Analysis:
@@ -63,6 +67,9 @@ class Analysis:
     result: Result
     context: Context
 
+    def __post_init__(self) -> None:
+        name_keys(self, observers="observer")
+
     @cached_property
     def transients(self) -> dict[str, Transient]:
         """Errors and their bounds over time, of the observers that have some."""
@@ -71,7 +78,7 @@ class Analysis:
 
     def predicted(self) -> dict[str, dict[str, float]]:
         """The numbers that stand beside metrics in a comparison: {label: {column: number}}."""
-        return {label: self._predicted(found) for label, found in self.observers.items()}
+        return Named({label: self._predicted(found) for label, found in self.observers.items()}, "observer")
 
     def _predicted(self, found: Findings) -> dict[str, float]:
         columns: dict[str, float] = {}

@@ -8,7 +8,7 @@ from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, WithJsonSchem
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
-from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positive, describe
+from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positive, describe, word_or
 
 MISSING = ("", "nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "nil", "none")
 """Texts that stand for a missing value in every file, in small letters."""
@@ -259,7 +259,10 @@ class Data(Block):
         description="the observers get a sample of an output only when so much time has passed since the last one that "
         "they got; those between are held out",
     )
-    first_samples: Annotated[int, Field(ge=1, le=1000, strict=True)] | Literal["auto"] = Field(
+    first_samples: Annotated[
+        Annotated[int, Field(ge=1, le=1000, strict=True)] | Literal["auto"],
+        word_or(("auto",), (int,), "a whole number from 1 to 1000"),
+    ] = Field(
         default=1,
         description="of each output: observers without `initial` start where the model passes nearest to these; "
         "1: measured states start at the first sample, others at 0; auto: as many as agree on the start",

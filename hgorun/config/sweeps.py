@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal, TypeAlias, TypeVar
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, WithJsonSchema
 
 from hgorun.config.expressions import ExpressionError, parse
-from hgorun.config.types import Block, Interval, NonEmpty, NonNegative, Number, describe
+from hgorun.config.types import Block, Interval, NonEmpty, NonNegative, Number, describe, word_or
 
 MOST_MEMBERS = 10**9
 _WHOLE = re.compile(r"[+-]?[0-9]{1,300}")
@@ -223,6 +223,7 @@ _Word = Annotated[Literal["none", "all"], Field(description="of no member, or of
 Trajectories = Annotated[
     Annotated[_Word, Tag("some word")] | Annotated[Worst, Tag("some worst")] | Annotated[Every, Tag("some every")],
     Discriminator(_some_kind),
+    word_or(("none", "all"), (dict, Worst, Every), "{worst: 5, by: rmse}", "{every: 100}"),
 ]
 
 

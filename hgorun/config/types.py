@@ -119,6 +119,29 @@ def describe(value: object) -> str:
     return text if len(text) <= 60 else text[:57] + "..."
 
 
+def word_or(words: Sequence[str], kinds: tuple[type, ...], *others: str) -> BeforeValidator:
+    """Say all that a key may be where a value is neither one of its words nor of the other kind that it has.
+
+    Parameters
+    ----------
+    words : sequence of str
+    kinds : tuple of type
+        Of values that are no words, which are checked further.
+    *others : str
+        How these are written.
+    """
+    *first, last = (*words, *others)
+    every = f"{', '.join(first)} or {last}"
+
+    def checked(value: object) -> object:
+        if (isinstance(value, kinds) and not isinstance(value, bool)) or (isinstance(value, str) and value in words):
+            return value
+        near = nearest(value, words) if isinstance(value, str) else ""
+        raise ValueError(f"expected {every}, found {describe(value)}{near and f'.{near}'}")
+
+    return BeforeValidator(checked)
+
+
 def expression(value: object) -> str:
     """An expression as text, from text or a number."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):

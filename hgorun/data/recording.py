@@ -9,6 +9,7 @@ from typing import Final, Literal, TypeAlias
 
 import numpy as np
 
+from hgorun.config.named import name_keys
 from hgorun.memo import Memo, same
 
 Hold = Literal["zero", "linear"]
@@ -189,6 +190,9 @@ class Recording:
     notes: tuple[Note, ...] = ()
     origin: Origin
     first_samples: FirstSamples = 1
+
+    def __post_init__(self) -> None:
+        name_keys(self, outputs="output", inputs="input", reference="state or output of the reference")
 
     def __repr__(self) -> str:
         return f"<Recording: {', '.join(map(repr, [*self.outputs.values(), *self.inputs.values()]))}>"

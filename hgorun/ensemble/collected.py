@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.expressions import nearest
+from hgorun.config.named import Named, name_keys
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
 from hgorun.simulation.grid import points_up_to
@@ -96,6 +97,9 @@ class Collected:
     settling: float = 0.05
     end: float = math.inf
 
+    def __post_init__(self) -> None:
+        name_keys(self, axes="axis", metrics="metric", families="observer", quantities="quantity")
+
     def __len__(self) -> int:
         return int(self.status.shape[0])
 
@@ -121,7 +125,7 @@ class Collected:
         for label, status in zip(self.observers, self.status.T, strict=True):
             numbers = np.bincount(status, minlength=len(STATUSES))
             found[label] = {word: int(n) for word, n in zip(STATUSES, numbers, strict=True) if n}
-        return found
+        return Named(found, "observer")
 
     @cached_property
     def chosen(self) -> tuple[str, ...]:

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hgorun.config.named import Named
 from hgorun.config.reading import read_source
 from hgorun.engine.plan import Floats, Integers
 from hgorun.errors import ConfigError
@@ -125,7 +126,8 @@ class Estimator:
     @property
     def lost(self) -> dict[str, bool]:
         """Which observers have no numbers any more."""
-        return {label: bool(at < np.inf) for label, at in zip(self.labels, self._live.diverged.tolist(), strict=True)}
+        lost = (self._live.diverged < np.inf).tolist()
+        return Named(dict(zip(self.labels, lost, strict=True)), "observer")
 
     @property
     def gated(self) -> dict[str, dict[str, tuple[int, int]]]:
@@ -134,18 +136,18 @@ class Estimator:
         As they are judged now: where a late sample is gone back to, those behind it are judged anew.
         """
         run = self._run
-        return {
-            label: {
-                name: (run.outliers[i][j], run.offered[i][j])
-                for name, i in self._system.outputs.items()
-                if run.limited[i]
-            }
-            for j, label in enumerate(self.labels)
-        }
+        limited = {name: i for name, i in self._system.outputs.items() if run.limited[i]}
+        counts = [
+            {name: (run.outliers[i][j], run.offered[i][j]) for name, i in limited.items()}
+            for j in range(len(self.labels))
+        ]
+        return Named(
+            {one: Named(of, "output with a gate") for one, of in zip(self.labels, counts, strict=True)}, "observer"
+        )
 
     def estimate(self) -> dict[str, Floats]:
         """xhat of every observer at the last event, by label, shape (n,) each."""
-        return dict(self._system.estimates(self._live))
+        return Named(dict(self._system.estimates(self._live)), "observer")
 
     def predict(self, t: float) -> dict[str, Floats]:
         """xhat of every observer at a time that is not before the last event; nothing follows from it.
@@ -180,7 +182,7 @@ class Estimator:
             try:
                 self._live.restore(ahead)
                 self._live.advance(since, regime)
-                found = {label: np.array(values) for label, values in self.estimate().items()}
+                found = Named({label: np.array(xhat) for label, xhat in self.estimate().items()}, "observer")
                 ahead = self._live.state()
             finally:  # whoever is interrupted here goes on from the last event, too
                 self._live.restore(kept)
@@ -257,7 +259,7 @@ class Estimator:
         dict of str to (ndarray, ndarray of bool)
             By observer xhat after every sample, shape (N, n), and whether it had no numbers any more, shape (N,).
         """
-        return self._together.take(t, kinds, values)
+        return Named(self._together.take(t, kinds, values), "observer")
 
     @cached_property
     def _identity(self) -> str:

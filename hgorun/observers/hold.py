@@ -6,7 +6,7 @@ from typing import Annotated, Literal, TypeAlias
 
 from pydantic import Discriminator, Field, Tag
 
-from hgorun.config.types import Block, NonNegative
+from hgorun.config.types import Block, NonNegative, word_or
 
 
 class Shrinking(Block):
@@ -27,5 +27,7 @@ def _hold(value: object) -> str:
 
 
 Hold: TypeAlias = Annotated[
-    Annotated[Literal["predictor"], Tag("a word")] | Annotated[Shrinking, Tag("a mapping")], Discriminator(_hold)
+    Annotated[Literal["predictor"], Tag("a word")] | Annotated[Shrinking, Tag("a mapping")],
+    Discriminator(_hold),
+    word_or(("predictor",), (dict, Shrinking), "{shrink: gamma}"),
 ]

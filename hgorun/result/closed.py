@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.config.named import name_keys
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class ClosedLoop:
@@ -33,3 +35,6 @@ class ClosedLoop:
     effort: np.ndarray
     peak_input: np.ndarray
     cost: float | None = None
+
+    def __post_init__(self) -> None:
+        name_keys(self, integral="integral of the controller")

@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hgorun.config.named import Named, name_keys
 from hgorun.errors import printable
 from hgorun.result.closed import ClosedLoop
 from hgorun.result.observer import ObserverResult
@@ -87,6 +88,9 @@ class IntegrationError:
 
     relative: Mapping[str, float]
     unresolved: Mapping[str, Mapping[str, tuple[str, ...]]] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        name_keys(self, relative=f"observer (or {PLANT})", unresolved="observer with unresolved times")
 
     def without(self, labels: Collection[str]) -> IntegrationError:
         """Of the others."""
@@ -193,6 +197,9 @@ class ResultData:
     closed_loop: Mapping[str, ClosedLoop] = field(default_factory=dict)
     last: float = math.nan
 
+    def __post_init__(self) -> None:
+        name_keys(self, observers="observer", closed_loop="observer with a controller")
+
     @property
     def end(self) -> float:
         """The time of the last point."""
@@ -255,7 +262,13 @@ class ResultData:
 
     def metrics(self) -> dict[str, dict[str, dict[str, float]]]:
         """{observer: {metric: {state: number}}}."""
-        return {
-            label: {name: dict(zip(self.states, map(float, values), strict=True)) for name, values in o.metrics.items()}
-            for label, o in self.observers.items()
+        return Named({label: self._metrics_of(o) for label, o in self.observers.items()}, "observer")
+
+    def _metrics_of(self, observer: ObserverResult) -> dict[str, dict[str, float]]:
+        """{metric: {state: number}}; of recorded data there are none, but scores."""
+        metrics = {
+            name: Named(dict(zip(self.states, map(float, values), strict=True)), "state")
+            for name, values in observer.metrics.items()
         }
+        what = "metric" if observer.assessed is None else "metric (recorded data have assessed.scores)"
+        return Named(metrics, what)

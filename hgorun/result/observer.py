@@ -9,6 +9,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from hgorun.config.named import name_keys
 from hgorun.result.recorded import Assessed
 from hgorun.result.status import OK, Status, Verdict
 
@@ -71,6 +72,9 @@ class ObserverResult:
     coordinates: Coordinates | None = None
     assessed: Assessed | None = None
     unestimated: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        name_keys(self, internal="internal state", gains="gain", metrics="metric")
 
     @property
     def filter_order(self) -> int | None:

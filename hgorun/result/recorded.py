@@ -7,6 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hgorun.config.named import Named, name_keys
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedOutput:
@@ -62,6 +64,14 @@ class Recorded:
     held_out: Mapping[str, Unseen] = field(default_factory=dict)
     reference: Mapping[str, Unseen] = field(default_factory=dict)
 
+    def __post_init__(self) -> None:
+        name_keys(
+            self,
+            outputs="output",
+            held_out="output with held-out samples",
+            reference="state or output of the reference",
+        )
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Assessed:
@@ -82,3 +92,8 @@ class Assessed:
     upper: np.ndarray
     no_band: Mapping[str, str]
     scores: Mapping[str, Mapping[str, float]]
+
+    def __post_init__(self) -> None:
+        scores = {score: Named(of, f"entry of {score}") for score, of in self.scores.items()}
+        object.__setattr__(self, "scores", Named(scores, "score"))
+        name_keys(self, no_band="state without a band")

@@ -11,6 +11,7 @@ from typing import Any, TypeVar
 
 from hgorun.config.expressions import nearest
 from hgorun.config.models import ExperimentBlocks
+from hgorun.config.named import name_keys
 from hgorun.config.nearest import nearest_name
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
@@ -38,6 +39,9 @@ class Checked:
     plant: Plant
     measurement: Measurement
     observers: dict[str, AnyObserver]
+
+    def __post_init__(self) -> None:
+        name_keys(self, observers="observer")
 
 
 def check(source: Source) -> Checked:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from hgorun.config.named import Named
 from hgorun.errors import ConfigError
 from hgorun.measurement.availability import Stretch, resolve
 from hgorun.measurement.noise import deviations
@@ -151,7 +152,8 @@ class Experiment(Configured):
     @cached_property
     def _by_availability(self) -> dict[str, AnyObserver]:
         """The observers where some have other equations for samples, or for what is late."""
-        return {label: self._available(observer) for label, observer in self._checked.observers.items()}
+        found = {label: self._available(observer) for label, observer in self._checked.observers.items()}
+        return Named(found, "observer")
 
     def _available(self, observer: AnyObserver) -> AnyObserver:
         """An observer's block as it is where outputs are sampled, or not, or late."""

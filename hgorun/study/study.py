@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import Any
 
 from hgorun.config.expressions import ExpressionError, parse
+from hgorun.config.named import name_keys
 from hgorun.config.study import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.types import SEEDS
 from hgorun.config.validation import validate
@@ -159,6 +160,9 @@ class Study:
     figures: Mapping[str, Figure]
     claims: tuple[Claim, ...]
     sentences: tuple[tuple[Sentence, ...], ...]
+
+    def __post_init__(self) -> None:
+        name_keys(self, runs="run", figures="figure")
 
     def quantities(self, claim: int) -> tuple[Quantity, ...]:
         """All that has to be measured for a claim, without doubles."""

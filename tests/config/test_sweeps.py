@@ -15,6 +15,9 @@ def read(text: str) -> SweepFile:
     return validate(SweepFile, source.data, source, ())
 
 
+KEPT = "4: keep.trajectories: expected none, all, {worst: 5, by: rmse} or {every: 100}, found "
+
+
 def axis(text: str) -> str:
     return f"base: a.yaml\naxes:\n  a.b: {text}\n"
 
@@ -76,7 +79,9 @@ def test_whole_numbers_stay_whole() -> None:
         (axis("[]"), "3: axes.a.b: expected at least one value, found an empty list"),
         (axis("[1]") + "keep: {trajectories: {worst: 5}}", "4: keep.trajectories.by: this key is missing"),
         (axis("[1]") + "keep: {trajectories: {every: 0}}", "4: keep.trajectories.every: expected a number of at"),
-        (axis("[1]") + "keep: {trajectories: some}", "4: keep.trajectories: expected 'none' or 'all', found 'some'"),
+        (axis("[1]") + "keep: {trajectories: yes}", f"{KEPT}'yes'"),
+        (axis("[1]") + "keep: {trajectories: 5}", f"{KEPT}5"),
+        (axis("[1]") + "keep: {trajectories: al}", f"{KEPT}'al'. Did you mean `all`?"),
         (axis("[1]") + "keep: {metrics: rmse}", "4: keep.metrics: expected a list, found 'rmse'"),
         (axis("[1]") + "combine: grid", "4: combine: expected 'product', 'zip' or 'sobol', found 'grid'"),
     ],

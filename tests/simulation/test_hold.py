@@ -113,7 +113,7 @@ def test_two_outputs_at_times_of_their_own_and_late() -> None:
     ("block", "measurement", "message"),
     [
         (shrinking(-1), SAMPLED, "S.hold.shrink: expected a number of at least 0"),
-        (SHGO | {"hold": "zero"}, SAMPLED, "S.hold: expected 'predictor'"),
+        (SHGO | {"hold": "zero"}, SAMPLED, "S.hold: expected predictor or {shrink: gamma}, found 'zero'"),
         (shrinking(2), {"delay": 0.1}, "x1 is continuous and late"),
         ({"type": "ekf", "Q": {"x2": 1}, "R": 1, "hold": "predictor"}, SAMPLED, "ekf has no innovation between"),
         ({"type": "deadbeat", "hold": {"shrink": 1}}, SAMPLED, "deadbeat has no innovation between samples"),
