@@ -43,9 +43,10 @@ def compare(options: Compare) -> int:
 
     page = Page.named(options.width, options.style)
     if any(map(may_be_ensemble, options.sources)):
-        from hgorun.commands.ensembles import all_ensembles, compare_ensembles
+        from hgorun.commands.ensembles import compare_ensembles, of_one_kind
 
-        if all_ensembles(options.sources):
+        options, ensembles = of_one_kind(options)
+        if ensembles:
             return compare_ensembles(options)
     if options.of_ensembles:
         raise ConfigError("--metric, --by and --at are for ensembles (NAME.sweep.h5); these are single runs")

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Callable, Sequence
+import shlex
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from itertools import islice
 from pathlib import Path
@@ -73,6 +75,8 @@ def compare_ensembles(options: Compare) -> int:
         before = there([] if options.output is None else [options.output])
         drawn = [path for one in found for path in draw(one, options)]
         tell_drawn(drawn, before, options)
+        for one in found:
+            _tell_nothing_to_draw(one.members)
     return NOT_OK if options.strict and not all(one.members.all_ok for one in found) else 0
 
 
@@ -156,6 +160,24 @@ def draw(found: Compared, options: Compare) -> list[Path]:
     return [path for kind, figure in figures for path in save(figure, output / f"{found.members.name}-{kind}")]
 
 
+def _tell_nothing_to_draw(members: Collected) -> None:
+    """Of an ensemble without any number to draw, why that is so."""
+    if members.sound.any():
+        return
+    counts = "; ".join(f"{label}: {_in_words(of)}" for label, of in members.counts.items())
+    if not counts:
+        say(f"hgorun: {members.name}: no figure is drawn: it has no observers")
+        return
+    say(
+        f"hgorun: {members.name}: no figure is drawn: no member has numbers of an observer ({counts}); "
+        "hgorun simulate, with the values of a member by --set, says why"
+    )
+
+
+def _in_words(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {status}" for status, count in counts.items())
+
+
 def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
     styles: dict[str, Style] = {"text": tables.text, "csv": plain_tables.csv, "latex": latex}
@@ -223,16 +245,20 @@ def _readable(members: Collected) -> tuple[str, ...]:
     return members.grid if count <= _MOST_POINTS else ()
 
 
-def all_ensembles(sources: Sequence[Path]) -> bool:
-    """Whether the sources are ensembles.
+def of_one_kind(options: Compare) -> tuple[Compare, bool]:
+    """The options with sources that can be compared, and whether these are ensembles; others are told.
 
-    Raises
-    ------
-    ConfigError
-        Where only some of them are.
+    Single runs are compared where there are some, unless something is asked for that only ensembles have.
     """
-    kinds = [is_sweep(path) for path in sources]
-    if any(kinds) and not all(kinds):
-        other = sources[kinds.index(False)]
-        raise ConfigError("a single run is not compared with ensembles", file=str(other))
-    return all(kinds)
+    kinds = [is_sweep(path) for path in options.sources]
+    if all(kinds) or not any(kinds):
+        return options, all(kinds)
+    wanted, sources = options.of_ensembles, zip(options.sources, kinds, strict=True)
+    found = {wanted: list[Path](), not wanted: list[Path]()}
+    for path, kind in sources:
+        found[kind].append(path)
+    taken, left = found.values()
+    of_taken, of_left = ("ensembles", "single runs") if wanted else ("single runs", "ensembles")
+    others = " ".join(shlex.quote(str(path)) for path in left)
+    say(f"hgorun: compared are the {of_taken}; {of_left} are left out: hgorun compare {others} compares them")
+    return replace(options, sources=taken), wanted

@@ -57,7 +57,10 @@ def check(source: Source) -> Checked:
     try:
         return _checked(source)
     except ConfigError as first:
-        first.others = tuple(islice(_others(source, first), _MOST_OTHERS))
+        *others, more = [*islice(_others(source, first), _MOST_OTHERS + 1), None]
+        if len(others) > _MOST_OTHERS:
+            more = ConfigError("there are more faults: they are told when some of these are put right", file=first.file)
+        first.others = (*others[:_MOST_OTHERS], *([more] if more else []))
         raise
 
 

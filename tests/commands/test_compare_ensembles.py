@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
-import h5py
 import numpy as np
 import pytest
 from collected_files import write
 from matplotlib.image import imread
 from shell import Shell
+
+import hgorun
 
 THETA = "observers.F.theta"
 VALUES = 1 + np.random.default_rng(2).random((3, 10, 2, 2))
@@ -93,14 +94,35 @@ def test_what_does_not_fit_is_refused(shell: Shell, arguments: list[str], messag
     assert message in err
 
 
-def test_single_runs_are_not_compared_with_ensembles(shell: Shell) -> None:
-    with h5py.File(shell.folder / "r.h5", "w") as file:
-        file.attrs["format"] = "hgorun-result-1"
-    code, _, err = shell("compare", "a.sweep.h5", "r.h5")
-    assert code == 2
-    assert "r.h5: a single run is not compared with ensembles" in err
+def test_single_runs_are_compared_beside_ensembles_which_are_named(shell: Shell) -> None:
+    configuration = {
+        "time": {"end": 1, "output_step": 0.1},
+        "plant": {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0}},
+        "observers": {"S": {"type": "shgo", "theta": 2}},
+    }
+    hgorun.simulate(configuration).save(shell.folder / "r.h5")
+    alone = shell("compare", "r.h5", "--no-plots")
+    code, out, err = shell("compare", "a.sweep.h5", "r.h5", "--no-plots")
+    assert (code, out) == alone[:2]
+    told = "compared are the single runs; ensembles are left out: hgorun compare a.sweep.h5 compares them"
+    assert err.splitlines()[0] == f"hgorun: {told}"
+    code, out, err = shell("compare", "r.h5", "a.sweep.h5", "--by", "theta", "--no-plots")
+    assert (code, out) == shell("compare", "a.sweep.h5", "--by", "theta", "--no-plots")[:2]
+    assert err == "hgorun: compared are the ensembles; single runs are left out: hgorun compare r.h5 compares them\n"
     code, _, err = shell("compare", "r.h5", "--by", "seed")
     assert "for ensembles" in err
+
+
+def test_where_all_are_lost_it_is_said_that_nothing_is_drawn(shell: Shell) -> None:
+    values = np.full((3, 10, 2, 2), np.inf)
+    axes, lost = {THETA: [2.0, 4.0, 8.0], "seed": range(10)}, np.full((3, 10, 2), 2)
+    write(shell.folder / "l.sweep.h5", axes, {"rmse": values}, observers=["F", "S"], states=["x1", "x2"], status=lost)
+    code, out, err = shell("compare", "l.sweep.h5")
+    assert (code, "written" in out, err.count("\n")) == (0, False, 1)
+    assert "l: no figure is drawn: no member has numbers of an observer (F: 30 diverged; S: 30 diverged); " in err
+    none = np.zeros((3, 10, 0, 2))
+    write(shell.folder / "n.sweep.h5", axes, {"rmse": none}, observers=[], states=["x1", "x2"], status=none[..., 0])
+    assert shell("compare", "n.sweep.h5")[2] == "hgorun: n: no figure is drawn: it has no observers\n"
 
 
 @pytest.mark.slow
