@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 __version__ = "0.2.0"
+RELEASED = "2026-11-26"
+"""The date of that version."""
 
 _CHECKOUT = Path(__file__).parents[1]
 

@@ -11,6 +11,7 @@ import pytest
 import yaml
 
 import hgorun
+from hgorun.version import RELEASED
 
 ROOT = Path(__file__).parents[1]
 
@@ -81,6 +82,7 @@ def test_there_is_one_version() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert hgorun.__version__ == project["version"] == citation["version"] == version("hgorun")
     assert re.fullmatch(r"\d+\.\d+\.\d+", hgorun.__version__)
+    assert str(citation["date-released"]) == RELEASED
 
 
 def test_the_citation_has_what_the_format_requires() -> None:

@@ -23,7 +23,7 @@ from hgorun.figures.page import Page
 from hgorun.plants.base import PLANTS
 from hgorun.simulation.blocks import of_a_log
 from hgorun.simulation.simulate import prepare
-from hgorun.study.loading import load
+from hgorun.study.loading import experiment_of
 from hgorun.tables import analysis as table
 from hgorun.tables.advice import advice
 
@@ -39,8 +39,9 @@ def analyze(options: Analyze) -> int:
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
     if options.plots:
         refuse_unwritable(target.parent, kind="folder")
-    _refuse_recording(options)
-    run = prepare(load(options.config, options.overrides, seed=options.seed, run=options.run))
+    text, source = read_source(options.config, options.overrides, seed=options.seed)
+    _refuse_recording(options.config, source.data)
+    run = prepare(experiment_of(text, source, options.config, options.run))
     result = run_with_progress(run, show=options.text)
     warn(result)
     analysis = analysis_of(run, result, search=options.search)
@@ -65,14 +66,13 @@ def analyze(options: Analyze) -> int:
     return 0
 
 
-def _refuse_recording(options: Analyze) -> None:
+def _refuse_recording(path: Path, data: object) -> None:
     """Of a configuration of recorded data, say how its observers are analysed along a way of the model.
 
     Raises
     ------
     ConfigError
     """
-    data = read_source(options.config, options.overrides)[1].data
     if not (isinstance(data, dict) and of_a_log(data)):
         return
     plant, time, log = (_mapping(data, key) for key in ("plant", "time", "data"))
@@ -89,13 +89,13 @@ def _refuse_recording(options: Analyze) -> None:
         ("plant", "initial"): _ones(_states(plant)) if "initial" not in plant else None,
     }
     words = " ".join(assigned(path, str(value)) for path, value in examples.items() if value is not None)
-    file = quote(str(options.config))
+    file = quote(str(path))
     raise ConfigError(
         "this configuration is of recorded data, and limits and noise follow from a way of the plant, which no log "
         f"has: `hgorun analyze {file} {words}` analyses the observers along a way of the model, with your period, end "
         f"and start in place of these; `hgorun estimate {file}` runs them on the log, and says of one that diverges if "
         "its theta is too large for the period",
-        file=str(options.config),
+        file=str(path),
     )
 
 

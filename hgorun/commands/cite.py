@@ -15,6 +15,7 @@ from hgorun.commands.described import reference_of
 from hgorun.commands.inputs import configuration, is_result
 from hgorun.commands.outputs import refuse_other_kinds, there, written
 from hgorun.commands.run_options import Cite
+from hgorun.config.kinds import of_another_command
 from hgorun.config.reading import read_source
 from hgorun.config.tuning import TuneFile
 from hgorun.config.validation import validate
@@ -32,7 +33,7 @@ from hgorun.study.loading import load_runs
 from hgorun.study.split import split
 from hgorun.study.sweep_file import load_sweep
 from hgorun.tables.layout import wrapped
-from hgorun.version import __version__
+from hgorun.version import RELEASED, __version__
 
 _BIBTEX = {".bib"}
 _SELF = Entry(
@@ -41,6 +42,7 @@ _SELF = Entry(
     (
         ("author", "{The hgorun developers}"),
         ("title", "{hgorun}: a test bench for high-gain observers"),
+        ("year", RELEASED[:4]),
         ("version", __version__),
         ("note", f"Version {__version__}, BSD-3-Clause"),
     ),
@@ -153,11 +155,12 @@ def _runs(path: Path, run: str | None) -> list[Source]:
         return [_of_result(path)]
     _, source = read_source(path)
     data = source.data if isinstance(source.data, dict) else {}
-    if "base" in data and "axes" in data:
+    command, *_ = of_another_command(data) or ("",)
+    if command == "sweep":
         if run is not None:
             raise ConfigError("--run goes with a configuration; a sweep file has the key run", file=str(path))
         return [load_sweep(path).base.source]
-    if "base" in data and "tune" in data:
+    if command == "tune":
         blocks = validate(TuneFile, data, source, ())
         sought = {"tune": data["tune"]}
         return [replace(one, data=one.data | sought) for one in _runs(path.parent / blocks.base, run or blocks.run)]

@@ -165,6 +165,22 @@ _FILES = {  # of other commands, by their keys: what they are, and what is done 
 }
 
 
+def of_another_command(data: object) -> tuple[str, str, str] | None:
+    """The command that takes a YAML file with such keys, what the file is, and what the command does with it.
+
+    None for a configuration.
+
+    Parameters
+    ----------
+    data : object
+        What the file says.
+    """
+    for command, (keys, what, does) in _FILES.items():
+        if isinstance(data, dict) and keys <= data.keys():
+            return command, what, does
+    return None
+
+
 def refuse_file_of_another_command(data: object, path: Path, command: str = "") -> None:
     """Refuse a YAML file with the keys of one that another command takes.
 
@@ -180,6 +196,7 @@ def refuse_file_of_another_command(data: object, path: Path, command: str = "") 
     ------
     ConfigError
     """
-    for name, (keys, what, does) in _FILES.items():
-        if name != command and isinstance(data, dict) and keys <= data.keys():
-            raise ConfigError(f"this is {what}; hgorun {name} {path} {does}", file=str(path))
+    found = of_another_command(data)
+    if found is not None and found[0] != command:
+        name, what, does = found
+        raise ConfigError(f"this is {what}; hgorun {name} {path} {does}", file=str(path))

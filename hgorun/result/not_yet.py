@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from hgorun.config.kinds import kind_of_file
+from hgorun.config.kinds import kind_of_file, of_another_command
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
 from hgorun.result.forms import RESULT, SWEEP
@@ -44,13 +44,11 @@ def _steps(data: Mapping[str, Any], path: Path, wanted: str) -> tuple[str, str]:
     show = "hgorun report" if wanted == SWEEP else "hgorun compare"
     runs = data["runs"] if isinstance(data.get("runs"), dict) else {}
     many = [str(run) for run, keys in runs.items() if isinstance(keys, dict) and {"seeds", "vary"} & keys.keys()]
-    if {"base", "axes"} <= data.keys():
+    if (other := of_another_command(data)) is not None:
+        command, what, does = other
         result = quote(f"results/{name}.sweep.h5")
-        return "a sweep file", f"`hgorun sweep {file}` carries it out, then `{show} {result}` shows it"
-    if {"plants", "scenarios"} <= data.keys():
-        return "the file of a benchmark", f"`hgorun benchmark {file}` carries it out, and writes its tables"
-    if {"base", "tune"} <= data.keys():
-        return "a file that asks for gains", f"`hgorun tune {file}` finds them"
+        then = {"sweep": f", then `{show} {result}` shows it", "benchmark": ", and writes its tables"}.get(command, "")
+        return what, f"`hgorun {command} {file}` {does}{then}"
     if "data" in data:
         result = quote(f"results/{name}.h5")
         return (

@@ -46,7 +46,25 @@ def load(
     >>> hgorun.load("config.yaml", ["observers.SHGO.theta=4"], seed=7).observers["SHGO"].theta
     4.0
     """
-    text, source = _read(path, overrides, seed)
+    return experiment_of(*read_source(path, overrides, seed=seed), path, run)
+
+
+def experiment_of(text: str, source: Source, path: str | Path, run: str | None = None) -> Experiment:
+    """The same of a file that has been read.
+
+    Parameters
+    ----------
+    text : str
+        The file as it was written.
+    source : Source
+    path, run
+        As for :func:`load`.
+
+    Raises
+    ------
+    ConfigError
+    """
+    refuse_file_of_another_command(source.data, Path(path))
     if not isinstance(source.data, dict) or "runs" not in source.data:
         if run is not None:
             raise ConfigError(f"the file has no runs, so none is called {run!r}", file=str(path))

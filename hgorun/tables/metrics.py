@@ -10,7 +10,7 @@ from typing import Any
 
 from hgorun.errors import called
 from hgorun.files import json_value
-from hgorun.result.metrics.base import Metric, all_metrics, unit_of
+from hgorun.result.metrics.base import Metric, all_metrics, unit_of, unit_of_score
 from hgorun.result.metrics.smoothness import HF
 from hgorun.result.quantity_values import without_mean
 from hgorun.result.result import Result
@@ -108,7 +108,7 @@ def csv(results: Sequence[Result], predicted: Sequence[Predicted] = ()) -> str:
         assessed = row.observer.assessed
         for score, of in assessed.scores.items() if assessed else ():
             for name, value in of.items():
-                writer.writerow([*start, name, score, repr(float(value)), "", ""])
+                writer.writerow([*start, name, score, repr(float(value)), unit_of_score(score, name, units), ""])
         for key, prediction in _theory(row, results, predicted).items():
             writer.writerow([*start, "", key, repr(float(prediction)), _unit_of_theory(key, time_unit(units)), ""])
     return buffer.getvalue()

@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from shell import Shell
 
+from hgorun.config import yaml_source
+
 PLANT = "plant: {states: [x1, x2], dynamics: {x1: x2, x2: -x1 + u}, output: x1}\n"
 OBSERVER = "observers: {S: {type: shgo, theta: 2}}\n"
 DATA = "data: {file: log.csv, time: t, outputs: {x1: {column: y, std: 0.1}}, inputs: {u: u}, period: 0.05}\n"
@@ -51,3 +53,19 @@ def test_the_command_works_as_it_stands(shell: Shell) -> None:
     words = shlex.split(re.findall("`hgorun (analyze [^`]*)`", shell("analyze", "a.yaml")[2])[0])
     code, out, err = shell(*words, "--no-plots")
     assert (code, "period 0.05000 s" in out) == (0, True), err
+
+
+def test_the_file_is_read_once(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    (shell.folder / "a.yaml").write_text(
+        f"time: {{end: 1, output_step: 0.1}}\n{PLANT}observers: {{S: {{type: shgo}}}}\n"
+    )
+    parse, read = yaml_source.parse, list[str]()
+
+    def counted(text: str, file: str) -> yaml_source.Source:
+        read.append(file)
+        return parse(text, file)
+
+    monkeypatch.setattr(yaml_source, "parse", counted)
+    code, _, err = shell("analyze", "a.yaml", "--seed", "3")
+    assert code == 2, err
+    assert read == ["a.yaml"]

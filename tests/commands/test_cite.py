@@ -14,6 +14,7 @@ from hgorun.commands.cite import publications, uses
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import PLANTS
 from hgorun.reproduce.shipped import experiments
+from hgorun.version import RELEASED, __version__
 
 TWO = """
 time: {end: 1, output_step: 0.1}
@@ -48,6 +49,7 @@ def test_what_two_observers_use_and_nothing_else(shell: Shell) -> None:
     assert found["savitzky1964"]["doi"] == "10.1021/ac60214a047"
     assert found["jazwinski1970"]["kind"] == "book"
     assert "cited" not in found["gelb1974"]
+    assert (found["hgorun"]["version"], found["hgorun"]["year"]) == (__version__, RELEASED[:4])
 
 
 @pytest.mark.measured

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from csv import DictReader
 from dataclasses import replace
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -166,7 +168,13 @@ def test_held_out_samples_are_not_used_and_a_reference_changes_nothing(tmp_path:
     assert np.array_equal(recorded_of(stored).held_out["a"].y, aside["a"].values)
     assert np.array_equal(assessed_of(stored, "fhgo2").upper, assessed_of(found, "fhgo2").upper, True)
     assert "holdout_rmse a" in text([stored])
-    assert "holdout_rmse" in csv([stored])
+    rows = DictReader(StringIO(csv([replace(stored, units={"a": "rad", "b": "rad/s"})])))
+    units = {row["metric"]: row["unit"] for row in rows}
+    in_rad = ("holdout_rmse", "holdout_mean", "innovation_mean", "innovation_rms")
+    assert {metric: unit for metric, unit in units.items() if unit} == dict.fromkeys(in_rad, "rad") | {
+        "reference_rmse": "rad/s"
+    }
+    assert set(units) > {"holdout_coverage", "whiteness", "size", "sensitivity"}
     stored.plot(tmp_path / "estimate.png")
     assert (tmp_path / "estimate.png").stat().st_size > 10_000
 

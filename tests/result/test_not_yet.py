@@ -68,7 +68,12 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
             ("hgorun estimate 'a b.yaml'", "hgorun compare 'results/a b.h5'"),
         ),
         ("{plants: {}, scenarios: []}", "report", "the file of a benchmark", ("hgorun benchmark 'a b.yaml'",)),
-        ("{base: c.yaml, tune: {}}", "rerun", "a file that asks for gains", ("hgorun tune 'a b.yaml'",)),
+        (
+            "{base: c.yaml, tune: {}}",
+            "rerun",
+            "a file that asks for the gains of another one",
+            ("hgorun tune 'a b.yaml'",),
+        ),
         ("plant: {type: contois}", "report", "a configuration", ()),
         ("hello", "report", "YAML without a plant", ("hgorun init",)),
     ],

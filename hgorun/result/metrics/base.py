@@ -15,6 +15,7 @@ from hgorun.result.windows import MetricSettings, points_in
 
 Window = Literal["run", "steady", "transient"]
 _ROWS = 32  # that are taken together
+_OF_ERRORS = "_rmse", "_rms", "_mean"  # how scores are called that are sizes of errors, or their means
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -173,6 +174,18 @@ def unit_of(metric: str, state: str, units: Mapping[str, str]) -> str:
     """
     known = all_metrics(closed=True).get(metric)
     return units.get({"state": state, "time": "time"}.get(known.unit if known else "", ""), "")
+
+
+def unit_of_score(score: str, of: str, units: Mapping[str, str]) -> str:
+    """What a score of recorded data is measured in: errors are in the unit of their output or state, others numbers.
+
+    Parameters
+    ----------
+    score, of : str
+        The score, and the output, state or gain that it is of.
+    units : mapping of str to str
+    """
+    return units.get(of, "") if score.endswith(_OF_ERRORS) else ""
 
 
 @lru_cache(maxsize=8)
