@@ -79,6 +79,11 @@ class Difference:
     p_holm: float
 
     @property
+    def half(self) -> float:
+        """Half the width of the interval."""
+        return (self.ci95[1] - self.ci95[0]) / 2
+
+    @property
     def significant(self) -> bool:
         """Whether chance is an unlikely reason."""
         return self.p_holm < SIGNIFICANT

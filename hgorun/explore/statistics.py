@@ -53,7 +53,7 @@ def of_pairs(found: Compared) -> DataTable:
     for part in found.parts:
         for d in part.differences:
             none = part.has_none(d.metric, d.state, d.a, d.b)
-            mean, half, p = (float("nan"),) * 3 if none else (d.mean, (d.ci95[1] - d.ci95[0]) / 2, d.p_holm)
+            mean, half, p = (float("nan"),) * 3 if none else (d.mean, d.half, d.p_holm)
             rows.append(
                 {
                     **_at(part, found),

@@ -207,7 +207,7 @@ def _cell(value: float) -> str:
 def _difference(d: Difference) -> str:
     if math.isnan(d.mean):
         return "-"
-    return uncertain(d.mean, (d.ci95[1] - d.ci95[0]) / 2) + ("*" if d.significant else " ")
+    return uncertain(d.mean, d.half) + ("*" if d.significant else " ")
 
 
 def _by_point(one: Compared) -> list[str]:
