@@ -30,21 +30,31 @@ class Entry:
     kind, key : str
         As in ``@kind{key, ...}``.
     fields : tuple of pairs of str
+    listed : str
+        The publication in whose list of references its volume and pages stand so; empty where none was at hand.
     """
 
     kind: str
     key: str
     fields: tuple[tuple[str, str], ...]
+    listed: str = ""
 
     @property
     def verified(self) -> bool:
-        """Whether it has an identifier by which it was looked up; books, theses and web pages have none."""
-        return self.kind not in ("article", "inproceedings") or any(name == "doi" for name, _ in self.fields)
+        """Whether it was looked up, by its DOI or in a list of references; books, theses and web pages need not be."""
+        looked_up = self.has_doi or bool(self.listed)
+        return looked_up or self.kind not in ("article", "inproceedings")
+
+    @property
+    def has_doi(self) -> bool:
+        """Whether it was looked up by its identifier."""
+        return any(name == "doi" for name, _ in self.fields)
 
     @property
     def bibtex(self) -> str:
-        """The entry as BibTeX, with a remark before it where it is not verified."""
+        """The entry as BibTeX, with a remark before it where it has no DOI to be looked up by."""
         remark = [] if self.verified else [f"% {self.key}: not verified, compare it with the publication"]
+        remark += [f"% {self.key}: {self._as_listed}"] if self.listed else []
         lines = [f"  {name} = {{{value}}}," for name, value in self.fields]
         return "\n".join([*remark, f"@{self.kind}{{{self.key},", *lines, "}"])
 
@@ -57,8 +67,13 @@ class Entry:
         where = own.get("journal") or own.get("booktitle") or own.get("publisher") or own.get("school")
         volume = " ".join(part for part in (own.get("volume", ""), own.get("pages", "").replace("--", "-")) if part)
         doi = f"doi:{own['doi']}" if "doi" in own else own.get("url")
-        parts = (", ".join(people), own.get("title"), where, volume, own.get("year"), own.get("note"), doi)
+        listed = f"({self._as_listed})" if self.listed else ""
+        parts = (", ".join(people), own.get("title"), where, volume, own.get("year"), own.get("note"), doi, listed)
         return ", ".join(part for part in parts if part)
+
+    @property
+    def _as_listed(self) -> str:
+        return f"volume and pages as in the references of {self.listed}"
 
 
 @cache
@@ -68,7 +83,8 @@ def known() -> Mapping[str, Entry]:
     for kind, key, body in _ENTRY.findall(_FILE.read_text(encoding="utf-8")):
         fields = dict(_FIELD.findall(body))
         words = fields.pop("cited")
-        found[words] = Entry(kind, key, tuple(fields.items()))
+        listed = fields.pop("listed", "")
+        found[words] = Entry(kind, key, tuple(fields.items()), listed)
     return found
 
 

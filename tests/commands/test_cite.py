@@ -196,7 +196,20 @@ def test_the_page_of_gaps_counts_what_was_looked_up() -> None:
     articles = [entry for entry in known().values() if entry.kind in ("article", "inproceedings")]
     gaps = (Path(__file__).parents[2] / "docs" / "gaps.md").read_text()
     assert f"Of the {len(articles)} articles" in gaps
-    assert f"{sum(entry.verified for entry in articles)} have a DOI" in gaps
+    assert f"{sum(entry.has_doi for entry in articles)} have a DOI" in gaps
+    assert f"{sum(bool(entry.listed) for entry in articles)} have the volume and the pages that stand" in gaps
+    assert not any(entry.has_doi and entry.listed for entry in articles)
+
+
+def test_where_volume_and_pages_stand_is_said() -> None:
+    """Of an article without DOI that a list of references has; the list is of a publication that is known, too."""
+    (entry,) = cited_in("Praly 2003")
+    told = "volume and pages as in the references of Meiners, Adamy 2025, [10]"
+    assert entry.bibtex.startswith(f"% praly2003: {told}\n@article{{praly2003,\n")
+    assert entry.text.endswith(f"48 1103-1108, 2003, ({told})")
+    assert "listed" not in dict(entry.fields)
+    lists = {one.listed for one in known().values() if one.listed}
+    assert all(next(iter(cited_in(words))).kind != "misc" for words in lists)
 
 
 def test_claims_are_not_needed(shell: Shell) -> None:
