@@ -26,6 +26,7 @@ RUN = (
     "config/models.py",
     "config/reads.py",
     "config/study.py",
+    "config/tokens.py",
     "config/tuning.py",
     "config/types.py",
     "engine",

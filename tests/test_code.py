@@ -72,6 +72,7 @@ def test_all_else_has_a_meaning(other: str) -> None:
 # Units convert numbers of logs alone.
 WITHOUT_NUMBERS = {
     "hgorun.config.kinds",
+    "hgorun.config.named",
     "hgorun.config.nearest",
     "hgorun.config.separators",
     "hgorun.config.overrides",
@@ -80,6 +81,7 @@ WITHOUT_NUMBERS = {
     "hgorun.config.reading",
     "hgorun.config.time_units",
     "hgorun.config.validation",
+    "hgorun.config.yaml_builder",
     "hgorun.config.yaml_errors",
     "hgorun.config.yaml_source",
     "hgorun.data.unit_per_time",

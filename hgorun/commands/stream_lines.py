@@ -12,8 +12,8 @@ from typing import NamedTuple, TextIO
 
 import numpy as np
 
-from hgorun.config.grammar import short
 from hgorun.config.nearest import nearest
+from hgorun.config.tokens import short
 from hgorun.errors import ConfigError
 from hgorun.symbolic.evaluate import Floats
 

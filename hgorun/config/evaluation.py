@@ -10,17 +10,8 @@ from functools import reduce
 from numbers import Real
 from typing import TYPE_CHECKING, TypeAlias
 
-from hgorun.config.grammar import (
-    FUNCTIONS,
-    Call,
-    Chain,
-    Comparison,
-    ExpressionError,
-    Name,
-    Node,
-    finite,
-    short,
-)
+from hgorun.config.grammar import Call, Chain, Comparison, Name, Node, finite
+from hgorun.config.tokens import FUNCTIONS, ExpressionError, short
 
 if TYPE_CHECKING:
     import casadi

@@ -11,21 +11,9 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from hgorun.config.evaluation import Value, evaluate
-from hgorun.config.grammar import (
-    CONSTANTS,
-    FUNCTIONS,
-    MAX_LENGTH,
-    NUMBER,
-    ExpressionError,
-    Node,
-    Reader,
-    check_name,
-    finite,
-    short,
-    syntax_tree,
-    tokens,
-)
+from hgorun.config.grammar import Node, Reader, finite, syntax_tree
 from hgorun.config.nearest import nearest
+from hgorun.config.tokens import CONSTANTS, FUNCTIONS, MAX_LENGTH, NUMBER, ExpressionError, check_name, short, tokens
 
 if TYPE_CHECKING:
     import casadi

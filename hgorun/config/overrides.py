@@ -11,7 +11,8 @@ from hgorun.config.expressions import nearest
 from hgorun.config.models import File
 from hgorun.config.paths import at, dotted, entries, walk
 from hgorun.config.shell import assigned, assigned_text
-from hgorun.config.yaml_source import MAX_DEPTH, Source, parse
+from hgorun.config.yaml_builder import MAX_DEPTH
+from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, KeyPath
 
 _ALL = "observers.*."  # how a path begins that means every observer

@@ -31,7 +31,7 @@ def at(data: Any, path: KeyPath) -> Any:
     return data
 
 
-def copy(data: Any) -> Any:  # no deeper than yaml_source.MAX_DEPTH
+def copy(data: Any) -> Any:  # no deeper than yaml_builder.MAX_DEPTH
     """Copy dictionaries and lists; scalars are shared."""
     if isinstance(data, dict):
         return {key: copy(part) for key, part in data.items()}

@@ -18,8 +18,8 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from hgorun.config.expressions import ExpressionError, check_name, nearest, parse
-from hgorun.config.grammar import DECIMAL_POINT
 from hgorun.config.separators import misread
+from hgorun.config.tokens import DECIMAL_POINT
 from hgorun.errors import printable
 
 SEEDS = 2**63

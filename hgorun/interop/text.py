@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 
-from hgorun.config.grammar import MAX_LENGTH
+from hgorun.config.tokens import MAX_LENGTH
 from hgorun.symbolic.instructions import read
 
 _INFIX = {

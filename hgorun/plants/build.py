@@ -13,8 +13,8 @@ import numpy as np
 
 from hgorun.config.controller import DRIVEN, Controller
 from hgorun.config.expressions import CONSTANTS, ExpressionError, nearest, parse
-from hgorun.config.grammar import short
 from hgorun.config.reads import Reads
+from hgorun.config.tokens import short
 from hgorun.errors import KeyPath, Problem, called
 from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of

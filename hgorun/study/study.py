@@ -13,7 +13,8 @@ from hgorun.config.named import name_keys
 from hgorun.config.study import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.types import SEEDS
 from hgorun.config.validation import validate
-from hgorun.config.yaml_source import Place, Source
+from hgorun.config.yaml_builder import Place
+from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, Problem
 from hgorun.noise.base import RandomNoise
 from hgorun.result.quantity import Quantity
