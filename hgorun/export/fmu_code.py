@@ -7,9 +7,10 @@ from collections.abc import Iterator, Sequence
 from hgorun.export.c_code import Real
 from hgorun.export.c_header import STATUS
 from hgorun.export.c_source import Source
+from hgorun.export.fmi_functions import FMI2, FMI3
 from hgorun.export.fmu_access import access
 from hgorun.export.fmu_stubs import stubs
-from hgorun.export.fmu_templates import CORE, FMI2, FMI3, TOP, Version
+from hgorun.export.fmu_templates import CORE, TOP, Version
 from hgorun.export.fmu_variables import Variable
 
 _LOGGERS: dict[Version, tuple[str, str]] = {  # what simulators call theirs by, and the first arguments

@@ -13,7 +13,8 @@ from hgorun.measurement.events import Irregular, Kinks
 from hgorun.memo import Memo
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
-from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.interval_operations import Bounds
+from hgorun.symbolic.intervals import enclose
 from hgorun.symbolic.levels import distinct
 
 _PARTS, _LOOKS, _GOLDEN = 1024, 4096, 0.5 * (5**0.5 - 1)

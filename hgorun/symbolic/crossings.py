@@ -15,7 +15,7 @@ import numpy as np
 
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.functions_of_time import Smooth
-from hgorun.symbolic.intervals import Bounds
+from hgorun.symbolic.interval_operations import Bounds
 from hgorun.symbolic.levels import Levels, distinct
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory

@@ -13,7 +13,8 @@ from hgorun.memo import Memo
 from hgorun.native.boxes import LEAST
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.instructions import Instruction, read
-from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.interval_operations import Bounds
+from hgorun.symbolic.intervals import enclose
 from hgorun.symbolic.segment_means import Form, SegmentMeans, can_be_compiled
 
 _SLICES, _NARROWINGS = 256, 9  # to the last bit of 64

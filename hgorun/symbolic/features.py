@@ -18,7 +18,8 @@ from hgorun.symbolic.crossings import Search, TooMany
 from hgorun.symbolic.curves import Curve
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.functions_of_time import Smooth
-from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.interval_operations import Bounds
+from hgorun.symbolic.intervals import enclose
 from hgorun.symbolic.levels import Levels, zero
 
 _TOGETHER = 64  # cells

@@ -11,7 +11,8 @@ import numpy as np
 
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.instructions import Instruction, read
-from hgorun.symbolic.intervals import Bounds, enclose
+from hgorun.symbolic.interval_operations import Bounds
+from hgorun.symbolic.intervals import enclose
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.intervals import Bounds
+from hgorun.symbolic.interval_operations import Bounds
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -22,7 +22,7 @@ from hgorun.native.boxes import LEAST, OPERATIONS
 from hgorun.native.compiler import NativeModule, address_of
 from hgorun.native.ir import Block, Function, hexadecimal
 from hgorun.symbolic.instructions import Instruction
-from hgorun.symbolic.intervals import INCREASING, whole_exponent
+from hgorun.symbolic.interval_operations import INCREASING, whole_exponent
 
 Pair = tuple[str, str]
 Floats = np.ndarray

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from hgorun.symbolic.enclosures import Enclosure, largest
-from hgorun.symbolic.intervals import Bounds
+from hgorun.symbolic.interval_operations import Bounds
 
 LOW, HIGH = np.array([-1.0, -2.0, 0.5]), np.array([2.0, 3.0, 1.5])
 
