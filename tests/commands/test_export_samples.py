@@ -93,7 +93,9 @@ def test_faults_of_the_log_are_told(shell: Shell) -> None:
     repeated = ("--set", "data.faults.repeated=first")
     code, _, err = shell("estimate", "case.yaml", *repeated, "--export-samples", "samples.csv")
     assert code == 0
-    assert "case: log.csv:43: outputs.y: 1 sample (first): the time stamp 4 has come before, on line 42" in err
+    assert (
+        "case: log.csv:43: outputs.y, inputs.u: 1 sample (first): the time stamp 4 s has come before, on line 42" in err
+    )
 
 
 @pytest.mark.parametrize("shell", [False], indirect=True)
