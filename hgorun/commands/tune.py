@@ -5,7 +5,7 @@ from __future__ import annotations
 import json as json_text
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from hgorun.tables import tuning as tables
 from hgorun.tables.tuning import TunedTable
 from hgorun.tables.uncertain import uncertain
 from hgorun.tuning.evidence import Evidence, evidence
+from hgorun.tuning.gain import at_an_end
 from hgorun.tuning.loading import Asked, load_tuning
 from hgorun.tuning.search import admissible, search
 from hgorun.tuning.storing import save
@@ -38,9 +39,6 @@ from hgorun.tuning.trials import Trials
 
 class _NothingFound(HgorunError):
     """No gains that were tried keep the estimate and meet the limits."""
-
-
-_END = 0.01  # of a range: what is nearer to an end of it is at the end
 
 
 def tune(options: Tune) -> int:
@@ -109,23 +107,15 @@ def _tuned(task: Task, name: str, options: Tune) -> Evidence:
 
 def _warn(one: Evidence, name: str) -> None:
     """Gains at an end of their range, and limits that the held-out seeds do not meet, are reported on stderr."""
-    for words in _at_an_end(one):
-        say(f"hgorun: {name}: {words}: better values may lie beyond it")
+    for gain, value in zip(one.task.gains, one.gains[one.chosen].tolist(), strict=True):
+        if told := at_an_end(one.task.base, gain, value):
+            say(f"hgorun: {name}: {told}")
     mean, half = (part[one.chosen] for part in one.mean(held_out=True))
     for k, limit in enumerate(one.task.limits, start=len(one.task.goals)):
         if limit.excess(mean[k]) > 0:
             wanted = f"{'below' if limit.below else 'above'} {limit.bound:g}"
             found = uncertain(float(mean[k]), float(half[k]))
             say(f"hgorun: {name}: on held-out seeds {limit.text} is {found}, not {wanted}")
-
-
-def _at_an_end(one: Evidence) -> Iterator[str]:
-    """Which of the gains chosen are at an end of their range, where better ones may lie beyond it."""
-    for gain, value in zip(one.task.gains, one.gains[one.chosen].tolist(), strict=True):
-        low, high = gain.range.at(np.array([_END, 1 - _END]))
-        if not low < value < high:
-            end, ends = "lower" if value <= low else "upper", gain.range.ends
-            yield f"{gain.path} = {value:g} is at the {end} end of its range [{ends[0]:g}, {ends[1]:g}]"
 
 
 def _write(found: Sequence[Evidence], asked: Asked, options: Tune, page: Page) -> list[str]:

@@ -7,12 +7,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import numpy as np
-
 from hgorun.commands.ensemble_options import Tune as Options
 from hgorun.commands.outputs import RESULTS, there, written
 from hgorun.config.nearest import among
-from hgorun.config.tuning import Range, Tune, require_few
+from hgorun.config.tuning import Tune, require_few
 from hgorun.config.validation import validate
 from hgorun.config.written import rounded, with_values
 from hgorun.config.yaml_source import Source
@@ -29,10 +27,9 @@ from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment import Experiment
 from hgorun.tables.layout import number, packed, wrapped
-from hgorun.tuning.task import refuse_ends
+from hgorun.tuning.gain import Gain, at_an_end, refuse_ends
 
 _OF_PLANT = "plant.parameters."
-_END = 1e-3  # of a range: what is nearer to an end of it is at the end
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,6 +37,7 @@ class _Tuned:
     """The best gains of an observer, and the score with them."""
 
     goal: Goal
+    sought: list[Gain]
     gains: dict[str, float]
     tuned: float
     held_out: float
@@ -67,7 +65,7 @@ def tune_data(options: Options, text: str, source: Source) -> int:
     folder = options.output or RESULTS
     target = folder / f"{options.config.stem}.tuned.yaml"
     for one in found:
-        _warn(one, options.config.stem, block)
+        _warn(one, options.config.stem, experiments[0])
     numbers = {path: rounded(value) for one in found for path, value in one.gains.items()}
     before = there([target])
     write_text(target, with_values(options.config, numbers, target))
@@ -94,17 +92,16 @@ def _check_deviations(goal: Goal, experiment: Experiment) -> None:
             raise Problem(("tune", "minimise", 0), message)
 
 
-def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, dict[str, Range]]]:
+def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, list[Gain]]]:
     """What is minimised, and with which gains: of every observer that has them, where the goal is of ``*``."""
-    found: dict[str, dict[str, Range]] = {}
-    of_plant: dict[str, Range] = {}
-    written_as: dict[str, str] = {}
+    found: dict[str, dict[str, Gain]] = {}
+    of_plant: dict[str, Gain] = {}
     for key, given in block.gains.items():
         if key.startswith(_OF_PLANT):
             if (name := key.removeprefix(_OF_PLANT)) not in experiment.plant.model.parameters:
                 known = among(name, experiment.plant.model.parameters)
                 raise Problem(("tune", "gains", key), f"the plant has no such parameter; there are {known}")
-            of_plant[key], written_as[key] = given, key
+            of_plant[key] = Gain(key, given, key)
             continue
         try:
             paths = written_out(experiment, key)
@@ -115,7 +112,7 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
             if label is None:
                 message = "with recorded data, gains of observers and parameters of the plant are tuned"
                 raise Problem(("tune", "gains", key), message)
-            found.setdefault(label, {})[path], written_as[path] = given, key
+            found.setdefault(label, {})[path] = Gain(path, given, key)
     if of_plant and goal.label == "*":
         raise Problem(
             ("tune", "minimise", 0), "observers share the plant: with its parameters name one observer, not *"
@@ -124,20 +121,20 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
     missing = [label for label in wanted if label not in found and not (of_plant and label in experiment.observers)]
     if missing:
         raise Problem(("tune", "minimise", 0), f"no gains of an observer {missing[0]!r} are sought")
-    tasks = [(Goal(goal.score, label, goal.name), {**of_plant, **found.get(label, {})}) for label in wanted]
+    tasks = [(Goal(goal.score, label, goal.name), [*{**of_plant, **found.get(label, {})}.values()]) for label in wanted]
     for _, gains in tasks:
         require_few(len(gains))
-        for path, one in gains.items():
-            refuse_ends(experiment, path, written_as[path], one)
+        for gain in gains:
+            refuse_ends(experiment, gain)
     return tasks
 
 
 def _tuned(
-    cases: Sequence[Case], given: Mapping[str, tuple[str, ...]], goal: Goal, gains: dict[str, Range], budget: int
+    cases: Sequence[Case], given: Mapping[str, tuple[str, ...]], goal: Goal, gains: list[Gain], budget: int
 ) -> _Tuned:
     """The best gains of an observer; ``given`` are the states whose initial estimates are, by observer."""
     others = {f"observers.{label}": None for label in cases[0].experiment.observers if label != goal.label}
-    models = any(path.startswith(_OF_PLANT) for path in gains)
+    models = any(gain.path.startswith(_OF_PLANT) for gain in gains)
     alone = [
         replace(
             case,
@@ -146,19 +143,16 @@ def _tuned(
         )
         for case in cases
     ]
-    trials = Trials(alone, goal, gains, budget)
+    trials = Trials(alone, goal, {gain.path: gain.range for gain in gains}, budget)
     best = search(trials)
-    return _Tuned(goal, best, trials.least, score(alone, goal, best, report=True), len(trials.tried), budget)
+    return _Tuned(goal, gains, best, trials.least, score(alone, goal, best, report=True), len(trials.tried), budget)
 
 
-def _warn(one: _Tuned, name: str, block: Tune) -> None:
+def _warn(one: _Tuned, name: str, base: Experiment) -> None:
     """Gains at an end of their range are reported on stderr."""
-    for key, given in block.gains.items():
-        first, last = given.at(np.array([_END, 1 - _END]))
-        for path, value in one.gains.items():
-            matches = path == key or ("*" in key and path.rpartition(".")[2] == key.rpartition(".")[2])
-            if matches and not first < value < last:
-                say(f"hgorun: {name}: {path} = {value:g} is at an end of its range: better values may lie beyond it")
+    for gain in one.sought:
+        if told := at_an_end(base, gain, one.gains[gain.path]):
+            say(f"hgorun: {name}: {told}")
 
 
 def _table(found: Sequence[_Tuned]) -> str:

@@ -12,6 +12,8 @@ from hgorun.config.types import Block, NonEmpty, Number, describe
 from hgorun.errors import Problem
 
 MOST_GAINS = 6
+_AT_AN_END = 0.02  # of a range, in the scale in which it is sought: what is nearer to an end of it is at the end
+_DECADE = 10.0
 
 
 class Range(Block):
@@ -46,6 +48,42 @@ class Range(Block):
         low, high = self.ends
         value = low * (high / low) ** place if self.log is not None else low + (high - low) * place
         return np.asarray(np.clip(value, low, high))
+
+    def end_at(self, value: float) -> str | None:
+        """Which end a value is at, ``lower`` or ``upper``, beyond which better ones may lie."""
+        first, last = self.at(np.array([_AT_AN_END, 1 - _AT_AN_END]))
+        if value <= first:
+            return "lower"
+        return "upper" if value >= last else None
+
+    def beyond(self, end: str, farther: float) -> Range:
+        """The same with one end farther out, on the same side of zero.
+
+        Parameters
+        ----------
+        end : str
+            ``lower`` or ``upper``.
+        farther : float
+            By how many decades, or by how many times the width of a linear range.
+
+        Raises
+        ------
+        ValueError
+            When numbers do not reach so far.
+        """
+        low, high = self.ends
+        if self.log is not None:
+            wide = _DECADE**farther
+            return Range(log=(low / wide, high) if end == "lower" else (low, high * wide))
+        wide = farther * (high - low)
+        if end == "lower":
+            return Range(linear=(low / _DECADE if 0 < low <= wide else low - wide, high))
+        return Range(linear=(low, high / _DECADE if -wide <= high < 0 else high + wide))
+
+    def __str__(self) -> str:
+        """As it is written in a file."""
+        low, high = self.ends
+        return f"{{{'log' if self.log is not None else 'linear'}: [{low:g}, {high:g}]}}"
 
 
 def _texts(value: Any) -> Any:

@@ -22,27 +22,12 @@ from hgorun.result.windows import MetricSettings
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.grid import metric_step
 from hgorun.study.sentences import Sentence, read_sentence
+from hgorun.tuning.gain import Gain, refuse_ends
 
 Floats = NDArray[np.float64]
 ALL = "*"
 # a label without quotes before the first comma of a call; what claims want is in quotes
 _UNQUOTED = re.compile(r"\b([A-Za-z_]\w*)\s*\(\s*([^'\",()]+?)\s*,")
-
-
-@dataclass(frozen=True)
-class Gain:
-    """A number that is sought.
-
-    Attributes
-    ----------
-    path : str
-        As after ``--set``.
-    range : Range
-        Between which values.
-    """
-
-    path: str
-    range: Range
 
 
 @dataclass(frozen=True)
@@ -182,32 +167,9 @@ def _task(experiment: Experiment, tune: Tune, label: str, paths: Sequence[tuple[
 
 def _gain(base: Experiment, path: str, key: str, given: Range) -> Gain:
     """A gain, both ends of whose range are admissible."""
-    refuse_ends(base, path, key, given)
-    return Gain(path, given)
-
-
-def refuse_ends(base: Experiment, path: str, key: str, given: Range) -> None:
-    """Refuse a range with an end that a configuration does not admit.
-
-    Parameters
-    ----------
-    path : str
-        The number that is sought, as after ``--set``.
-    key : str
-        Of ``tune.gains``, which may stand for several paths.
-
-    Raises
-    ------
-    Problem
-        At ("tune", "gains", key).
-    """
-    for value in given.ends:
-        try:
-            base.varied({path: value})
-        except ConfigError as error:
-            other = "" if error.key in (None, path) else f"{error.key}: "
-            message = f"{other}{error.message} (for the value {value:g})"
-            raise Problem(("tune", "gains", key), message) from None
+    gain = Gain(path, given, key)
+    refuse_ends(base, gain)
+    return gain
 
 
 def _limit(bound: Bound, label: str, experiment: Experiment, i: int) -> Limit:

@@ -205,7 +205,8 @@ def test_gains_by_a_reference_and_at_the_end_of_a_range(shell: Shell) -> None:
     assert "reference_rmse a: search" in out
     assert " of 150\n" in out
     assert "o: the search ended before its budget" in out
-    assert "theta = 0.5 is at an end of its range" in err
+    assert "theta = 0.5 is at the upper end of its range [0.3, 0.5]: better values may lie beyond it" in err
+    assert "write observers.o.theta: {log: [0.3, 5]}" in err
     # on its logarithmic scale a number is in the middle of a range of which it is a thousandth
     file.write_text(given + TUNE.format(goal="reference_rmse(o, a)").replace("8]", "1e5]"))
     code, _, err = shell("tune", "pendulum.yaml")
