@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-import math
-import re
 import sys
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar
 
+from hgorun.commands import answers
 from hgorun.commands.first import First, first_of, number_text, with_observers
 from hgorun.commands.outputs import refuse_no_configuration
-from hgorun.config.expressions import CONSTANTS, check_name, nearest, parse
+from hgorun.config.expressions import CONSTANTS, nearest, parse
 from hgorun.config.time_units import run_unit
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import why_unwritable
@@ -21,7 +20,6 @@ from hgorun.plants.base import PLANTS, Input, Start
 Answer = TypeVar("Answer")
 Named = TypeVar("Named", bound=Collection[str])
 _OWN = "own"
-_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*")
 
 
 def ask() -> First:
@@ -38,9 +36,11 @@ def ask() -> First:
     chosen = _own() if name == _OWN else first_of(name, PLANTS.find(name))
     start = replace(chosen.start, inputs=_given_inputs(chosen))
     unit = f", {start.unit}" if start.unit[:1].isalpha() else ""
-    end = _answer(f"end of the run{unit}", f"{start.end:g}", _positive)
-    period = _answer("sampling period, 0 for an output that is known at all times", f"{start.period:g}", _not_negative)
-    noise = _answer("standard deviation of the noise", f"{start.noise:g}", _not_negative)
+    end = _answer(f"end of the run{unit}", f"{start.end:g}", answers.positive)
+    period = _answer(
+        "sampling period, 0 for an output that is known at all times", f"{start.period:g}", answers.not_negative
+    )
+    noise = _answer("standard deviation of the noise", f"{start.noise:g}", answers.not_negative)
     types = [str(keys["type"]) for keys in start.observers.values()]
     start = replace(start, end=end, period=period or start.period, noise=noise)
     start = _answer("observers", ", ".join(types), lambda text: _observers(start, text))
@@ -93,35 +93,38 @@ class _Model:
         """Expressions; of a name that is not known it is asked what that is, and where it is nothing, all again."""
         while True:
             texts = _answer(question, default, read)
-            if all(map(self._is_told, sorted(_names_in(texts) - self.known))):
+            if all(map(self._is_told, sorted(answers.names_in(texts) - self.known))):
                 return texts
 
     def measured(self) -> list[str]:
         """The outputs; they are asked for again where states do not get into them, and may stay as they are."""
-        outputs = self.expressions("outputs, with commas between", self.states[0], _outputs)
+        outputs = self.expressions("outputs, with commas between", self.states[0], answers.outputs)
         while unseen := ", ".join(self._unseen(outputs)):
             print(
                 f"  nothing that is measured depends on {unseen}, now or later: few observers take that",
                 file=sys.stderr,
             )
-            given, outputs = outputs, self.expressions("outputs (Enter keeps them)", ", ".join(outputs), _outputs)
+            given, outputs = (
+                outputs,
+                self.expressions("outputs (Enter keeps them)", ", ".join(outputs), answers.outputs),
+            )
             if outputs == given:
                 break
         return list(outputs)
 
     def _unseen(self, outputs: Sequence[str]) -> list[str]:
         """States that neither an output nor the rate of a state that an output depends on contains."""
-        seen, new = set[str](), _names_in(outputs)
+        seen, new = set[str](), answers.names_in(outputs)
         while new := new - seen:
             seen |= new
-            new = _names_in(self.dynamics[name] for name in new & self.dynamics.keys())
+            new = answers.names_in(self.dynamics[name] for name in new & self.dynamics.keys())
         return [state for state in self.states if state not in seen]
 
     def _is_told(self, name: str) -> bool:
         """Whether an unknown name is a parameter or an input, which it is from then on."""
         print(f"  {name} is not known.{nearest(name, [*self.known, *CONSTANTS])}")
         question = "  Its number, or as an input an expression of t (Enter: write it again)"
-        given = _answer(question, "", lambda text: _expression(text, {*self.parameters, "t"}) if text else "")
+        given = _answer(question, "", lambda text: answers.expression(text, {*self.parameters, "t"}) if text else "")
         if given and parse(given).names:
             self.inputs[name] = given
         elif given:
@@ -130,7 +133,7 @@ class _Model:
 
     def used(self) -> dict[str, float]:
         """The parameters that something uses; it is said which are left out."""
-        used = _names_in((*self.dynamics.values(), *self.outputs, *self.inputs.values()))
+        used = answers.names_in((*self.dynamics.values(), *self.outputs, *self.inputs.values()))
         for name in [name for name in self.parameters if name not in used]:
             print(f"  nothing uses the parameter {name}: it is left out", file=sys.stderr)
         return {name: value for name, value in self.parameters.items() if name in used}
@@ -140,28 +143,34 @@ def _own() -> First:
     """Your own plant: states, equations, output, parameters, inputs, initial state."""
     unit = _answer("unit of time", "s", lambda text: run_unit(text.strip()))
     model = _Model([])
-    model.states = states = _answer("states, with commas between", "x1, x2", lambda text: model.free(text, _names))
+    model.states = states = _answer(
+        "states, with commas between", "x1, x2", lambda text: model.free(text, answers.names)
+    )
     none = "with those that your equations use (Enter: none)"
     model.parameters = _answer(
-        f"parameters, such as a = 1, b = 0.5, {none}", "", lambda text: model.free(text, _assignments)
+        f"parameters, such as a = 1, b = 0.5, {none}", "", lambda text: model.free(text, answers.assignments)
     )
-    names = _answer(f"inputs, with commas between, {none}", "", lambda text: model.free(text, _names) if text else [])
+    names = _answer(
+        f"inputs, with commas between, {none}", "", lambda text: model.free(text, answers.names) if text else []
+    )
     model.inputs = dict.fromkeys(names, "0")
     lines = [f"  states: [{', '.join(states)}]", "  dynamics:"]
     for state in states:
-        (model.dynamics[state],) = model.expressions(f"{state}' =", "", lambda text: [_expression(text)])
+        (model.dynamics[state],) = model.expressions(f"{state}' =", "", lambda text: [answers.expression(text)])
         lines.append(f'    {state}: "{model.dynamics[state]}"')
     model.outputs = model.measured()
     quoted = ", ".join(f'"{text}"' for text in model.outputs)
     lines.append(f"  output: {quoted if len(model.outputs) == 1 else f'[{quoted}]'}")
     for name in names:
-        model.inputs[name] = _answer(f"{name} =", "sin(t)", lambda text: _expression(text, {*model.parameters, "t"}))
+        model.inputs[name] = _answer(
+            f"{name} =", "sin(t)", lambda text: answers.expression(text, {*model.parameters, "t"})
+        )
     if model.inputs:
         lines.append("  inputs: {" + ", ".join(f'{name}: "{text}"' for name, text in model.inputs.items()) + "}")
     if parameters := model.used():
         lines.append("  parameters: {" + ", ".join(f"{k}: {number_text(v)}" for k, v in parameters.items()) + "}")
-    initial = {state: _answer(f"{state} at the start", "1", _number) for state in states}
-    estimate = {state: _answer(f"first guess of {state}", "0", _number) for state in states}
+    initial = {state: _answer(f"{state} at the start", "1", answers.number) for state in states}
+    estimate = {state: _answer(f"first guess of {state}", "0", answers.number) for state in states}
     start = Start(
         end=10,
         unit=unit,
@@ -181,7 +190,7 @@ def _given_inputs(chosen: First) -> dict[str, str]:
         known = chosen.inputs.get(name, Input())
         about = ", ".join(filter(None, (known.meaning, known.unit)))
         question = f"input {name}{about and f' ({about})'}, a number or an expression of t"
-        found[name] = _answer(question, text, lambda text: _expression(text, {*chosen.parameters, "t"}))
+        found[name] = _answer(question, text, lambda text: answers.expression(text, {*chosen.parameters, "t"}))
     return found
 
 
@@ -216,89 +225,9 @@ def _observers(start: Start, text: str) -> Start:
         raise ValueError(error.message) from None  # without the option that it is of elsewhere
 
 
-def _names(text: str) -> list[str]:
-    names = [part.strip() for part in text.split(",")]
-    if not all(map(_NAME.fullmatch, names)) or len(set(names)) < len(names):
-        raise ValueError(f"expected different names with commas between, such as x1, x2; found {text!r}")
-    for name in names:
-        check_name(name)
-    return names
-
-
-def _outputs(text: str) -> list[str]:
-    """Expressions with commas between, also in the brackets of a list, and without the quotes that YAML may need."""
-    whole = text[1:-1] if text.startswith("[") and text.endswith("]") else text
-    given = [part.strip() for part in _parts(whole)]
-    outputs = [part[1:-1] if len(part) > 1 and part[0] == part[-1] in "'\"" else part for part in given]
-    for output in outputs:
-        if not parse(_expression(output)).names:
-            raise ValueError(f"{output} is a number; an output is a state or an expression of states")
-    if len(set(outputs)) < len(outputs):
-        raise ValueError(f"outputs must differ, found {', '.join(outputs)}")
-    return outputs
-
-
-def _parts(text: str) -> list[str]:
-    """What stands between commas, but for those between the arguments of a function."""
-    parts, depth = [""], 0
-    for char in text:
-        depth += (char == "(") - (char == ")")
-        if char == "," and depth == 0:
-            parts.append("")
-        else:
-            parts[-1] += char
-    return parts
-
-
 def _new_file(text: str) -> Path:
     file = Path(text)
     refuse_no_configuration(file, "mine", "file")
     if why := "it exists already" if file.exists() else why_unwritable(file):
         raise ValueError(f"expected the name of a new file, found {file}: {why}")
     return file
-
-
-def _names_in(texts: Iterable[str]) -> set[str]:
-    return {name for text in texts for name in parse(text).names}
-
-
-def _assignments(text: str) -> dict[str, float]:
-    found: dict[str, float] = {}
-    for part in text.split(",") if text else ():
-        name, sign, value = part.partition("=")
-        if not sign or not _NAME.fullmatch(name.strip()):
-            raise ValueError(f"expected name = number, found {part.strip()!r}")
-        check_name(name.strip())
-        found[name.strip()] = _number(value)
-    return found
-
-
-def _expression(text: str, known: set[str] | None = None) -> str:
-    if not text:
-        raise ValueError("expected an expression, such as -x1 + sin(t)")
-    parse(text, names=known)
-    return text
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise ValueError(f"expected a number, found {text.strip()!r}")
-    return value
-
-
-def _positive(text: str) -> float:
-    value = _number(text)
-    if value <= 0:
-        raise ValueError(f"expected a number > 0, found {text}")
-    return value
-
-
-def _not_negative(text: str) -> float:
-    value = _number(text)
-    if value < 0:
-        raise ValueError(f"expected a number >= 0, found {text}")
-    return value

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 from hgorun.config.evaluation import Value, evaluate
-from hgorun.config.grammar import Node, Reader, finite, syntax_tree
+from hgorun.config.grammar import Call, Comparison, Node, Reader, finite, syntax_tree
 from hgorun.config.nearest import nearest
 from hgorun.config.tokens import CONSTANTS, FUNCTIONS, MAX_LENGTH, NUMBER, ExpressionError, check_name, short, tokens
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 __all__ = ["CONSTANTS", "FUNCTIONS", "Expression", "ExpressionError", "check_name", "nearest", "parse"]
 
+_JOINING = ("and", "or", "not")
 _NO_VALUES: Mapping[str, float] = MappingProxyType({})
 
 
@@ -40,6 +41,11 @@ class Expression:
     text: str
     names: frozenset[str]
     tree: Node = field(repr=False, compare=False)
+
+    @property
+    def is_condition(self) -> bool:
+        """Whether it is true or false, by a comparison or what joins some."""
+        return isinstance(self.tree, Comparison) or (isinstance(self.tree, Call) and self.tree.operation in _JOINING)
 
     def number(self, values: Mapping[str, float] = _NO_VALUES) -> float:
         """Return the value as a finite float.

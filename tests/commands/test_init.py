@@ -303,6 +303,21 @@ def test_what_cannot_be_seen_is_told_at_the_output_and_at_the_observers(
             ["x2", "x1"],
         ),
         (("x1", "x1 + x2"), ("depends on x2, now or later",), "x1 + x2"),
+        *(
+            ((text, "x1, x2"), ("outputs are separated by commas: x1, x2",), ["x1", "x2"])
+            for text in ("x1 and x2", "x1 x2", "x1; x2", "x1 & x2", "['x1' 'x2']")
+        ),
+        (
+            ("x2, sin(x1) and x2 - x1", "x1 x2 > 3", "x2, x1 > 0", "not x1", "x1 > 0 and x2 > 0", "x1, x2"),
+            (
+                "outputs are separated by commas: x2, sin(x1), x2 - x1",
+                "an operator is missing between `x1` and `x2`",
+                "x1 > 0 is true or false; an output is a state",
+                "not x1 is true or false",
+                "x1 > 0 and x2 > 0 is true or false",
+            ),
+            ["x1", "x2"],
+        ),
     ],
 )
 def test_several_outputs_are_asked_for_until_they_can_be_read(
