@@ -50,17 +50,19 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     source = with_inputs(source, recording.inputs)
     given: Mapping[str, Any] = source.data
     changes: dict[str, Any] = {}
-    if isinstance(given.get("time") or {}, dict):
+    start: object = None
+    if isinstance(of_time := given.get("time") or {}, dict):
         with source.located():
-            changes["time"] = _time(given.get("time") or {}, recording)
+            time = _time(of_time, recording)
+        start = time["start"]
+        changes = {f"time.{key}": value for key, value in time.items() if key not in of_time}  # lines of others stay
     if not (isinstance(given.get("plant"), dict) and given["plant"]):
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
     _check_measurement(source)
     with source.located():
         _check_outputs(plant_of(source).output_names, recording)
-    start = changes.get("time", {}).get("start")
-    start = float(start) if isinstance(start, (int, float)) else recording.span[0]
-    changes["measurement"] = _measurement(given.get("measurement") or {}, recording, start)
+    begin = float(start) if isinstance(start, (int, float)) else recording.span[0]
+    changes["measurement"] = _measurement(given.get("measurement") or {}, recording, begin)
     whole, states = _with_plant(_with(source, changes))
     experiment = Experiment(whole, name=name, text=text)
     with experiment.located():
@@ -76,9 +78,9 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
         with guess.located():
             first = fitted_start(prepare_estimate(guess, recording), recording.first_samples)
     for label, observer in experiment.observers.items():
-        start = first | observer.initial
-        if start != observer.initial:
-            changes[f"observers.{label}.initial"] = start
+        initial = first | observer.initial
+        if initial != observer.initial:
+            changes[f"observers.{label}.initial"] = initial
     return Experiment(_with(whole, changes), name=name, text=text) if changes else experiment
 
 

@@ -22,6 +22,7 @@ from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
+from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.outcome import internal
 from hgorun.simulation.units import unit_remarks
 
@@ -167,11 +168,21 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
                 told.append(f"{one.output}: {late} samples became known after newer ones and are not used{by}")
         outside = recording.outputs[one.output].values.size - one.values.size
         if outside:
-            told.append(f"{one.output}: {outside} samples lie outside of the run")
+            why = _shortened_by(prepared.experiment, recording)
+            told.append(f"{one.output}: {outside} samples lie outside of the run{why}")
     for kind, compared in (("held out", found.held_out), ("of the reference", found.reference)):
         none = [name for name, one in compared.items() if not one.taken.size]
         told += [f"{name}: no sample {kind} lies in the run, so that it has no score" for name in none]
     return told
+
+
+def _shortened_by(experiment: Experiment, recording: Recording) -> str:
+    """Which keys let a run begin after the recording, or end before it, and what gives the whole of it."""
+    time, (first, last) = experiment.blocks.time, recording.span
+    shorter = {"start": (time.start, time.start > first), "end": (time.end, time.end < last)}
+    told = [f"{experiment.source.told(('time', key))} = {value:g}" for key, (value, cuts) in shorter.items() if cuts]
+    whole = "for the whole recording leave that out, or write `time: null` where it is inherited"
+    return f": {', '.join(told)}; {whole}" if told else ""
 
 
 def _shut_out(prepared: PreparedEstimate, recording: Recording, result: Result) -> Iterator[str]:

@@ -13,7 +13,7 @@ from hgorun.engine.memory import Start
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
-from hgorun.errors import Problem
+from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.given import require_observers
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
@@ -207,7 +207,8 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         plant, time = experiment.plant, experiment.time
         channels = [channel(one, experiment, i) for i, one in enumerate(samples)]
         inputs = recorded_inputs(recording, plant.model.inputs, experiment.origin, time.end)
-        _ = experiment.even_grid, experiment.forms  # what is wrong with them is said first
+        _check_grid(experiment)
+        _ = experiment.forms  # what is wrong with them is said first
         step = nominal_step(experiment)
         kinks = plant_kinks(plant, time, experiment.origin).times
         changes = np.zeros(0) if inputs is None else inputs.times
@@ -242,6 +243,20 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         check_start(run)
         prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs)
     return prepared
+
+
+def _check_grid(experiment: Experiment) -> None:
+    """What is wrong with the output points is said; a block ``metrics`` has no use here, and is as a rule inherited."""
+    try:
+        _ = experiment.even_grid
+    except ConfigError as error:
+        if not (error.key or "").startswith("metrics."):
+            raise
+        message = (
+            f"{error.message}; estimates of recorded data have no metrics: leave the block out, or write "
+            "`metrics: null` where it is inherited"
+        )
+        raise ConfigError(message, file=error.file, line=error.line, key=error.key) from None
 
 
 def _check_inputs(model: PlantModel, recorded: tuple[int, ...], structure: Structure) -> None:

@@ -105,6 +105,39 @@ def test_what_is_wrong_is_said(shell: Shell, arguments: tuple[str, ...], message
     assert message in err
 
 
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("time: {start: 1}", "10 samples lie outside of the run: own.yaml:2: time.start = 1; for the whole recording"),
+        ("time:\n  end: 4.05", "59 samples lie outside of the run: own.yaml:3: time.end = 4.05; for the whole"),
+        (
+            "\ntime: {start: 1}",
+            "69 samples lie outside of the run: own.yaml:3: time.start = 1, base.yaml:2: time.end = 4.05; for the "
+            "whole recording leave that out, or write `time: null` where it is inherited",
+        ),
+        ("time: null", ""),
+    ],
+)
+def test_what_shortens_a_run_is_named_with_its_line(shell: Shell, given: str, told: str) -> None:
+    inherited = "\ntime: {end: 4.05}\n" if told.count("time.") != 1 else ""
+    (shell.folder / "base.yaml").write_text(inherited + CONFIG)
+    (shell.folder / "own.yaml").write_text(f"extends: base.yaml\n{given}\n")
+    code, _, err = shell("estimate", "own.yaml", "-q", "--no-plots", "--no-sensitivity")
+    assert (code, err.count("\n")) == (0, 1 if told else 0), err
+    assert told in err
+
+
+def test_metrics_that_do_not_fit_a_recording_are_to_be_left_out(shell: Shell) -> None:
+    (shell.folder / "base.yaml").write_text(f"metrics:\n  window: [5, 20]\n{CONFIG}")
+    (shell.folder / "own.yaml").write_text("extends: base.yaml\n")
+    code, _, err = shell("estimate", "own.yaml", "-q", "--no-plots", "--no-sensitivity")
+    assert code == 2
+    assert "base.yaml:2: metrics.window: [5, 20] reaches outside the run, which lasts from 0 to 9.9" in err
+    assert "leave the block out, or write `metrics: null` where it is inherited" in err
+    (shell.folder / "own.yaml").write_text("extends: base.yaml\nmetrics: null\n")
+    assert shell("estimate", "own.yaml", "-q", "--no-plots", "--no-sensitivity")[0] == 0
+
+
 def test_what_was_found_in_a_log_is_said_where_an_estimate_fails(shell: Shell) -> None:
     """A stamp that jumps makes a grid that no memory holds: the line of the jump is what helps."""
     log = shell.folder / "log.csv"
