@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from hgorun.commands.drawn import tell_drawn
-from hgorun.commands.ensemble_options import Compare
+from hgorun.commands.ensemble_options import FORMATS, Compare
 from hgorun.commands.inputs import configuration, is_result, may_be_ensemble
 from hgorun.commands.options import Configured
 from hgorun.commands.outputs import (
@@ -21,7 +21,7 @@ from hgorun.commands.outputs import (
 )
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import experiments_of, print_json, run_with_progress
-from hgorun.config.nearest import meant
+from hgorun.config.nearest import refuse_other
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.process import say
@@ -94,10 +94,7 @@ def _style(options: Compare) -> Style:
         "csv": tables.csv,
         "latex": lambda results, _: latex(results),
     }
-    if options.format not in styles:
-        raise ConfigError(
-            f"--format: expected one of {', '.join(styles)}, found {options.format!r}{meant(options.format, styles)}"
-        )
+    refuse_other("--format", options.format, FORMATS)
     if options.analyze and options.format == "latex":
         raise ConfigError("--analyze adds columns to text, csv and JSON; the LaTeX table has metrics only")
     if (options.overrides or options.seed is not None) and all(map(is_result, options.sources)):

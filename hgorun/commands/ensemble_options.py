@@ -13,6 +13,9 @@ from hgorun.commands import completion
 from hgorun.commands.numbers import whole
 from hgorun.commands.options import Configured, Drawing, Printing, Strict, WhichRun
 
+FORMATS = ("text", "csv", "latex")
+"""Of tables."""
+
 Threads = Annotated[
     int | None,
     typer.Option(
@@ -134,7 +137,7 @@ class Compare(Configured, OfEnsembles, Drawing):
             "--format",
             metavar="FORMAT",
             help="Format of the table: text, csv or latex.",
-            autocompletion=completion.one_of("text", "csv", "latex"),
+            autocompletion=completion.one_of(*FORMATS),
         ),
     ] = "text"
     strict: Strict = False

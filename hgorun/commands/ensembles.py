@@ -13,7 +13,7 @@ from typing import Any
 
 from hgorun.commands.continued import counted
 from hgorun.commands.drawn import tell_drawn
-from hgorun.commands.ensemble_options import Compare, OfEnsembles, Report
+from hgorun.commands.ensemble_options import FORMATS, Compare, OfEnsembles, Report
 from hgorun.commands.inputs import refuse_name_of_another_thing
 from hgorun.commands.outputs import (
     DRAWING_SUFFIXES,
@@ -27,7 +27,7 @@ from hgorun.commands.outputs import (
 )
 from hgorun.commands.run_options import Simulate
 from hgorun.config.expressions import nearest
-from hgorun.config.nearest import meant
+from hgorun.config.nearest import refuse_other
 from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.outcome import outcome_of
@@ -181,10 +181,7 @@ def _in_words(counts: Mapping[str, int]) -> str:
 def _style(options: Compare) -> Style:
     """The table asked for, once it is sure that the options fit each other."""
     styles: dict[str, Style] = {"text": tables.text, "csv": plain_tables.csv, "latex": latex}
-    if options.format not in styles:
-        raise ConfigError(
-            f"--format: expected one of {', '.join(styles)}, found {options.format!r}{meant(options.format, styles)}"
-        )
+    refuse_other("--format", options.format, FORMATS)
     refused = {
         "--set": options.overrides,
         "--seed": options.seed is not None,

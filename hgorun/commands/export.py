@@ -11,7 +11,7 @@ from shlex import quote
 from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable
 from hgorun.commands.run_options import Export
-from hgorun.config.nearest import meant
+from hgorun.config.nearest import refuse_other
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.export.c_code import Real
@@ -34,10 +34,7 @@ _LANGUAGES = ("c", "latex")
 def export(options: Export) -> int:
     """Write the observers of a configuration; everything is checked before anything is written."""
     refuse_other_kinds(options.output, ())
-    if options.lang not in _LANGUAGES:
-        raise ConfigError(
-            f"--lang: expected one of {', '.join(_LANGUAGES)}, found {options.lang!r}{meant(options.lang, _LANGUAGES)}"
-        )
+    refuse_other("--lang", options.lang, _LANGUAGES)
     if options.output is not None and options.output.is_file():
         raise ConfigError(f"--output: {options.output} is a file; name a folder")
     options = replace(options, config=configuration(options.config, "export"))
@@ -142,10 +139,8 @@ def _contents(observer: Exported, options: Export) -> dict[str, bytes]:
 
 
 def _version(options: Export) -> Version:
-    for version in VERSIONS:
-        if options.fmi == version:
-            return version
-    raise ConfigError(f"--fmi: expected one of {', '.join(VERSIONS)}, found {options.fmi!r}")
+    refuse_other("--fmi", options.fmi, VERSIONS)
+    return next(version for version in VERSIONS if options.fmi == version)
 
 
 def _source(observer: Exported, options: Export) -> Source:

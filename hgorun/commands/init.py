@@ -79,7 +79,10 @@ def _first(options: Init) -> int:
             plant = PLANTS.find(options.plant)
         except KeyError:
             known = PLANTS.names()
-            hint = in_its_place(options.plant) or f"{nearest(options.plant, known)} There are {', '.join(known)}"
+            hint = in_its_place(options.plant) or (
+                f"{nearest(options.plant, known)} There are {', '.join(known)}; "
+                "hgorun init --ask asks for equations of your own"
+            )
             raise ConfigError(f"--plant: no plant is called {options.plant!r}.{hint}") from None
         found = Found(0, first_of(options.plant, plant))
         if options.observers:

@@ -14,7 +14,7 @@ from hgorun.commands.ensemble_options import Merge, Sweep
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Printing
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, refuse_unwritable
-from hgorun.config.nearest import meant
+from hgorun.config.nearest import refuse_other
 from hgorun.ensemble.collecting import collect
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
@@ -107,11 +107,7 @@ def _is_file(output: Path) -> bool:
 
 def _executor(options: Sweep) -> tuple[Executor, int]:
     """Who carries members out, and how many blocks at once."""
-    if options.executor not in EXECUTORS:
-        raise ConfigError(
-            f"--executor: expected one of {', '.join(EXECUTORS)}; found {options.executor!r}"
-            f"{meant(options.executor, EXECUTORS)}"
-        )
+    refuse_other("--executor", options.executor, EXECUTORS)
     if options.scheduler is not None and options.executor != "dask":
         raise ConfigError("--scheduler goes with --executor dask")
     jobs = options.jobs or processors()

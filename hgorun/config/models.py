@@ -139,6 +139,16 @@ class ExperimentBlocks(Block):
 
     read_before = ("runs",)
 
+    @classmethod
+    def _inside(cls, key: object, value: object) -> str:
+        if key == "seeds":
+            count = value if isinstance(value, int) and value > 1 else 50
+            of_sweep = f"or `axes: {{seed: {{count: {count}}}}}` with base in a file for hgorun sweep"
+            return (
+                f" {count} seeds are `runs: {{many: {{seeds: {count}}}}}`, {of_sweep}; tune has a key seeds of its own."
+            )
+        return " A run is varied: `runs: {many: {vary: ...}}`." if key == "vary" else super()._inside(key, value)
+
     title: str = Field(default="", description="free text, above figures and in lists")
     reference: str = Field(default="", description="free text: the publication")
     extends: str | None = Field(default=None, description="another file that this one changes")

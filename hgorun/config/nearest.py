@@ -7,6 +7,8 @@ from collections.abc import Iterable
 from itertools import islice
 from pathlib import Path
 
+from hgorun.errors import ConfigError
+
 # What others call the keys of a configuration.
 _CALLED_ELSEWHERE = {
     **dict.fromkeys(("dt", "delta_t", "sample_time"), ("output_step", "step", "period")),
@@ -36,6 +38,8 @@ _CALLED_ELSEWHERE = {
     **dict.fromkeys(("lag", "latency", "dead_time"), ("delay",)),
     **dict.fromkeys(("integrator", "simulation"), ("solver", "method", "time")),
     **dict.fromkeys(("estimators", "filters", "filter"), ("observers",)),
+    **dict.fromkeys(("tex", "latex2e", "booktabs"), ("latex",)),
+    **dict.fromkeys(("txt", "plain", "table"), ("text",)),
 }
 # What is not the same, but follows from it.
 _FOLLOWS = {
@@ -61,6 +65,18 @@ def among(name: str, candidates: Iterable[str]) -> str:
     """All that is known, and what may be meant of it: how a message ends where a name is none of these."""
     known = tuple(candidates)
     return f"{', '.join(known)}{meant(name, known)}"
+
+
+def refuse_other(option: str, value: str, known: Iterable[str]) -> None:
+    """Refuse a word that an option does not know.
+
+    Raises
+    ------
+    ConfigError
+    """
+    words = tuple(known)
+    if value not in words:
+        raise ConfigError(f"{option}: expected one of {', '.join(words)}, found {value!r}{meant(value, words)}")
 
 
 def nearest_name(name: str, candidates: Iterable[str]) -> str:

@@ -2,22 +2,18 @@
 
 from __future__ import annotations
 
-import json
 import re
-from collections.abc import Sequence
 from typing import Any
 
 from hgorun.config.expressions import nearest
-from hgorun.config.models import File
-from hgorun.config.paths import at, dotted, entries, walk
+from hgorun.config.misdirected import ALL_OBSERVERS, no_way, nothing_there, refuse_lost
+from hgorun.config.paths import at, entries, walk
 from hgorun.config.shell import assigned, assigned_text
 from hgorun.config.yaml_builder import MAX_DEPTH
 from hgorun.config.yaml_source import Source, parse
 from hgorun.errors import ConfigError, KeyPath
 
-_ALL = "observers.*."  # how a path begins that means every observer
-_KEY_END = re.compile("[.=]")
-_MOST = 6  # paths in a message
+_KEY_END = re.compile("[.=[]")
 
 
 def set_path(source: Source, assignment: str) -> Source:
@@ -41,9 +37,9 @@ def set_path(source: Source, assignment: str) -> Source:
 def _written_out(data: object, assignment: str) -> list[str]:
     """The assignments that one stands for: several where it begins with ``observers.*``."""
     blocks = data.get("observers") if isinstance(data, dict) else None
-    if not assignment.startswith(_ALL) or not isinstance(blocks, dict) or "*" in blocks:
+    if not assignment.startswith(ALL_OBSERVERS) or not isinstance(blocks, dict) or "*" in blocks:
         return [assignment]
-    rest = assignment.removeprefix(_ALL)
+    rest = assignment.removeprefix(ALL_OBSERVERS)
     key = _KEY_END.split(rest, maxsplit=1)[0]
     having = [label for label, block in blocks.items() if isinstance(block, dict) and key in block]
     if not having:
@@ -64,9 +60,8 @@ def _with_assignment(source: Source, assignment: str, file: str) -> Source:
         raise ConfigError("expected path=value, without spaces around `=`", file=file, line=1)
     above = at(source.data, old)
     if new and above is not None and not isinstance(above, dict):
-        raise ConfigError(_no_way(source.data, old, new[0], text), file=file, line=1)
-    if not old and new[0] not in File.model_fields:
-        _refuse_part_of_a_path(source.data, tuple(new), file)
+        raise ConfigError(no_way(source.data, old, new[0], text), file=file, line=1)
+    refuse_lost(source.data, old, new, file)
     path = (*old, *new)
     if not text.strip():
         removed = "" if new else f"; `{assigned(path, 'null')}` removes it"
@@ -74,7 +69,7 @@ def _with_assignment(source: Source, assignment: str, file: str) -> Source:
     value = _value(text, path, file)
     if value is None:
         if new:
-            raise ConfigError(_nothing_there(source.data, old, new[0]), file=file, line=1)
+            raise ConfigError(nothing_there(source.data, old, new[0]), file=file, line=1)
         return _without(source, path, file)
     data = _replaced(source.data, path, value)
     places = {p: (file, 1) if p[: len(path)] == path else source.where(p) for p, _ in walk(data)}
@@ -118,40 +113,6 @@ def _without(source: Source, path: KeyPath, file: str) -> Source:
     return Source(data, {now: source.where(before(now)) for now, _ in walk(data)}, source.nulls)
 
 
-def _nothing_there(data: Any, old: KeyPath, name: str) -> str:
-    """What is said where there is nothing to remove."""
-    beside = [str(key) for key, _ in entries(at(data, old))]
-    known = f" Known here: {', '.join(beside[:20])}" if beside else ""
-    return f"there is no {name!r} to remove.{nearest(name, beside)}{known}"
-
-
-def _refuse_part_of_a_path(data: Any, names: tuple[str, ...], file: str) -> None:
-    """Where only the last keys of a path are given, or what they begin with is inside another block, name the path.
-
-    Raises
-    ------
-    ConfigError
-    """
-    known = sorted((tuple(map(str, path)) for path, _ in walk(data)), key=".".join)
-    for length in range(len(names), 0, -1):  # what follows a known part is to be created
-        part, more = names[:length], names[length:]
-        whole = [path for path in known if len(path) > length and path[-length:] == part]
-        if whole:
-            meant = _one_of([".".join((*path, *more)) for path in whole])
-            of_all = sum(path[0] == "observers" and path[2:] == part for path in whole) > 1
-            several = f" {_ALL}{'.'.join(names)} is that of all observers which have it." if of_all else ""
-            message = f"{names[0]!r} is not a key of the top of the file. Did you mean {meant}?{several}"
-            raise ConfigError(message, file=file, line=1, key=".".join(names))
-
-
-def _one_of(paths: Sequence[str]) -> str:
-    """Some paths, as they are listed in a question."""
-    shown = [f"`{path}`" for path in paths[:_MOST]]
-    if len(paths) > _MOST:
-        return f"{', '.join(shown)} or another of {len(paths)}"
-    return " or ".join(filter(None, (", ".join(shown[:-1]), shown[-1])))
-
-
 def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
     """The configuration with another value at a path, and that path.
 
@@ -175,11 +136,12 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
     above = at(source.data, old)
     if any(not name for name in new) or not (old or new):
         raise ConfigError(f"expected keys separated by dots, found {path!r}", key=path)
+    refuse_lost(source.data, old, new)
     if value is None and new:
         return source, (*old, *new)
     file, line = source.where(old)
     if new and above is not None and not isinstance(above, dict):
-        raise ConfigError(_no_way(source.data, old, new[0], str(value)), file=file, line=line, key=path)
+        raise ConfigError(no_way(source.data, old, new[0], str(value)), file=file, line=line, key=path)
     place: KeyPath = (*old, *new)
     if index := next((i for i in range(1, len(new)) if new[i].isdigit()), None):
         lacking = ".".join(map(str, (*old, *new[:index])))
@@ -220,40 +182,6 @@ def _longest_path(data: object, assignment: str) -> tuple[KeyPath, int]:
                 if follows == ".":
                     todo.append(((*path, key), part, end + 1))
     return best
-
-
-_OF_COLUMNS = {
-    "unit",
-    "format",
-    "next_day",
-    "file",
-    "time",
-    "csv",
-    "faults",
-    "plausible",
-    "quality",
-    "available",
-    "gate",
-    "std",
-}
-
-
-def _no_way(data: object, path: KeyPath, name: str, text: str) -> str:
-    """Why a path does not lead on to a name below it; the text is what would be set there."""
-    here, value = dotted(path) or "the file", at(data, path)
-    if isinstance(value, list):
-        indices = f"an index from 0 to {len(value) - 1}" if value else "nothing, as it is empty"
-        inside = next((i for i, part in enumerate(value) if isinstance(part, dict) and name in part), None)
-        meant = "" if inside is None else f". Did you mean `{here}.{inside}.{name}`?"
-        return f"`{here}` is a list of {len(value)}: `{name}` was found where there can be {indices}{meant}"
-    beside = [str(key) for key, _ in entries(at(data, path[:-1]))]
-    names = f" Beside it: {', '.join(beside[:20])}." if beside else ""
-    if isinstance(value, str) and path[:1] == ("data",) and name in _OF_COLUMNS:
-        column = json.dumps(value[:40], ensure_ascii=False)
-        given = text if text[:1] in ("{", "[", '"', "'") else json.dumps(text[:40], ensure_ascii=False)
-        more = assigned(path, f"{{column: {column}, {name}: {given}}}")
-        names = f" It is the name of a column: `{more}` says more of it."
-    return f"`{here}` is {str(value)[:40]!r} and has no `{name}` in it.{nearest(name, beside)}{names}"
 
 
 def _replaced(data: Any, path: KeyPath, value: Any) -> Any:

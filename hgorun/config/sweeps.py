@@ -10,6 +10,7 @@ from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag,
 
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.types import Block, Interval, NonEmpty, NonNegative, Number, describe, word_or
+from hgorun.errors import Problem
 
 MOST_MEMBERS = 10**9
 _WHOLE = re.compile(r"[+-]?[0-9]{1,300}")
@@ -244,6 +245,20 @@ class Keep(Block):
 Combine = Literal["product", "zip", "sobol"]
 
 
+def _counted(axes: Any) -> Any:
+    """How many seeds there are is told by the key ``count`` of the axis ``seed``."""
+    for name in ("seed", "seeds") if isinstance(axes, dict) else ():
+        axis = axes.get(name)
+        count = next(iter(axis.values())) if isinstance(axis, dict) and len(axis) == 1 else axis
+        right = name == "seed" and isinstance(axis, dict) and "count" in axis
+        if isinstance(count, int) and not isinstance(count, bool) and not right:
+            alone = f"; the seed {count} alone is `seed: [{count}]`" if name == "seed" and axis == count else ""
+            raise Problem((name,), f"{count} seeds are the axis `seed: {{count: {count}}}`{alone}")
+        if name == "seeds" and axis is not None:
+            raise Problem((name,), "the axis of seeds is called `seed`")
+    return axes
+
+
 def _some(axes: dict[str, AnyAxis]) -> dict[str, AnyAxis]:
     if not axes:
         raise ValueError("it names nothing to vary")
@@ -253,7 +268,7 @@ def _some(axes: dict[str, AnyAxis]) -> dict[str, AnyAxis]:
 class SweepBlocks(Block):
     """What an ensemble is beside its base: axes, and what is kept."""
 
-    axes: Annotated[dict[str, Axis], AfterValidator(_some)] = Field(
+    axes: Annotated[dict[str, Axis], BeforeValidator(_counted), AfterValidator(_some)] = Field(
         description="path: values, with a path as after --set; observers.*.theta means every observer that can have it"
     )
     combine: Combine = Field(

@@ -56,6 +56,7 @@ class Block(BaseModel):
         for key in data:
             if key not in fields:
                 known = cls._keys()
+                inside = f" {_COMMA}." if str(key).isdigit() else cls._inside(key, data[key])
                 raise PydanticCustomError(
                     "unknown_key",
                     "{name} stands at the top of a file, and is not a key of a single run"
@@ -64,7 +65,7 @@ class Block(BaseModel):
                     {
                         "key": key,
                         "name": repr(key),
-                        "hint": f" {_COMMA}." if str(key).isdigit() else cls._inside(key) or nearest(str(key), known),
+                        "hint": inside or nearest(str(key), known),
                         "keys": ", ".join(known),
                     },
                 )
@@ -73,7 +74,7 @@ class Block(BaseModel):
         return data
 
     @classmethod
-    def _inside(cls, key: object) -> str:
+    def _inside(cls, key: object, value: object) -> str:
         """That a key belongs into a block below this one, where it does."""
         for name, field in cls.model_fields.items():
             if any(key in block.model_fields for block in _blocks(field.annotation)):

@@ -182,21 +182,11 @@ class Ensemble:
             except ConfigError as error:
                 raise Problem(place, error.message) from None
             for one in paths:
-                self._check_observer(one, path)
                 _check_apart(one, path, found)
                 found[one] = path
             if (refused := self._refused(path, paths)) is not None:
                 key = "" if refused.key in (None, path) else f"{refused.key}: "
                 raise Problem(place, f"{key}{refused.message}")
-
-    def _check_observer(self, path: str, axis: str) -> None:
-        """Refuse a key of an observer that there is not."""
-        first, _, rest = path.partition(".")
-        label, _, key = rest.partition(".")
-        if first == "observers" and key and label not in self.base.observers:
-            known = tuple(self.base.observers)
-            message = f"no observer is called {label!r}.{nearest(label, known)} Known: {', '.join(known) or 'none'}"
-            raise Problem(("axes", axis), message)
 
     def _refused(self, path: str, paths: Sequence[str]) -> ConfigError | None:
         """Why no value of an axis can be used, or, where whole numbers are asked for, why one that is none cannot."""

@@ -10,11 +10,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.expressions import nearest
+from hgorun.config.misdirected import refuse_lost
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
 
 Column: TypeAlias = NDArray[Any]  # of numbers, or of objects where values are text or lists
 _ALL = ("observers", "*")  # how a path begins that means every observer
+_TO_A_KEY = 2  # keys of a path to an observer: what is longer leads into its block
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +90,21 @@ class Members:
 
 
 def written_out(base: Experiment, path: str) -> list[str]:
-    """The paths that a path stands for: several where it begins with ``observers.*``."""
+    """The paths that a path stands for: several where it begins with ``observers.*``.
+
+    Raises
+    ------
+    ConfigError
+        Where no observer has the key, or is called so, and where only the end of a path is given.
+    """
     keys = path.split(".")
+    if keys[0] not in base.source.data:
+        refuse_lost(base.source.data, (), keys)
     if tuple(keys[:2]) != _ALL:
+        if keys[0] == "observers" and len(keys) > _TO_A_KEY and not _begins_with_a_label(base, path):
+            there = tuple(base.observers)
+            message = f"no observer is called {keys[1]!r}.{nearest(keys[1], there)} Known: {', '.join(there) or 'none'}"
+            raise ConfigError(message, key=path)
         return [path]
     key = keys[2] if len(keys) > 2 else ""
     labels = [label for label, observer in base.observers.items() if key in type(observer).model_fields]
@@ -99,6 +113,10 @@ def written_out(base: Experiment, path: str) -> list[str]:
         raise ConfigError(f"no observer has the key {key!r}.{nearest(key, known)}".removesuffix("."), key=path)
     free = [label for label in labels if not _excluded(base, label, keys[2:])]
     return [".".join(("observers", label, *keys[2:])) for label in free or labels]
+
+
+def _begins_with_a_label(base: Experiment, path: str) -> bool:
+    return any(path.startswith(f"observers.{label}.") for label in base.observers)
 
 
 def _excluded(base: Experiment, label: str, keys: Sequence[str]) -> bool:

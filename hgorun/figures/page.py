@@ -6,10 +6,9 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from hgorun.config.nearest import meant
+from hgorun.config.nearest import refuse_other
 from hgorun.config.study import WIDTHS
 from hgorun.config.study import Figure as FigureBlock
-from hgorun.errors import ConfigError
 from hgorun.figures.style import GRID
 
 if TYPE_CHECKING:
@@ -64,10 +63,8 @@ class Page:
         ConfigError
             For names that there are not.
         """
-        if width not in WIDTHS:
-            raise ConfigError(f"--width: expected one of {', '.join(WIDTHS)}, found {width!r}{meant(width, WIDTHS)}")
-        if style not in STYLES:
-            raise ConfigError(f"--style: expected one of {', '.join(STYLES)}, found {style!r}{meant(style, STYLES)}")
+        refuse_other("--width", width, WIDTHS)
+        refuse_other("--style", style, STYLES)
         return cls(WIDTHS[width], style)
 
 

@@ -101,10 +101,10 @@ class Plant(Plugin):
     )
 
     @classmethod
-    def _inside(cls, key: object) -> str:
+    def _inside(cls, key: object, value: object) -> str:
         if key in _WRITTEN_IN_PLACE:
             return f" This type has its own: leave out `{key}`, or `type` for a model that is written in place."
-        return super()._inside(key)
+        return super()._inside(key, value)
 
     @property
     @abstractmethod

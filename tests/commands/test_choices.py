@@ -42,6 +42,19 @@ def test_the_version_is_the_packages(shell: Shell) -> None:
     [
         (("compare", "base.yaml", "hours.yaml"), "the sources use different units of time: h, s"),
         (("compare", "base.yaml", "--format", "html"), "expected one of text, csv, latex, found 'html'"),
+        (
+            ("compare", "base.yaml", "--format", "tex"),
+            "expected one of text, csv, latex, found 'tex'. Did you mean `latex`",
+        ),
+        (
+            ("export", "base.yaml", "--lang", "tex"),
+            "--lang: expected one of c, latex, found 'tex'. Did you mean `latex`?",
+        ),
+        (("export", "base.yaml", "--fmu", "--fmi", "1"), "--fmi: expected one of 2.0, 3.0, found '1'"),
+        (("simulate", "base.yaml", "--set", "seeds=30"), "30 seeds are `runs: {many: {seeds: 30}}`, or `axes: {seed: "),
+        (("simulate", "base.yaml", "--set", "seeds={count: 3}"), "50 seeds are `runs: {many: {seeds: 50}}`"),
+        (("simulate", "base.yaml", "--set", "vary=[1]"), "A run is varied: `runs: {many: {vary: ...}}`."),
+        (("init", "--plant", "own"), "hgorun init --ask asks for equations of your own"),
         (("compare", "base.yaml", "--analyze", "--format", "latex"), "the LaTeX table has metrics only"),
         (("simulate", "runs.yaml", "-o", "all.h5"), "all.h5 is one file, but there are 2 runs in runs.yaml"),
         (("simulate", "base.yaml", "hours.yaml", "-o", "all.h5"), "there are 2 configurations; name a folder"),

@@ -191,7 +191,7 @@ def test_a_sweep_all_of_whose_members_fail_has_failed(shell: Shell) -> None:
     ("arguments", "words"),
     [
         (("s.yaml", "--part", "3/2"), "--part: expected k/n with 1 <= k <= n, found '3/2'"),
-        (("s.yaml", "--executor", "fork"), "--executor: expected one of threads, processes, dask; found 'fork'"),
+        (("s.yaml", "--executor", "fork"), "--executor: expected one of threads, processes, dask, found 'fork'"),
         (("s.yaml", "--scheduler", "tcp://x:1"), "--scheduler goes with --executor dask"),
         (("s.yaml", "--executor", "dask", "--scheduler", "tcp://x:1", "--jobs", "2"), "--jobs does not go with"),
         (("s.yaml", "--collect", "--fresh"), "--collect carries nothing out"),

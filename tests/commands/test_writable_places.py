@@ -123,7 +123,8 @@ def test_what_is_no_file_is_told_as_what_it_is(shell: Shell, command: str, name:
 def test_an_unknown_plant_lists_those_that_there_are(shell: Shell) -> None:
     code, _, err = shell("init", "--plant", "foo")
     assert code == 2
-    assert err == f"hgorun: --plant: no plant is called 'foo'. There are {', '.join(PLANTS.names())}\n"
+    told = f"There are {', '.join(PLANTS.names())}; hgorun init --ask asks for equations of your own"
+    assert err == f"hgorun: --plant: no plant is called 'foo'. {told}\n"
     assert shell("init", "--plant", "contoi")[2].startswith(
         "hgorun: --plant: no plant is called 'contoi'. Did you mean `contois`? There are "
     )

@@ -335,12 +335,23 @@ def test_what_a_whole_block_refuses_is_told_where_the_key_was_set(tmp_path: Path
         ("SHGO.theta=3", "observers.SHGO.theta"),
         ("SHGO.new.key=3", "observers.SHGO.new.key"),
         ("theta=3", "observers.SHGO.theta"),
+        ("shgo.Theta=3", "observers.SHGO.theta"),
+        ("poles[1]=3", "observers.SHGO.poles.1"),
+        ("observers.SHGO.poles[1]=3", "observers.SHGO.poles.1"),
+        ("observers['SHGO']['theta']=3", "observers.SHGO.theta"),
+        ("observers.*.poles[1]=3", "observers.SHGO.poles.1"),
     ],
 )
 def test_the_end_of_a_path_is_no_path(assignment: str, meant: str) -> None:
-    source = parse("observers: {SHGO: {type: shgo, theta: 2}}", "c.yaml")
-    with pytest.raises(ConfigError, match=re.escape(f"Did you mean `{meant}`?")):
+    text = "{observers: {SHGO: {type: shgo, theta: 2, poles: [-1, -2]}}, tune: {gains: {theta: {log: [1, 2]}}}}"
+    source = parse(text, "c.yaml")
+    with pytest.raises(ConfigError, match=re.escape(f"Did you mean `{meant}`?")) as caught:
         set_path(source, assignment)
+    assert caught.value.file == f"--set {assignment}"
+    if "*" not in assignment:
+        with pytest.raises(ConfigError, match=re.escape(f"Did you mean `{meant}`?")) as caught:
+            replaced(source, assignment.partition("=")[0], 3)
+        assert caught.value.key == assignment.partition("=")[0]
 
 
 def test_a_text_in_place_of_a_list_of_changes(tmp_path: Path) -> None:

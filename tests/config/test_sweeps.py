@@ -56,6 +56,17 @@ def test_whole_numbers_stay_whole() -> None:
     ("text", "message"),
     [
         ("base: a\naxes: {}", "2: axes: it names nothing to vary"),
+        ("base: a\naxes: 5", "2: axes: expected a mapping, found 5"),
+        *(
+            (f"base: a\naxes:\n  {wrong}", f"3: axes.{wrong.partition(':')[0]}: {told}")
+            for wrong, told in (
+                ("seed: 50", "50 seeds are the axis `seed: {count: 50}`; the seed 50 alone is `seed: [50]`"),
+                ("seed: {draws: 50}", "50 seeds are the axis `seed: {count: 50}`"),
+                ("seeds: 50", "50 seeds are the axis `seed: {count: 50}`"),
+                ("seeds: {count: 50}", "50 seeds are the axis `seed: {count: 50}`"),
+                ("seeds: [1, 2]", "the axis of seeds is called `seed`"),
+            )
+        ),
         ("axes: {a: [1]}", "1: base: this key is missing"),
         ("base: 3\naxes: {a: [1]}", "1: base: expected the name of a file or a configuration, found 3"),
         (axis("{log: [0, 2, 3]}"), "3: axes.a.b.log: a logarithmic axis lies between numbers above 0, found 0 and 2"),

@@ -79,6 +79,12 @@ def test_sobol_points_are_evenly_spread_and_do_not_depend_on_each_other() -> Non
         ({"solver.step": {"linear": [0.1, 0.2, 1]}}, {}, "axes/solver.step", "one value cannot be both 0.1 and 0.2"),
         ({"solver.step": {"log": [0.1, 0.2, 1]}}, {}, "axes/solver.step", "one value cannot be both 0.1 and 0.2"),
         ({"foo": [1]}, {}, "axes/foo", "unknown key 'foo'"),
+        (
+            {"theta": [1]}, {}, "axes/theta",
+            "Did you mean `observers.FHGO.theta` or `observers.SHGO.theta`? observers.*.theta is that of all observers",
+        ),
+        ({"shgo.theta": [1]}, {}, "axes/shgo.theta", "Did you mean `observers.SHGO.theta`?"),
+        ({"observers.SHGO.poles[0]": [1]}, {}, "axes/observers.SHGO.poles[0]", "`observers.SHGO.poles.0`?"),
         ({"seed.x": [1]}, {}, "axes/seed.x", "expected a whole number, found a mapping"),
         ({"solver.step": {"count": 3}}, {}, "axes/solver.step", "count makes seeds"),
         (
