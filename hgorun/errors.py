@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
 KeyPath: TypeAlias = tuple[str | int, ...]  # keys and list indices from the top of a file
 
 _LONGEST = 1_000  # characters of a message: names and values in it come from anywhere
+_MOST_OTHERS = 9  # faults that are told beside the first
+_MORE = "there are more faults: they are told when some of these are put right"
 _UNSEEN = {
     "\N{NO-BREAK SPACE}": "a non-breaking space",
     "\N{NARROW NO-BREAK SPACE}": "a narrow non-breaking space",
@@ -84,6 +87,13 @@ class ConfigError(HgorunError):
         where = f"{file}:{line}" if file and line and not file.startswith("--set ") else file
         super().__init__(": ".join([*(_shortened(part) for part in (where, key) if part), message]))
 
+    def add_others(self, others: Iterable[ConfigError]) -> None:
+        """Keep further faults in ``others``: the first nine, and a word if there are more."""
+        found = [*self.others, *islice(others, _MOST_OTHERS + 1)]
+        told = [one for one in found if one.message != _MORE]
+        more = [ConfigError(_MORE, file=self.file)] if len(found) > len(told) or len(told) > _MOST_OTHERS else []
+        self.others = (*told[:_MOST_OTHERS], *more)
+
     def __reduce__(self) -> tuple[Callable[..., ConfigError], tuple[object, ...]]:
         return _config_error, (self.message, self.file, self.line, self.key, self.others)
 
@@ -94,6 +104,41 @@ def _config_error(
     error = ConfigError(message, file=file, line=line, key=key)
     error.others = others
     return error
+
+
+class Faults:
+    """What is wrong with parts of an input that do not depend on each other, to be told at once.
+
+    Attributes
+    ----------
+    found : list of ConfigError
+        In the order in which they were found; none twice.
+    """
+
+    def __init__(self) -> None:
+        self.found: list[ConfigError] = []
+
+    @contextmanager
+    def of_a_part(self) -> Iterator[None]:
+        """Keep what is wrong with a part, and go on."""
+        try:
+            yield
+        except ConfigError as error:
+            told = {str(one) for one in self.found}
+            self.found += [one for one in (error, *error.others) if str(one) not in told]
+
+    def refuse(self) -> None:
+        """Raise the first, with the others; nothing where there is none.
+
+        Raises
+        ------
+        ConfigError
+        """
+        if self.found:
+            first, *others = self.found
+            first.others = ()
+            first.add_others(others)
+            raise first
 
 
 def _shortened(text: str, limit: int = 200) -> str:

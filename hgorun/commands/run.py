@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hgorun.commands.options import Configured
+from hgorun.errors import Faults
 from hgorun.progress import shown
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -29,7 +30,12 @@ def experiments_of(path: Path, options: Configured) -> tuple[list[Experiment], l
     if len(study.runs) == 1 and path.stem in study.runs:  # figures beside the run are checked before it
         check_figures(study)
     several = [run for run in study.runs.values() if not run.single]
-    return [run.experiment for run in study.runs.values() if run.single], several
+    faults, single = Faults(), []
+    for run in study.runs.values():
+        with faults.of_a_part():
+            single += [run.experiment] if run.single else []
+    faults.refuse()
+    return single, several
 
 
 def run_with_progress(run: PreparedRun, *, show: bool) -> Result:

@@ -36,6 +36,8 @@ class Block(BaseModel):
     """What may be written where something else than a mapping was found."""
     read_before: ClassVar[tuple[str, ...]] = ()
     """Keys of the mapping that are taken out of it before it is checked: known to a reader of messages."""
+    together: ClassVar[frozenset[object]] = frozenset()
+    """Keys that are not known here, and of which one message says what is to be said of all."""
 
     @model_validator(mode="before")
     @classmethod
@@ -53,25 +55,37 @@ class Block(BaseModel):
                     "example": _example(cls.written_as, data),
                 },
             )
-        for key in data:
-            if key not in fields:
-                known = cls._keys()
-                inside = f" {_COMMA}." if str(key).isdigit() else cls._inside(key, data[key])
-                raise PydanticCustomError(
-                    "unknown_key",
-                    "{name} stands at the top of a file, and is not a key of a single run"
-                    if key in cls.read_before
-                    else "unknown key {name}.{hint} Known here: {keys}",
-                    {
-                        "key": key,
-                        "name": repr(key),
-                        "hint": inside or nearest(str(key), known),
-                        "keys": ", ".join(known),
-                    },
-                )
-            if data[key] is None:
-                raise PydanticCustomError("no_value", "this key has no value", {"key": key})
+        wrong = [key for key in data if key not in fields or data[key] is None]
+        if wrong:
+            first, *others = wrong
+            told = [key for key in others if not {first, key} <= cls.together]
+            raise cls._wrong(first, data[first], [cls._wrong(key, data[key]) for key in told])
         return data
+
+    @classmethod
+    def _wrong(
+        cls, key: object, value: object, others: Sequence[PydanticCustomError] | None = None
+    ) -> PydanticCustomError:
+        """That a key is not known, or has no value; the first of a block, which has others, says what is known."""
+        if key in cls.model_fields:
+            return PydanticCustomError("no_value", "this key has no value", {"key": key, "others": others or ()})
+        known = cls._keys()
+        inside = f" {_COMMA}." if str(key).isdigit() else cls._inside(key, value)
+        return PydanticCustomError(
+            "unknown_key",
+            "{name} stands at the top of a file, and is not a key of a single run"
+            if key in cls.read_before
+            else "unknown key {name}.{hint}"
+            if others is None
+            else "unknown key {name}.{hint} Known here: {keys}",
+            {
+                "key": key,
+                "name": repr(key),
+                "hint": inside or nearest(str(key), known),
+                "keys": ", ".join(known),
+                "others": others or (),
+            },
+        )
 
     @classmethod
     def _inside(cls, key: object, value: object) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ValidationError
@@ -18,6 +19,8 @@ from hgorun.errors import ConfigError, KeyPath, Problem
 
 _B = TypeVar("_B", bound=Block)
 
+_MOST = 10  # faults that are told
+_OF_A_KEY = ("unknown_key", "no_value")  # of which a block may have several
 _NOTHING = object()
 _OF_OBSERVER = 2  # keys of the path to one
 _SHOWN = 6  # entries of a list in a message
@@ -43,8 +46,36 @@ _EXPECTED = {
 }
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class _Fault:
+    """Something wrong, and whether it is so whatever else is wrong.
+
+    Attributes
+    ----------
+    error : ConfigError
+    line : int
+    block : str
+        Of a whole file the block that it is in.
+    mapping : tuple or None
+        Where it is a key that is not known, or has no value: the mapping that has it.
+    """
+
+    error: ConfigError
+    line: int
+    block: str
+    mapping: KeyPath | None
+
+    @classmethod
+    def at(cls, where: KeyPath, message: str, source: Source, path: KeyPath, mapping: KeyPath | None) -> _Fault:
+        """Of what is checked at a path: a fault somewhere in it."""
+        file, line = source.where(where)
+        key = ".".join(map(str, source.written(where))) or None
+        block = "" if path else (key or "").partition(".")[0]
+        return cls(ConfigError(message, file=file, line=line, key=key), line, block, mapping)
+
+
 def validate(model: type[_B], data: object, source: Source, path: KeyPath) -> _B:
-    """Check a block; the first thing wrong becomes a ConfigError."""
+    """Check a block; the first thing wrong becomes a ConfigError, whose ``others`` are what does not follow from it."""
     try:
         return model.model_validate(data)
     except ValidationError as error:
@@ -52,25 +83,28 @@ def validate(model: type[_B], data: object, source: Source, path: KeyPath) -> _B
 
 
 def _explained(error: ValidationError, source: Source, path: KeyPath, model: type[BaseModel]) -> ConfigError:
-    candidates = []
+    found: list[_Fault] = []
     for item in error.errors(include_url=False):
-        where = _known_path(source, path, item["loc"])
-        if item["type"] in ("unknown_key", "no_value", "unknown_type"):
-            where = (*where, item["ctx"]["key"])
+        place = where = _known_path(source, path, item["loc"])
+        if item["type"] in (*_OF_A_KEY, "unknown_type"):
+            where = (*place, item["ctx"]["key"])
         if item["type"] == "value_error" and isinstance(problem := item["ctx"]["error"], Problem):
-            where = (*where, *problem.path)  # of a model's own check, from that model on
-        file, line = source.where(where)
+            where = (*place, *problem.path)  # of a model's own check, from that model on
         message = sentence_of(item) + _meaning(item, model) + _kind(item, where)
-        message += _as_text(item, where, file)
-        candidates.append((line, where, file, message))
-    first, *others = (
-        ConfigError(message, file=file, line=line, key=".".join(map(str, source.written(where))) or None)
-        for line, where, file, message in sorted(candidates, key=lambda c: c[0])
-    )
-    if not path:  # of a whole file: what is wrong in its other blocks does not follow from the first
-        by_block = {(one.key or "").partition(".")[0]: one for one in reversed((first, *others))}
-        first.others = tuple(one for one in others if one in by_block.values())
-    return first
+        message += _as_text(item, where, source.where(where)[0])
+        mapping = place if item["type"] in _OF_A_KEY else None
+        found.append(_Fault.at(where, message, source, path, mapping))
+        others = item["ctx"]["others"] if mapping is not None else ()
+        found += [_Fault.at((*place, one.context["key"]), one.message(), source, path, mapping) for one in others]
+    firsts: dict[str, _Fault] = {}
+    told = []
+    for one in sorted(found, key=lambda one: one.line):
+        # of a whole file: what is wrong in its other blocks does not follow from the first; nor do keys from each other
+        first = firsts.setdefault(one.block, one)
+        if first is one or (one.mapping is not None and one.mapping == first.mapping):
+            told.append(one.error)
+    told[0].others = tuple(told[1:_MOST])
+    return told[0]
 
 
 def _kind(item: ErrorDetails, where: KeyPath) -> str:

@@ -73,7 +73,7 @@ class Start:
     keys: Mapping[str, object] = field(default_factory=dict)
 
 
-_WRITTEN_IN_PLACE = ("states", "dynamics", "output", "units")  # keys of a model that its block gives
+_WRITTEN_IN_PLACE = frozenset(("states", "dynamics", "output", "units"))  # keys of a model that its block gives
 
 
 class Plant(Plugin):
@@ -87,6 +87,7 @@ class Plant(Plugin):
     parameters_as_written: ClassVar[bool] = False  # parameters stand in expressions of the block alone
     units: ClassVar[Mapping[str, str]]  # may be left out; for your own model it is a key
     first: ClassVar[Start | None] = None  # a configuration to begin with
+    together = _WRITTEN_IN_PLACE
 
     type: str = Field(description="name of the plant")
     parameters: dict[Name, ExpressionText] = Field(default_factory=dict, description="name: value")
@@ -103,7 +104,8 @@ class Plant(Plugin):
     @classmethod
     def _inside(cls, key: object, value: object) -> str:
         if key in _WRITTEN_IN_PLACE:
-            return f" This type has its own: leave out `{key}`, or `type` for a model that is written in place."
+            in_place = ", ".join(sorted(_WRITTEN_IN_PLACE))
+            return f" This type has its own: leave out {in_place}, or `type` for a model that is written in place."
         return super()._inside(key, value)
 
     @property

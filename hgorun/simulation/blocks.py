@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 from typing import Any, TypeVar
 
 from hgorun.config.expressions import nearest
@@ -16,7 +15,7 @@ from hgorun.config.nearest import nearest_name
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError, KeyPath
+from hgorun.errors import ConfigError, Faults, KeyPath
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
@@ -28,7 +27,6 @@ T = TypeVar("T")
 
 _LONGEST_LABEL = 100
 _MANY = 12  # names, of which a message does not list more
-_MOST_OTHERS = 9  # faults beside the first
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -57,33 +55,45 @@ def check(source: Source) -> Checked:
     try:
         return _checked(source)
     except ConfigError as first:
-        *others, more = [*islice(_others(source, first), _MOST_OTHERS + 1), None]
-        if len(others) > _MOST_OTHERS:
-            more = ConfigError("there are more faults: they are told when some of these are put right", file=first.file)
-        first.others = (*others[:_MOST_OTHERS], *([more] if more else []))
+        told = (first, *first.others)
+        first.add_others(_others(source, told))
         raise
 
 
-def _others(source: Source, first: ConfigError) -> Iterator[ConfigError]:
-    """What is wrong in other blocks than the first fault: each is checked by itself, so that none follows from it."""
+def _others(source: Source, told: Sequence[ConfigError]) -> Iterator[ConfigError]:
+    """What is wrong in other blocks than what is told: each is checked by itself, so that none follows from it."""
     data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
     observers = data.get("observers")
-    checks: list[Callable[[], object]] = [partial(validate, ExperimentBlocks, data, source, ())]
+    blocks = {key: part for key, part in data.items() if key in ExperimentBlocks.model_fields and part is not None}
+    checks: list[Callable[[], object]] = [
+        partial(validate, ExperimentBlocks, data, source, ()),
+        partial(_of_what_is_there, blocks, source),  # a block may be called otherwise, and only seem to be missing
+    ]
     if isinstance(data.get("plant"), dict):
         checks.append(partial(plant_of, source))
     if "measurement" in data:
         checks.append(partial(validate, Measurement, data["measurement"], source, ("measurement",)))
     if isinstance(observers, dict):
         checks += [partial(observer_of, k, v, source) for k, v in observers.items() if isinstance(v, dict)]
-    seen = {_block_of(first)}
+    seen = {_block_of(one) for one in told}
     for check_one in checks:
         try:
             check_one()
         except ConfigError as error:
-            for other in (error, *error.others):
-                if _block_of(other) not in seen:
-                    seen.add(_block_of(other))
-                    yield other
+            new = [other for other in (error, *error.others) if _block_of(other) not in seen]
+            seen |= {_block_of(other) for other in new}
+            yield from new
+
+
+def _of_what_is_there(blocks: dict[str, Any], source: Source) -> None:
+    """Check the blocks of a file that has other keys as well; what is missing may be one of these."""
+    try:
+        validate(ExperimentBlocks, blocks, source, ())
+    except ConfigError as error:
+        found = [one for one in (error, *error.others) if _block_of(one)[0] in blocks]
+        if found:
+            found[0].others = tuple(found[1:])
+            raise found[0] from None
 
 
 def _block_of(error: ConfigError) -> tuple[str, ...]:
@@ -234,35 +244,33 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
             key=f"observers.{label}",
         )
     cls = _find(OBSERVERS, block["type"], source, (*path, "type"))
-    for key in block:
-        if key not in cls.model_fields:
-            _refuse_key_of_others(key, cls, source, path)
+    foreign = {key: error for key in block if (error := _of_others(key, cls, source, path)) is not None}
+    if foreign:
+        faults = Faults()
+        faults.found += foreign.values()
+        unknown = {key: part for key, part in block.items() if key not in cls.model_fields and key not in foreign}
+        with faults.of_a_part():
+            if unknown:  # alone: what is missing may be meant by the keys of others
+                validate(cls, unknown, source, path)
+        faults.refuse()
     return validate(cls, block, source, path)
 
 
-def _refuse_key_of_others(key: str, cls: type[AnyObserver], source: Source, path: tuple[str, ...]) -> None:
-    """Where a key is not of this observer and like none of its own, say whose it is.
-
-    Raises
-    ------
-    ConfigError
-    """
+def _of_others(key: str, cls: type[AnyObserver], source: Source, path: tuple[str, ...]) -> ConfigError | None:
+    """Where a key is not of this observer and like none of its own: whose it is."""
+    if key in cls.model_fields:
+        return None
+    file, line = source.where((*path, key))
     if key in cls.lacks:
-        file, line = source.where((*path, key))
-        raise ConfigError(
-            f"there is no {key!r} here: {cls.lacks[key]}", file=file, line=line, key=".".join((*path, key))
-        )
+        message = f"there is no {key!r} here: {cls.lacks[key]}"
+        return ConfigError(message, file=file, line=line, key=".".join((*path, key)))
     owners = [name for name, other in OBSERVERS.all().items() if key in other.model_fields]
     if owners and not nearest(key, cls.model_fields):
-        file, line = source.where((*path, key))
         more = f" and {len(owners) - _MANY} more of hgorun list observers" if len(owners) > _MANY else ""
         which = ", ".join(owners[:_MANY]) + more
-        raise ConfigError(
-            f"unknown key {key!r}: it is a key of {which}. Known here: {', '.join(cls.model_fields)}",
-            file=file,
-            line=line,
-            key=".".join((*path, key)),
-        )
+        message = f"unknown key {key!r}: it is a key of {which}. Known here: {', '.join(cls.model_fields)}"
+        return ConfigError(message, file=file, line=line, key=".".join((*path, key)))
+    return None
 
 
 def _known(kind: str, names: Sequence[str]) -> str:

@@ -8,7 +8,8 @@ from hgorun.config.expressions import nearest
 from hgorun.config.nearest import among
 from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
-from hgorun.errors import KeyPath, Problem
+from hgorun.config.yaml_source import Source
+from hgorun.errors import Faults, KeyPath, Problem
 from hgorun.result.quantities import inside, kinds, of_loops
 from hgorun.result.quantity import Quantity
 from hgorun.result.windows import points_in
@@ -24,15 +25,17 @@ def check(study: Study) -> None:
     ConfigError
     """
     check_figures(study)
+    faults = Faults()
     for run in study.runs.values():
-        if run.ensemble.vary is not None:
-            for _ in run.of_values():  # what one of its values makes wrong is said before the first runs
-                pass
-    with study.located():
-        for i, claim in enumerate(study.claims):
+        with faults.of_a_part():
+            for _ in run.of_values() if run.ensemble.vary is not None else ():
+                pass  # what one of its values makes wrong is said before the first runs
+    for i, claim in enumerate(study.claims):
+        with faults.of_a_part(), study.located():
             for sentence, place in zip(study.sentences[i], places_of(i, claim), strict=True):
                 for quantity in sentence.quantities:
                     _check_quantity(study, quantity, place)
+    faults.refuse()
 
 
 def check_figures(study: Study) -> None:
@@ -42,10 +45,13 @@ def check_figures(study: Study) -> None:
     ------
     ConfigError
     """
-    with study.located():
-        _check(
-            study.figures, {run.name: (run.experiment, run.ensemble.kind, run.one_grid) for run in study.runs.values()}
-        )
+    faults = Faults()
+    runs = {}
+    for run in study.runs.values():
+        with faults.of_a_part():
+            runs[run.name] = run.experiment, run.ensemble.kind, run.one_grid
+    faults.refuse()
+    _check(study.figures, runs, study.source)
 
 
 def check_figures_of(experiment: Experiment) -> None:
@@ -58,11 +64,10 @@ def check_figures_of(experiment: Experiment) -> None:
     data = experiment.source.data
     if "figures" in data:
         blocks = validate(StudyBlocks, {"figures": data["figures"]}, experiment.source, ())
-        with experiment.located():
-            _check(blocks.figures, {experiment.name: (experiment, "", True)})
+        _check(blocks.figures, {experiment.name: (experiment, "", True)}, experiment.source)
 
 
-def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, str, bool]]) -> None:
+def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, str, bool]], source: Source) -> None:
     if not figures:
         return
     from hgorun.figures.names import RunNames, check
@@ -81,7 +86,11 @@ def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, s
             one_grid,
             model.inputs if experiment.closed else (),
         )
-    check(figures, names)
+    faults = Faults()
+    for name, figure in figures.items():
+        with faults.of_a_part(), source.located():
+            check({name: figure}, names)
+    faults.refuse()
 
 
 def _check_quantity(study: Study, quantity: Quantity, path: KeyPath) -> None:

@@ -9,7 +9,7 @@ from hgorun.config.nearest import nearest
 from hgorun.config.overrides import merge
 from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, Faults
 
 OF_THE_FILE = ("runs", "figures", "claims", "tune")  # what is not part of one run
 OF_THE_ENSEMBLE = ("seeds", "vary")
@@ -22,26 +22,49 @@ def split(source: Source) -> dict[str, tuple[Source, dict[str, Any]]]:
     Raises
     ------
     ConfigError
-        When ``runs`` is not a mapping of names to mappings.
+        When ``runs`` is not a mapping of names to mappings, or one of them has a key that no run has.
     """
-    runs = _mapping(source, ("runs",))
+    faults = Faults()
+    found = parts(source, faults)
+    faults.refuse()
+    return found
+
+
+def parts(source: Source, faults: Faults) -> dict[str, tuple[Source, dict[str, Any]]]:
+    """The same of what has no faults, and of runs without the keys that no run has.
+
+    Parameters
+    ----------
+    source : Source
+    faults : Faults
+        Gets what is wrong.
+    """
     shared = _without(source, (), OF_THE_FILE)
-    found = {}
+    found: dict[str, tuple[Source, dict[str, Any]]] = {}
+    runs: dict[str, Any] = {}
+    with faults.of_a_part():
+        runs = _mapping(source, ("runs",))
     for name in runs:
         path = ("runs", name)
-        override = _mapping(source, path)
-        if not name or name.startswith(".") or any(c in "/\\." or not c.isprintable() for c in name):
-            raise _error(source, path, "a run's name is the name of its file: no `.`, no / or \\")
-        for key in ("extends", *OF_THE_FILE):
-            if key in override:
-                raise _error(source, (*path, key), f"{key} belongs to the file, not to one of its runs")
-        for key in override:
-            if key not in _OF_A_RUN:
-                known = f"Known here: {', '.join(_OF_A_RUN)}"
-                raise _error(source, (*path, key), f"unknown key {key!r}.{nearest(str(key), _OF_A_RUN)} {known}")
-        ensemble = {key: override[key] for key in OF_THE_ENSEMBLE if key in override}
-        found[name] = merge(shared, _without(source, path, OF_THE_ENSEMBLE)), ensemble
+        with faults.of_a_part():
+            override = _mapping(source, path)
+            if not name or name.startswith(".") or any(c in "/\\." or not c.isprintable() for c in name):
+                raise _error(source, path, "a run's name is the name of its file: no `.`, no / or \\")
+            refused = [key for key in override if key not in _OF_A_RUN]
+            for key in refused:
+                with faults.of_a_part():
+                    raise _refused(source, path, key)
+            ensemble = {key: override[key] for key in OF_THE_ENSEMBLE if key in override}
+            found[name] = merge(shared, _without(source, path, (*OF_THE_ENSEMBLE, *refused))), ensemble
     return found
+
+
+def _refused(source: Source, path: tuple[str, ...], key: str) -> ConfigError:
+    """Why a run does not have a key."""
+    if key in ("extends", *OF_THE_FILE):
+        return _error(source, (*path, key), f"{key} belongs to the file, not to one of its runs")
+    known = f"Known here: {', '.join(_OF_A_RUN)}"
+    return _error(source, (*path, key), f"unknown key {key!r}.{nearest(str(key), _OF_A_RUN)} {known}")
 
 
 def _mapping(source: Source, path: tuple[str, ...]) -> dict[str, Any]:

@@ -15,12 +15,13 @@ from hgorun.config.types import SEEDS
 from hgorun.config.validation import validate
 from hgorun.config.yaml_builder import Place
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError, Problem
+from hgorun.errors import ConfigError, Faults, Problem
 from hgorun.noise.base import RandomNoise
 from hgorun.result.quantity import Quantity
+from hgorun.simulation.blocks import check
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.sentences import Sentence, read_sentence
-from hgorun.study.split import OF_THE_FILE, split
+from hgorun.study.split import OF_THE_FILE, parts
 
 _MOST_MEMBERS = 1_000_000  # of a run
 
@@ -218,28 +219,49 @@ def study_of(source: Source, name: str, text: str) -> Study:
     data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
     of_file = ("title", "reference", *OF_THE_FILE)
     given = {key: data[key] for key in of_file if key in data}
-    # a schema of figures and claims takes longer to build than anything else here: a run alone asks for none
-    blocks = validate(StudyBlocks, given, source, ()) if given else StudyBlocks.model_construct()
-    if "runs" in data:
-        runs = {}
-        for run, (own, ensemble) in split(source).items():
+    faults = Faults()
+    blocks = StudyBlocks.model_construct()
+    with faults.of_a_part():
+        if given:  # a schema of figures and claims takes longer to build than anything else here: a run asks for none
+            blocks = validate(StudyBlocks, given, source, ())
+    runs = _runs(source, name, text, faults)
+    sentences = () if faults.found else _all_sentences(blocks, runs, source, faults)
+    for run in runs.values() if faults.found else ():  # what else is wrong is said with it
+        with faults.of_a_part():
+            check(run.source)
+    faults.refuse()
+    return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, sentences)
+
+
+def _runs(source: Source, name: str, text: str, faults: Faults) -> dict[str, Run]:
+    """The runs of a file, those without faults."""
+    if not isinstance(source.data, dict) or "runs" not in source.data:
+        return {name: Run(name, source, text)}
+    runs: dict[str, Run] = {}
+    for run, (own, ensemble) in parts(source, faults).items():
+        with faults.of_a_part():
             block = validate(Ensemble, ensemble, source, ("runs", run))
             _check_ensemble(block, own, source, run)
             assigned = block.vary.set if block.vary is not None else {}
             places = {path: source.where(("runs", run, "vary", "set", path)) for path in assigned}
             runs[run] = Run(run, own, text, block, places)
-    else:
-        runs = {name: Run(name, source, text)}
-    with source.located():
-        labels = dict.fromkeys(label for run in runs.values() for label in run.labels)
-        sentences = tuple(_sentences(i, claim, tuple(runs), labels) for i, claim in enumerate(blocks.claims))
+    return runs
+
+
+def _all_sentences(
+    blocks: StudyBlocks, runs: Mapping[str, Run], source: Source, faults: Faults
+) -> tuple[tuple[Sentence, ...], ...]:
+    """What decides the claims, as far as it can be read; and what is wrong with it and with their names."""
+    labels = dict.fromkeys(label for run in runs.values() for label in run.labels)
+    sentences = []
     seen: set[str] = set()
     for i, claim in enumerate(blocks.claims):
-        if claim.id in seen:
-            file, line = source.where(("claims", i, "id"))
-            raise ConfigError(f"two claims have the id {claim.id!r}", file=file, line=line, key=f"claims.{i}.id")
-        seen.add(claim.id)
-    return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, sentences)
+        with faults.of_a_part(), source.located():
+            sentences.append(_sentences(i, claim, tuple(runs), labels))
+            if claim.id in seen:
+                raise Problem(("claims", i, "id"), f"two claims have the id {claim.id!r}")
+            seen.add(claim.id)
+    return tuple(sentences)
 
 
 def _check_ensemble(ensemble: Ensemble, own: Source, source: Source, run: str) -> None:

@@ -299,3 +299,64 @@ def test_faults_of_several_blocks_are_told_at_once(shell: Shell) -> None:
     (shell.folder / "c.yaml").write_text("observers: {S: {type: shgo, thet: 1}, T: 5}\nmeasurement: {perod: 1}\n")
     keys = [line.split(": ")[2] for line in shell("simulate", "c.yaml")[2].splitlines()]
     assert keys == ["time", "plant", "observers.T", "measurement.perod", "observers.S.thet"]
+
+
+def _places(err: str) -> list[str]:
+    """Line and key of every fault that is told of ``c.yaml``."""
+    return [":".join(line.removeprefix("hgorun: c.yaml:").split(": ")[:2]) for line in err.splitlines()]
+
+
+def test_all_keys_of_a_block_that_are_not_known_are_told_at_once(shell: Shell) -> None:
+    """Also those of other observers and without a value; what may be missing because of them is not told."""
+    (shell.folder / "c.yaml").write_text(
+        "tiem: {end: 5}\n"
+        "plant: {type: van_der_pol, intial: {x1: 1}, parametrs: {a: 1}}\n"
+        "observers:\n"
+        "  A: {type: shgo, thetta: 2, map: , initail: {x1: 1}}\n"
+        "  B: {type: shgo, eta: 2, n: 3, thet: 3}\n"
+        "solver: {step: -1, stpe: 0.1}\n"
+    )
+    _, _, err = shell("simulate", "c.yaml")
+    wanted = ["1:tiem", "6:solver.stpe", "2:plant.intial", "2:plant.parametrs"]
+    wanted += ["4:observers.A.thetta", "4:observers.A.map", "4:observers.A.initail"]
+    wanted += ["5:observers.B.eta", "5:observers.B.n", "5:observers.B.thet"]
+    assert _places(err) == wanted, err
+    told = [line for line in err.splitlines() if "observers.A." in line]
+    assert ["Known here" in line for line in told] == [True, False, False]
+    assert told[2].endswith("unknown key 'initail'. Did you mean `initial`?")
+
+
+def test_faults_of_figures_runs_and_blocks_are_told_at_once(shell: Shell) -> None:
+    (shell.folder / "c.yaml").write_text(
+        "time: {end: 5, output_step: 0.1}\n"
+        "plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}\n"
+        "observers: {A: {type: shgo, thetta: 2}}\n"
+        "figures: {f: {panles: 3}}\n"
+        "claims: [{id: a, claim: b, valeu: 3}]\n"
+        "runs:\n"
+        "  a: {sede: 3, claims: [], solver: {stpe: 1}}\n"
+        "  b: {seeds: 1}\n"
+        "  c.d: {}\n"
+    )
+    _, _, err = shell("simulate", "c.yaml")
+    wanted = ["4:figures.f.panles", "5:claims.0.valeu", "7:runs.a.sede", "7:runs.a.claims", "9:runs.c.d"]
+    assert _places(err) == [*wanted, "8:runs.b.seeds", "7:solver.stpe", "3:observers.A.thetta"], err
+    assert _places(shell("estimate", "c.yaml", "--run", "a")[2])[:2] == ["7:runs.a.sede", "7:runs.a.claims"]
+
+
+def test_faults_of_several_runs_claims_and_figures_are_told_at_once(shell: Shell) -> None:
+    claim = "{{id: {}, claim: x, value: \"rmse('{}', x2)\", below: 1}}"
+    runs = "a: {observers: {A: {type: shgo, theta: -1}}}, b: {observers: {A: {type: shgo, theta: -2}}}"
+    (shell.folder / "c.yaml").write_text(f"{CONFIG}runs: {{{runs}}}\n")
+    assert shell("simulate", "c.yaml")[2].count(": expected a number above 0, found -") == 2
+    figures = "f: {panels: [{state: x8}]}, g: {panels: [{state: x9}]}"
+    claims = f"{claim.format('a', 'X')}, {claim.format('b', 'Y')}"
+    (shell.folder / "c.yaml").write_text(f"{CONFIG}figures: {{{figures}}}\nclaims: [{claims}]\n")
+    keys = [line.split(": ")[2] for line in shell("claims", "c.yaml")[2].splitlines()]
+    assert keys == ["figures.f.panels.0.state", "figures.g.panels.0.state"]
+    (shell.folder / "c.yaml").write_text(f"{CONFIG}claims: [{claims}, {claim.format('a', 'X')}]\n")
+    keys = [line.split(": ")[2] for line in shell("claims", "c.yaml")[2].splitlines()]
+    assert keys == ["claims.2.id"]
+    (shell.folder / "c.yaml").write_text(f"{CONFIG}claims: [{claims}]\n")
+    keys = [line.split(": ")[2] for line in shell("claims", "c.yaml")[2].splitlines()]
+    assert keys == ["claims.0.value", "claims.1.value"]
