@@ -12,7 +12,7 @@ from typing import Any
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.inputs import configuration
-from hgorun.commands.outputs import RESULTS, formats, refuse_other_kinds, refuse_unwritable, there, written
+from hgorun.commands.outputs import RESULTS, formats, refuse_other_kinds, there, written
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
 from hgorun.commands.run_options import Analyze
@@ -32,13 +32,11 @@ _FIGURES = {".png", ".pdf"}
 
 def analyze(options: Analyze) -> int:
     """Say what theory promises for a configuration, and draw the transients that it bounds."""
-    refuse_other_kinds(options.output, _FIGURES)
+    refuse_other_kinds(options.output, _FIGURES, default=RESULTS if options.plots else None)
     page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config, "analyze"))
     stem = options.config.stem
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
-    if options.plots:
-        refuse_unwritable(target.parent, kind="folder")
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     _refuse_recording(options.config, source.data)
     run = prepare(experiment_of(text, source, options.config, options.run))
@@ -121,8 +119,6 @@ def _target(name: str, output: Path | None) -> Path:
     """Where the figure goes, without a suffix."""
     if output is not None and output.suffix.lower() in _FIGURES:
         return output.with_suffix("")
-    if output is not None and output.is_file():
-        raise ConfigError(f"--output: {output} is a file; name a folder, or a figure with .png or .pdf")
     return (output or RESULTS) / f"{name}-analysis"
 
 

@@ -16,7 +16,6 @@ from hgorun.commands.outputs import (
     RESULTS,
     formats,
     refuse_other_kinds,
-    refuse_unwritable,
     there,
 )
 from hgorun.commands.remarks import warn
@@ -50,12 +49,10 @@ def compare(options: Compare) -> int:
             return compare_ensembles(options)
     if options.of_ensembles:
         raise ConfigError("--metric, --by and --at are for ensembles (NAME.sweep.h5); these are single runs")
-    refuse_other_kinds(options.output, DRAWING_SUFFIXES)
+    refuse_other_kinds(options.output, DRAWING_SUFFIXES, default=RESULTS if options.plots else None)
     from hgorun.result.reading import read  # not for simulate, which has to be quick
 
     style = _style(options)
-    if options.plots:
-        refuse_unwritable(_folder_of_plots(options), kind="folder")
     loaded: list[Result | PreparedRun] = []
     files: list[str] = []
     for path in options.sources:

@@ -21,7 +21,6 @@ from hgorun.commands.outputs import (
     RESULTS,
     formats,
     refuse_other_kinds,
-    refuse_unwritable,
     there,
     written,
 )
@@ -60,10 +59,8 @@ def compare_ensembles(options: Compare) -> int:
     ConfigError
         For options that do not fit, axes, values and metrics that do not exist, and files that cannot be read.
     """
-    refuse_other_kinds(options.output, DRAWING_SUFFIXES)
+    refuse_other_kinds(options.output, DRAWING_SUFFIXES, default=RESULTS if options.plots else None)
     style = _style(options)
-    if options.plots and options.output is None:
-        refuse_unwritable(RESULTS, kind="folder")
     Page.named(options.width, options.style)  # refused before anything is computed
     found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
     if options.json:
@@ -130,9 +127,7 @@ def report(options: Report) -> int:
     """
     from hgorun.explore.page import write_page
 
-    refuse_other_kinds(options.output, _PAGES)
-    if options.output is None:
-        refuse_unwritable(RESULTS, kind="folder")
+    refuse_other_kinds(options.output, _PAGES, default=RESULTS)
     refuse_name_of_another_thing(options.source)
     found = _compared(read_sweep(options.source), options, str(options.source))
     if not found.members.observers:

@@ -35,10 +35,9 @@ def export(options: Export) -> int:
     """Write the observers of a configuration; everything is checked before anything is written."""
     refuse_other_kinds(options.output, ())
     refuse_other("--lang", options.lang, _LANGUAGES)
-    if options.output is not None and options.output.is_file():
-        raise ConfigError(f"--output: {options.output} is a file; name a folder")
     options = replace(options, config=configuration(options.config, "export"))
-    refuse_unwritable(options.output or RESULTS / options.config.stem, kind="folder")
+    if options.output is None:
+        refuse_unwritable(RESULTS / options.config.stem, kind="folder")
     in_c = options.lang == "c"
     _version(options)
     if options.fmu and not in_c:

@@ -18,10 +18,9 @@ from hgorun.reproduce.job import Folders, Outcome, Work
 
 def figures(options: Figures) -> int:
     """Draw the chosen figures, all by default; with ``report`` measure the claims too and write the report."""
-    refuse_other_kinds(options.output, ())
     folders = Folders.below(options.output)
-    for folder in (folders.figures, folders.runs):
-        refuse_unwritable(folder, kind="folder")
+    refuse_other_kinds(options.output, (), default=folders.figures)
+    refuse_unwritable(folders.runs, kind="folder")
     names, report = own_first(options.names, "figures"), options.report
     works = choose(names, folders, figures=True, claims=report, width=options.width, style=options.style)
     reasons = [work.stale_figures for work in works]

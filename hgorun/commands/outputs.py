@@ -30,10 +30,17 @@ _ADVICE = {
 }
 
 
-def refuse_other_kinds(output: Path | None, suffixes: Collection[str], advice: Mapping[str, str] | None = None) -> None:
+def refuse_other_kinds(
+    output: Path | None,
+    suffixes: Collection[str],
+    advice: Mapping[str, str] | None = None,
+    *,
+    default: Path | None = None,
+) -> None:
     """Refuse an ``--output`` that is called like a file of a kind that the command does not write, or is unwritable.
 
-    A folder that exists may be called anything.
+    A folder that exists may be called anything. What is passed here needs no other check, but for files in a folder,
+    whose names are known when the configuration has been read.
 
     Parameters
     ----------
@@ -42,8 +49,12 @@ def refuse_other_kinds(output: Path | None, suffixes: Collection[str], advice: M
         The kinds of files that it writes into one that is named.
     advice : mapping of str to str
         What the right way is for a suffix, where the command has one of its own.
+    default : Path, optional
+        The folder that is written to where no output is given.
     """
     if output is None:
+        if default is not None:
+            refuse_unwritable(default, kind="folder")
         return
     _refuse_stdout("--output", output)
     _refuse_other_kinds(output, suffixes, advice or {})

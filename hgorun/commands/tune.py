@@ -13,7 +13,7 @@ import numpy as np
 
 from hgorun.commands.ensemble_options import Tune
 from hgorun.commands.inputs import configuration
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable, there, written
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds, there, written
 from hgorun.config.reading import read_source
 from hgorun.config.written import rounded, with_values
 from hgorun.ensemble.units import units_of
@@ -52,8 +52,7 @@ def tune(options: Tune) -> int:
         When of no observer any gains that were tried keep the estimate and meet the limits, or a file cannot be
         written. Those of whom none do beside others are told, and keep their gains; the exit code is 1.
     """
-    refuse_other_kinds(options.output, ())
-    refuse_unwritable(options.output or RESULTS, kind="folder")
+    refuse_other_kinds(options.output, (), default=RESULTS)
     page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config, "tune"))
     text, source = read_source(options.config, options.overrides)

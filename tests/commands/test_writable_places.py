@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from shell import Shell
 
+from hgorun.commands import outputs
 from hgorun.files import why_unwritable
 from hgorun.plants.base import PLANTS
 
@@ -67,6 +68,25 @@ def test_of_every_option_that_names_one(shell: Shell, words: str, said: str) -> 
     code, out, err = shell(*words.split())
     assert (code, out, err.count("\n")) == (2, "", 1), err
     assert err.startswith(f"hgorun: {said}"), err
+
+
+@pytest.mark.parametrize(
+    "command", ["simulate", "compare", "analyze", "export", "explore", "tune", "claims", "figures"]
+)
+@pytest.mark.parametrize("option", [("-o", "there"), ()])
+def test_no_place_is_tried_twice(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, command: str, option: tuple[str, ...]
+) -> None:
+    tried: list[Path] = []
+
+    def tries(path: Path) -> str:
+        tried.append(path)
+        return ""
+
+    monkeypatch.setattr(outputs, "why_unwritable", tries)
+    assert shell(command, "b.yaml", *option)[0] == 2  # it is no configuration, which is found out later
+    assert len(set(tried)) == len(tried), tried
+    assert [str(path).split("/")[0] for path in tried[:1]] in ([*option[1:]] or ["results"], []), tried
 
 
 @pytest.mark.parametrize("command", ["simulate", "compare", "analyze", "export"])
