@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from itertools import islice
 from pathlib import Path
 
@@ -114,12 +114,25 @@ def nearest_file(name: str, names: Iterable[str]) -> str:
     return "" if close is None else f" Did you mean `{stems[close]}`?"
 
 
-def near_file(path: Path) -> str:
-    """Of a file that is not there: ". Did you mean `x`?" with the most similar name in its folder, or ""."""
+MEASURED = frozenset((".csv", ".txt", ".dat", ".tsv", ".log", ".parquet", ".h5", ".hdf5", ".nc", ".mat", ".gz", ""))
+"""How names of files of measurements end, as a rule."""
+
+
+def near_file(path: Path, suffixes: Collection[str] | None = None) -> str:
+    """Of a file that is not there: ". Did you mean `x`?" with the most similar name in its folder, or "".
+
+    Parameters
+    ----------
+    path : Path
+    suffixes : collection of str, optional
+        How the names end that may be meant, any by default; names that end as that of the file may always be.
+    """
     try:
         names = [entry.name for entry in path.parent.iterdir()]
     except OSError:
         return ""
+    if suffixes is not None:
+        names = [name for name in names if os.path.splitext(name)[1].lower() in {path.suffix.lower(), *suffixes}]
     alike = [name for name in names if os.path.splitext(name)[1] == path.suffix]
     near = nearest_file(path.name, alike) or nearest_file(path.name, names)
     if not near and os.sep == "/" and "\\" in path.name:

@@ -53,6 +53,8 @@ _ALONE = """
     arcmin arcsec cmH2O mmH2O inH2O ftH2O cmHg inHg nmi kts ksi kip dyn erg cc fps thou ft_lb dBm dBW ‰ ppb
     mins hrs secs msec usec msecs usecs
 """  # without a prefix
+# g/L, m/s, L/h, ... in capitals: gauss per litre, molar per siemens and litre per henry are nobody's units
+_IN_CAPITALS = frozenset(("G/L", "G/S", "G/H", "M/S", "M/H", "L/S", "L/H"))
 _ONLY_BESIDE = {"a", "P", "G"}  # symbols that are labels more often where they stand alone
 _NAMES = """
     meter metre gram second minute hour day week fortnight month year ampere kelvin mole molar liter litre hertz newton
@@ -98,6 +100,8 @@ def unusual(text: str) -> str | None:
     """The first factor of a unit, as it is written, that is none; None where all are."""
     names = [one for one in re.split(r"[*/ ()^]+|\*\*", re.sub(r"(\*\*|\^)\s*-?\d+", " ", text)) if one]
     names = [one for one in names if not _NUMBER.fullmatch(one)]
+    if text.replace(" ", "").replace("l", "L") in _IN_CAPITALS:
+        return names[0]
     if len(names) == 1 and text.strip() == names[0] and names[0] in _ONLY_BESIDE:
         return names[0]
     return next((one for one in names if not is_usual(one)), None)

@@ -31,6 +31,13 @@ from hgorun.result.quantity_values import (
 from hgorun.result.result import Result
 
 _OF_ONE_RUN = "largest"  # may be without the run's name where there is one run
+# of estimates of recorded data, which are not measured on trajectories
+SCORES = frozenset(
+    (
+        *("holdout_rmse", "holdout_mean", "holdout_coverage", "reference_rmse"),
+        *("innovation_mean", "innovation_rms", "whiteness", "size", "gated"),
+    )
+)
 CALL = re.compile(rf"\b(?:([A-Za-z_]\w*)\s*\(\s*((?:'[^']*'\s*,?\s*)+)|({_OF_ONE_RUN})\s*\(\s*(?!'))([^()']*)\)")
 _QUOTED = re.compile(r"'([^']*)'")
 
@@ -66,6 +73,11 @@ def quantity_of(call: re.Match[str], runs: tuple[str, ...]) -> Quantity:
 
 def _quantity(function: str, names: list[str], rest: str, runs: tuple[str, ...]) -> Quantity:
     known = kinds()
+    if function in SCORES:
+        raise ExpressionError(
+            f"{function} is a score of recorded data, of which hgorun estimate tells; this configuration is simulated, "
+            "and has none"
+        )
     if function not in known:
         raise ExpressionError(
             f"no quantity is called {function!r}.{nearest(function, known)} Known: {', '.join(known)}"

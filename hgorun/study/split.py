@@ -7,12 +7,14 @@ from typing import Any
 from hgorun.config.models import File
 from hgorun.config.nearest import nearest
 from hgorun.config.overrides import merge
-from hgorun.config.types import describe
+from hgorun.config.study import Ensemble
+from hgorun.config.types import SEEDS, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, Faults
 
 OF_THE_FILE = ("runs", "figures", "claims", "tune")  # what is not part of one run
 OF_THE_ENSEMBLE = ("seeds", "vary")
+_MOST_MEMBERS = 1_000_000  # of a run
 _OF_A_RUN = tuple(key for key in (*File.model_fields, *OF_THE_ENSEMBLE) if key not in ("extends", *OF_THE_FILE))
 
 
@@ -65,6 +67,32 @@ def _refused(source: Source, path: tuple[str, ...], key: str) -> ConfigError:
         return _error(source, (*path, key), f"{key} belongs to the file, not to one of its runs")
     known = f"Known here: {', '.join(_OF_A_RUN)}"
     return _error(source, (*path, key), f"unknown key {key!r}.{nearest(str(key), _OF_A_RUN)} {known}")
+
+
+def check_ensemble(ensemble: Ensemble, own: Source, source: Source, run: str) -> None:
+    """Refuse seeds that lie above the largest one or are varied as well, and more members than can be asked for.
+
+    Raises
+    ------
+    ConfigError
+    """
+
+    def wrong(what: str, *key: str) -> ConfigError:
+        file, line = source.where(("runs", run, *key))
+        return ConfigError(what, file=file, line=line, key=".".join(("runs", run, *key)))
+
+    first, seeds, vary = own.data.get("seed", 0), ensemble.seeds, ensemble.vary
+    if seeds is None:
+        return
+    if isinstance(first, int) and first + seeds > SEEDS:
+        raise wrong(f"{seeds} seeds from {first} on end above the largest seed, {SEEDS - 1}", "seeds")
+    if vary is None:
+        return
+    if "seed" in vary.set:
+        raise wrong("seeds counts the seeds already: let one of them set seed", "vary", "set", "seed")
+    if len(vary.values) * seeds > _MOST_MEMBERS:
+        what = f"{len(vary.values)} values with {seeds} seeds make more than {_MOST_MEMBERS} members"
+        raise wrong(f"{what}; a sweep file may have more", "seeds")
 
 
 def _mapping(source: Source, path: tuple[str, ...]) -> dict[str, Any]:

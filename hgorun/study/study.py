@@ -11,19 +11,17 @@ from typing import Any
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.named import name_keys
 from hgorun.config.study import Claim, Ensemble, Figure, StudyBlocks
-from hgorun.config.types import SEEDS
 from hgorun.config.validation import validate
 from hgorun.config.yaml_builder import Place
 from hgorun.config.yaml_source import Source
+from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, Faults, Problem
 from hgorun.noise.base import RandomNoise
 from hgorun.result.quantity import Quantity
 from hgorun.simulation.blocks import check
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.sentences import Sentence, read_sentence
-from hgorun.study.split import OF_THE_FILE, parts
-
-_MOST_MEMBERS = 1_000_000  # of a run
+from hgorun.study.split import OF_THE_FILE, check_ensemble, parts
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -113,9 +111,11 @@ class Run:
         for value in self.values:
             changes = self.changes(value)
             try:
-                yield self.base.varied(changes)
+                yield self.base.varied(
+                    {place: number for path, number in changes.items() for place in written_out(self.base, path)}
+                )
             except ConfigError as error:
-                path = next((p for p in changes if p in self.places and (error.key or p).startswith(p)), None)
+                path = next((p for p in changes if p in self.places and _begins_with(error.key or p, p)), None)
                 if path is None:
                     raise
                 raise self._wrong(path, f"{error.message} (for the value {value:g})") from error
@@ -241,7 +241,7 @@ def _runs(source: Source, name: str, text: str, faults: Faults) -> dict[str, Run
     for run, (own, ensemble) in parts(source, faults).items():
         with faults.of_a_part():
             block = validate(Ensemble, ensemble, source, ("runs", run))
-            _check_ensemble(block, own, source, run)
+            check_ensemble(block, own, source, run)
             assigned = block.vary.set if block.vary is not None else {}
             places = {path: source.where(("runs", run, "vary", "set", path)) for path in assigned}
             runs[run] = Run(run, own, text, block, places)
@@ -264,25 +264,10 @@ def _all_sentences(
     return tuple(sentences)
 
 
-def _check_ensemble(ensemble: Ensemble, own: Source, source: Source, run: str) -> None:
-    """Refuse seeds that lie above the largest one or are varied as well, and more members than can be asked for."""
-
-    def wrong(what: str, *key: str) -> ConfigError:
-        file, line = source.where(("runs", run, *key))
-        return ConfigError(what, file=file, line=line, key=".".join(("runs", run, *key)))
-
-    first, seeds, vary = own.data.get("seed", 0), ensemble.seeds, ensemble.vary
-    if seeds is None:
-        return
-    if isinstance(first, int) and first + seeds > SEEDS:
-        raise wrong(f"{seeds} seeds from {first} on end above the largest seed, {SEEDS - 1}", "seeds")
-    if vary is None:
-        return
-    if "seed" in vary.set:
-        raise wrong("seeds counts the seeds already: let one of them set seed", "vary", "set", "seed")
-    if len(vary.values) * seeds > _MOST_MEMBERS:
-        what = f"{len(vary.values)} values with {seeds} seeds make more than {_MOST_MEMBERS} members"
-        raise wrong(f"{what}; a sweep file may have more", "seeds")
+def _begins_with(key: str, path: str) -> bool:
+    """Whether a key is that of a path of ``vary``, or below it; ``observers.*`` is any observer."""
+    parts = key.split(".")
+    return all(wanted in (own, "*") for own, wanted in zip(parts, path.split("."), strict=False))
 
 
 def places_of(number: int, claim: Claim) -> list[tuple[str | int, ...]]:

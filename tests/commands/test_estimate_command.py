@@ -94,6 +94,8 @@ def test_one_of_several_runs(shell: Shell) -> None:
         (("--every", "1"), "for streams"),
         (("--set", "data.outputs.a.column=nothing"), "no column"),
         (("nothing.csv",), "nothing.csv"),
+        (("--set", "data.file=[log.csv, mor.csv]"), "mor.csv: there is no such file. Did you mean `more.csv`?\n"),
+        (("--set", "data.file=[log.csv, pendulm.csv]"), "pendulm.csv: there is no such file\n"),
         (("-", "log.csv"), "no files beside it"),
         (("-", "--holdout", "a=5"), "leave out --holdout"),
         (("-", "--every", "0"), "above 0"),

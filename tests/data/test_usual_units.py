@@ -153,3 +153,14 @@ def test_short_plurals_are_units_of_time(unit: str, short: str) -> None:
 def test_german_degrees_are_offered_as_such() -> None:
     with pytest.raises(Problem, match=r"'Grad' is not a known unit\. Did you mean `deg`\?"):
         converted(np.ones(1), "Grad", "rad", ())
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("G/L", "g/L"), ("G/l", "g/L"), ("M/S", "m/s"), ("L/H", "L/h")])
+def test_units_in_capitals_are_not_those_of_other_things(typed: str, meant: str) -> None:
+    """To a library of units they are gauss per litre, molar per siemens and litre per henry."""
+    assert not_known(typed) == f"{typed!r} is not a known unit. Did you mean `{meant}`?"
+    with pytest.raises(Problem, match=f"is not a known unit. Did you mean `{meant}`"):
+        converted(np.ones(1), typed, meant, ())
+    assert not not_known(meant)
+    for right in ("G/cm", "M/s", "mG/L", "S/m"):
+        assert not not_known(right)

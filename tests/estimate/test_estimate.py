@@ -29,6 +29,7 @@ from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.holdout import HoldOut, held_out
+from hgorun.result.quantities import SCORES
 from hgorun.result.reading import read
 from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.tables.metrics import as_json, csv, text
@@ -157,6 +158,7 @@ def test_held_out_samples_are_not_used_and_a_reference_changes_nothing(tmp_path:
     assert np.array_equal(found.observers["shgo"].xhat, alone.observers["shgo"].xhat)
     scores = assessed_of(found, "shgo").scores
     assert set(scores) >= {"holdout_rmse", "holdout_coverage", "whiteness", "size", "reference_rmse", "sensitivity"}
+    assert set(scores) - {"sensitivity"} <= SCORES
     assert 0.05 < scores["holdout_rmse"]["a"] < 0.1  # the noise is 0.05
     assert 0.85 <= scores["holdout_coverage"]["a"] <= 1.0
     assert set(scores["sensitivity"]) == {"theta"}

@@ -7,6 +7,7 @@ import pytest
 from ensembles import numbers
 
 import hgorun
+from hgorun.errors import ConfigError
 from hgorun.noise.sinusoids import Sinusoids
 from hgorun.observers.fhgo2 import FilteredObserver2
 from hgorun.observers.shgo import StandardObserver
@@ -212,3 +213,18 @@ def test_a_file_with_runs_needs_the_name_of_one(tmp_path: Path) -> None:
     alone.write_text(BASE[: BASE.index("runs:")])
     with pytest.raises(hgorun.ConfigError, match="has no runs"):
         hgorun.load(alone, run="one")
+
+
+def test_a_key_of_all_observers_is_varied_in_each_of_them(tmp_path: Path) -> None:
+    """Also with figures and claims beside it, which look at every member."""
+    vary = "{name: v, values: [1, 2], set: {observers.*.theta: 2*v}}"
+    varied = f"  all: {{observers: {{B: {{type: shgo, theta: 5}}}}, vary: {vary}}}"
+    study = hgorun.load_study(written(tmp_path, f"{BASE}{varied}\nfigures: {{f: {{panels: [{{state: x1}}]}}}}\n"))
+    check(study)
+    members = [[one.observers[label] for label in ("A", "B")] for one in study.runs["all"].of_values()]
+    assert [[getattr(observer, "theta", None) for observer in one] for one in members] == [[2, 2], [4, 4]]
+    wrong = hgorun.load_study(written(tmp_path, BASE + varied.replace("2*v", "v - 2")))
+    with pytest.raises(
+        ConfigError, match=r"runs\.all\.vary\.set\.observers\.\*\.theta: .*found -1\.0 \(for the value 1\)"
+    ):
+        check(wrong)

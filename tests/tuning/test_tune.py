@@ -171,6 +171,7 @@ def test_gains_that_lose_the_estimate_are_left(experiment: Experiment) -> None:
         ({"minimise": "rmse(SHGOO, x2)"}, "no observer is called 'SHGOO'"),
         ({"minimise": "rmse(SHGO, x3)"}, "no state 'x3'"),
         ({"minimise": "rms(SHGO, x2)"}, "no quantity is called 'rms'"),
+        ({"minimise": "holdout_rmse(SHGO, x1)"}, "holdout_rmse is a score of recorded data, of which hgorun estimate"),
         ({"minimise": "std(SHGO, x2)"}, "only metrics without a window can be tuned"),
         ({"minimise": "rmse(SHGO, x2, 1, 2)"}, "without a window"),
         ({"minimise": "rmse(FHGO, x2)"}, "nothing of observer SHGO is minimised"),
