@@ -179,9 +179,23 @@ class PluginError(HgorunError):
     """A class or function that was found by its name raised what it should not have, or returned something wrong.
 
     The exception that it raised is the cause.
+
+    Parameters
+    ----------
+    message : str
+    of : (str, str), optional
+        Its kind and name, by which whoever knows the configuration finds where it is named.
     """
 
     exit_code = 2
+
+    def __init__(self, message: str, of: tuple[str, str] | None = None) -> None:
+        super().__init__(message)
+        self.of = of
+
+    def at(self, where: str) -> PluginError:
+        """The same with a place in a configuration."""
+        return PluginError(f"{where}: {self}")
 
 
 class PluginWarning(UserWarning):
@@ -226,7 +240,22 @@ def called(kind: str, name: str, method: str) -> Iterator[None]:
     except (HgorunError, Problem, MemoryError):
         raise
     except Exception as error:
-        raise PluginError(f"{kind} {name!r}: {method} raised {raised(error)}") from error
+        told, place = raised(error), place_of(error)
+        line = f" ({place})" if place and place not in told else ""
+        raise PluginError(f"{kind} {name!r}: {method} raised {told}{line}", (kind, name)) from error
+
+
+_LIBRARIES = frozenset(("hgorun", "casadi", "numpy", "scipy", "sympy", "pydantic", "importlib"))
+
+
+def place_of(error: BaseException) -> str:
+    """File and line of the code of a user that raised, or that called what did; empty where there is none."""
+    found, trace = "", error.__traceback__
+    while trace is not None:
+        if trace.tb_frame.f_globals.get("__name__", "").partition(".")[0] not in _LIBRARIES:
+            found = f"{Path(trace.tb_frame.f_code.co_filename).name}:{trace.tb_lineno}"
+        trace = trace.tb_next
+    return found
 
 
 _OF_SYMBOLS = {  # methods of CasADi's symbols by which Python asks for a value, and what is right

@@ -27,7 +27,7 @@ from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Generic, TypeGuard, TypeVar
 
-from hgorun.errors import HgorunError, PluginError, PluginWarning
+from hgorun.errors import HgorunError, PluginError, PluginWarning, place_of
 
 if TYPE_CHECKING:
     from importlib.metadata import EntryPoint
@@ -194,8 +194,10 @@ class Registry(Generic[T]):
         try:
             return entry.load()
         except Exception as error:  # whatever a stranger's module raises while it is imported
-            reason = f"{type(error).__name__}: {error}"
-            raise PluginError(f"the {self.kind} {entry.name!r} of {entry.value} cannot be loaded: {reason}") from error
+            place = place_of(error)
+            reason = f"{type(error).__name__}: {error}" + (f" ({place})" if place else "")
+            message = f"the {self.kind} {entry.name!r} of {entry.value} cannot be loaded: {reason}"
+            raise PluginError(message, (self.kind, entry.name)) from error
 
     def _names(self, entry: EntryPoint, known: T) -> bool:
         """Whether an entry point names what is registered already: a decorator may have come first."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import inspect
+import re
 from collections.abc import Mapping
 from contextlib import ExitStack
 from inspect import getattr_static
@@ -70,7 +72,10 @@ class Rate(StandardObserver):
 def test_an_observer_that_raises(cls: type[AnyObserver], words: str) -> None:
     with OBSERVERS.replaced("mine", cls), pytest.raises(PluginError) as caught:
         simulated(chain(2), {"it": {**SHGO, "type": "mine"}})
-    assert str(caught.value).startswith(words)
+    # the block that names the class, what went wrong, and where in its file
+    assert re.match(rf"test:\d+: observers\.it: {re.escape(words)}", str(caught.value)), caught.value
+    line = inspect.getsourcelines(cls)[1] + 2
+    assert cls is States or str(caught.value).endswith(f" (test_plugins.py:{line})")
     assert caught.value.exit_code == 2
     assert cls is States or caught.value.__cause__ is not None
 
@@ -136,7 +141,9 @@ def test_a_finding_that_fails_is_a_reason_and_the_others_go_on() -> None:
         one = experiment(chain(2), {"it": SHGO})
         known = FINDINGS.find("slowest_rate" if "slowest_rate" in FINDINGS.names() else FINDINGS.names()[0])
         found = analyze(one, [FINDINGS.find("raising"), FINDINGS.find("nothing"), known]).observers["it"]
-    assert found.reasons["raising"] == "finding 'raising': the function raised KeyError: 'G'"
+    assert re.fullmatch(
+        r"finding 'raising': the function raised KeyError: 'G' \(test_plugins\.py:\d+\)", found.reasons["raising"]
+    )
     assert found.reasons["nothing"].startswith("finding 'nothing': it returned NoneType, expected a number")
     assert set(found.values) >= {"raising", "nothing"}
 
@@ -278,3 +285,29 @@ def test_a_finding_whose_applies_fails() -> None:
             experiment(chain(2), {"it": SHGO}),
             [Finding(name="mine", meaning="none", of=lambda _: 1.0, applies=lambda _: bool(1 / 0))],
         )
+
+
+def test_a_method_that_returns_something_wrong_is_told_with_its_line_and_its_block() -> None:
+    class Mine(StandardObserver):
+        def design(self, form: CanonicalForm) -> Any:
+            return None
+
+    line = inspect.getsourcelines(Mine)[1] + 1
+    with OBSERVERS.replaced("mine", Mine), pytest.raises(PluginError) as caught:
+        simulated(chain(2), {"other": SHGO, "it": {**SHGO, "type": "mine"}})
+    assert re.match(
+        r"test:\d+: observers\.it: observer 'mine': design returned NoneType None, expected ", str(caught.value)
+    )
+    assert str(caught.value).endswith(f" (test_plugins.py:{line})")
+
+
+def test_a_class_that_no_block_names_is_told_without_one() -> None:
+    """The configuration has other observers."""
+
+    class Mine(StandardObserver):
+        def design(self, form: CanonicalForm) -> Any:
+            return None
+
+    one = experiment(chain(2), {"it": SHGO})
+    with pytest.raises(PluginError, match=r"^observer 'mine': design returned"), one.located():
+        Mine.model_validate({**SHGO, "type": "mine"}).design(cast(CanonicalForm, None))

@@ -41,3 +41,16 @@ def copy(data: Any) -> Any:  # no deeper than yaml_builder.MAX_DEPTH
 def dotted(path: KeyPath) -> str | None:
     """The path as messages show it; None for the whole."""
     return ".".join(str(key)[:100] for key in path) or None
+
+
+_BLOCKS = {"observer": "observers", "plant": "plant", "noise": "measurement"}
+
+
+def naming(data: object, kind: str, name: str) -> KeyPath | None:
+    """The first block that names an observer, a plant or a noise as its type; None where there is none."""
+    paths = (
+        path
+        for path, value in walk(data)
+        if path[:1] == (_BLOCKS.get(kind),) and isinstance(value, dict) and value.get("type") == name
+    )
+    return min(paths, key=str, default=None)

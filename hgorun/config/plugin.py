@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cache, cached_property, wraps
 from inspect import getattr_static
 from numbers import Real
+from pathlib import Path
 from types import FunctionType, NoneType, UnionType
 from typing import Any, ClassVar, Self, Union, get_args, get_origin, get_type_hints
 from weakref import WeakSet
@@ -111,7 +112,10 @@ def _guarded(kind: str, name: str, function: _Method, declared: _Method | None) 
                 raise error
         expected = _declared(declared)
         if not _fits(value, expected):
-            raise PluginError(f"{kind} {_name(owner)!r}: {name} returned {_said(value)}, expected {_words(expected)}")
+            code = function.__code__
+            place = f"{Path(code.co_filename).name}:{code.co_firstlineno}"
+            message = f"{kind} {_name(owner)!r}: {name} returned {_said(value)}, expected {_words(expected)} ({place})"
+            raise PluginError(message, (kind, _name(owner)))
         return value
 
     _GUARDED.add(guarded)

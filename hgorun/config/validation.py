@@ -77,7 +77,8 @@ class _Fault:
 def validate(model: type[_B], data: object, source: Source, path: KeyPath) -> _B:
     """Check a block; the first thing wrong becomes a ConfigError, whose ``others`` are what does not follow from it."""
     try:
-        return model.model_validate(data)
+        with source.located():
+            return model.model_validate(data)
     except ValidationError as error:
         raise _explained(error, source, path, model) from None
 

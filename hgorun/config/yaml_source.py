@@ -17,10 +17,10 @@ import yaml
 
 from hgorun.config.kinds import refuse_what_is_no_text
 from hgorun.config.nearest import near_file
-from hgorun.config.paths import at, dotted
+from hgorun.config.paths import at, dotted, naming
 from hgorun.config.yaml_builder import MAX_DEPTH, TOO_DEEP, Builder, Place
 from hgorun.config.yaml_errors import LINE_BREAK, explain, separated
-from hgorun.errors import ConfigError, KeyPath, Problem, named_unseen
+from hgorun.errors import ConfigError, KeyPath, PluginError, Problem, named_unseen
 
 MAX_BYTES = 2**20
 _MAX_BRACKETS = 10 * MAX_DEPTH
@@ -100,13 +100,18 @@ class Source:
 
     @contextmanager
     def located(self) -> Iterator[None]:
-        """Turn a problem at a key into an error that names file, line and key."""
+        """Turn a problem at a key, or of a class that a block names, into an error that names file, line and key."""
         try:
             yield
         except Problem as problem:
             file, line = self.where(problem.path)
             key = ".".join(map(str, self.written(problem.path)))
             raise ConfigError(problem.message, file=file, line=line, key=key) from problem
+        except PluginError as error:
+            path = naming(self.data, *error.of) if error.of is not None else None
+            if path is None or not self.where(path)[0]:
+                raise
+            raise error.at(self.told(path)) from error.__cause__
 
 
 def read(path: Path) -> tuple[str, Source]:

@@ -280,7 +280,8 @@ def _known(kind: str, names: Sequence[str]) -> str:
 
 def _find(registry: Registry[T], name: Any, source: Source, path: tuple[str, ...]) -> T:
     try:
-        return registry.find(str(name))
+        with source.located():
+            return registry.find(str(name))
     except KeyError:
         file, line = source.where(path)
         known = registry.names()

@@ -79,7 +79,8 @@ class Design:
         for name, value in defaults.items():
             if not isinstance(value, (np.ndarray, Symmetric)):
                 kind = type(value).__name__
-                raise PluginError(f"observer {observer.type!r}: states has a {kind} for {name}, expected an array")
+                message = f"observer {observer.type!r}: states has a {kind} for {name}, expected an array"
+                raise PluginError(message, ("observer", observer.type))
             _numbers(observer, f"states: {name}", value.values if isinstance(value, Symmetric) else value)
         return cls(label, observer, form, form if origin is None else origin, gains, defaults)
 
@@ -182,7 +183,7 @@ def _numbers(observer: AnyObserver, what: str, value: object, shape: tuple[int, 
     try:
         return numbers(value, shape)
     except Misfit as misfit:
-        raise PluginError(f"observer {observer.type!r}: {what} {misfit}") from None
+        raise PluginError(f"observer {observer.type!r}: {what} {misfit}", ("observer", observer.type)) from None
 
 
 def _gains(label: str, observer: AnyObserver, form: Form) -> dict[str, np.ndarray]:
