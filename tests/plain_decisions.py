@@ -196,11 +196,12 @@ class AdaptiveAtSamples(Adaptive):
 
     def corrected(self, z: Array, y: Mapping[int, float], since: Mapping[int, float], u: float) -> Array:
         x, P, theta, cost, copies, J, due, k = self.parts(z)
-        T, measured = self.d / self.N, np.array([y[i] for i in range(len(self.measured))])
-        H = self.H(x)
-        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + self.R / (theta * T))
-        J += [T * np.sum((measured - self.output(one)) ** 2) for one in copies]
-        x, P = x + K @ (measured - self.output(x)), P - K @ H @ P
+        T, rows = self.d / self.N, sorted(y)
+        measured = np.array([y[i] for i in rows])
+        H = self.H(x)[rows]
+        K = P @ H.T @ np.linalg.inv(H @ P @ H.T + self.R[np.ix_(rows, rows)] / (theta * T))
+        J += [T * np.sum((measured - self.output(one)[rows]) ** 2) for one in copies]
+        x, P = x + K @ (measured - self.output(x)[rows]), P - K @ H @ P
         j = int(k[0]) % self.N
         if k[0] >= self.N:
             cost[0] = J[j]

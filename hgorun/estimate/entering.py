@@ -7,8 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.engine.plan import Integers
 from hgorun.estimate.prepared import PreparedEstimate
-from hgorun.measurement.late import HeardOtherwise, Order
+from hgorun.measurement.channels import Channel
+from hgorun.measurement.late import HeardOtherwise, Order, stepped_between
 from hgorun.measurement.schedule import nearest_event
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.plant import PlantModel
@@ -67,7 +69,7 @@ def where_entering(prepared: PreparedEstimate) -> Iterator[tuple[int, Entering]]
         members = tuple(j for j in range(len(prepared.run.observers)) if prepared.group(j) == number // q)
         if prepared.samples[output].gate is None or not members:
             continue
-        which = channel.which if isinstance(channel, HeardOtherwise) else np.arange(samples.arrival.size)
+        which = _which(channel)
         at = nearest_event(schedule.events, samples.arrival)
         items = np.flatnonzero(samples.used)
         places = at[items] if order is None else order.first[at[items]]
@@ -76,6 +78,45 @@ def where_entering(prepared: PreparedEstimate) -> Iterator[tuple[int, Entering]]
         for k, place in zip(items.tolist(), places.tolist(), strict=True):
             own = slots[output].start + int(which[k])
             yield place, Entering(output=output, channel=number, slot=start + k, used=own, members=members)
+
+
+def _which(channel: Channel) -> Integers:
+    """The samples of a channel among those of its output."""
+    return channel.which if isinstance(channel, HeardOtherwise) else np.arange(channel.samples.arrival.size)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class SteppedRows:
+    """The samples of all outputs from one to the next of which observers step: without late ones that are left out.
+
+    Attributes
+    ----------
+    channels : range
+        In which these observers hear them.
+    samples : ndarray of int, shape (q, rows)
+        Their numbers among the samples of all outputs; rows of time.
+    """
+
+    channels: range
+    samples: Integers
+
+    @classmethod
+    def of(cls, prepared: PreparedEstimate) -> SteppedRows:
+        """Those of a recording; no rows where outputs are not sampled together, so that nothing steps."""
+        heard = prepared.run.heard
+        first = heard.index(stepped_between(heard))
+        channels = range(first, first + len(prepared.samples))
+        found = [slots.start + _which(heard[k]) for slots, k in zip(prepared.slots, channels, strict=True)]
+        together = len({one.size for one in found}) == 1
+        return cls(channels, np.array(found) if together else np.zeros((len(found), 0), dtype=int))
+
+    def row(self, one: Entering) -> int:
+        """That of a sample."""
+        return int(np.searchsorted(self.samples[one.output], one.used))
+
+    def used(self, row: int) -> list[int]:
+        """The samples of a row, of every output."""
+        return list(map(int, self.samples[:, row]))
 
 
 def _as_known(order: Order, taken: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -87,7 +87,9 @@ class Estimator:
         self._settings: Settings = {"gates": gates, "std": dict(stated(experiment)), "inputs": sorted(system.inputs)}
         self._past = Remembered(self._run, max(remembered, int(system.joint)))
         self._arriving = Arriving(self._run, self._past)
-        self._together = Together(self._run, self._arriving, decided=bool(gates or system.steps or remembered > 0))
+        self._together = Together(
+            self._run, self._arriving, decided=bool(gates or system.steps or system.timed or remembered > 0)
+        )
 
     @classmethod
     def load(cls, path: str | Path, overrides: Sequence[str] = ()) -> Estimator:

@@ -18,9 +18,9 @@ from hgorun.estimate.gate import Gate
 from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
-from hgorun.estimate.notes import Notes
+from hgorun.estimate.notes import Notes, increased
 from hgorun.estimate.own_steps import OwnSteps, stepping
-from hgorun.estimate.stepping import keep_inputs, require_whole
+from hgorun.estimate.stepping import keep_inputs, require_times, require_whole
 
 State: TypeAlias = tuple[LiveState, Notes]
 
@@ -54,7 +54,7 @@ class Following:
         limits = [gates.get(name) for name in system.outputs]
         self.gate = Gate(system.experiment, limits, system.covariances) if gates else None
         self._stepping = stepping(system.experiment, system.labels) if gates else frozenset()
-        self._own = OwnSteps(system.structure.system, len(limits))
+        self._own = OwnSteps(system.structure.system, range(len(limits)))
         self.limited = [limit is not None for limit in limits]
         self._different = why_refused(system.experiment)
         self._every, self._count = range(len(system.labels)), len(system.labels)
@@ -68,7 +68,8 @@ class Following:
         self._rows = ActionRows(system)
         self._held = system.structure.system.held
         self._regime = system.regimes[self.heard]
-        self._decides = self.gate is not None or bool(system.steps or system.driven)  # what a sample does to whom
+        self._taken = (-math.inf,) * len(limits)  # when the newest sample of each output was, whoever has used it
+        self._decides = self.gate is not None or bool(system.steps or system.driven or system.timed)
 
     @property
     def regime(self) -> int:
@@ -115,6 +116,8 @@ class Following:
         live, system = self.live, self.system
         if system.steps and event.samples:
             require_whole(system, event, self.newest)
+        if system.timed and event.samples:
+            self._taken = require_times(system, event, self._taken)
         if system.driven and live.t <= 0.0 and not any(self.heard):
             self._begin(event)
         if system.steps or event.inputs or not (event.take or event.samples):
@@ -169,9 +172,9 @@ class Following:
         outliers: list[int] = []
         if self.gate is not None and self.limited[i]:
             outliers = self.gate.outliers(i, self.live.innovations[slot], event.t, z, w, taking)
-            self.offered[i] = _increased(self.offered[i], taking)
+            self.offered[i] = increased(self.offered[i], taking)
             if outliers:
-                self.outliers[i] = _increased(self.outliers[i], outliers)
+                self.outliers[i] = increased(self.outliers[i], outliers)
         if self.system.steps or (not outliers and taking is self._every):  # to what steps nothing comes late
             self.newest[i] = (event.taken,) * self._count
             return outliers
@@ -246,7 +249,7 @@ class Following:
                 for i, slot, _ in event.samples:
                     if (i, slot) not in out[j]:
                         leave_out(system, live, i, j, z, w)
-                        self.outliers[i] = _increased(self.outliers[i], [j] if self.limited[i] else [])
+                        self.outliers[i] = increased(self.outliers[i], [j] if self.limited[i] else [])
             elif j in self._own.last:
                 self._jump_as(event, j, actions, z, self._own.take(j, w, event.t))
 
@@ -267,11 +270,12 @@ class Following:
         gate = None if self.gate is None else self.gate.state()
         known = self.heard, (*self.newest,), (*self._pending,), self._last_sample, gate
         own = tuple(self._own.last.items())
-        return self.live.state(), (*known, (*self.offered,), (*self.outliers,), self._told, own)
+        return self.live.state(), (*known, (*self.offered,), (*self.outliers,), self._told, own, self._taken)
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
-        numbers, (self.heard, newest, pending, self._last_sample, gate, offered, outliers, self._told, own) = state
+        numbers, (*known, self._told, own, self._taken) = state
+        self.heard, newest, pending, self._last_sample, gate, offered, outliers = known
         self._own.last = dict(own)
         self.newest, self._pending, self.offered, self.outliers = map(list, (newest, pending, offered, outliers))
         self._regime = self.system.regimes[self.heard]
@@ -293,8 +297,3 @@ class Following:
         pending = self._pending
         self.restore(state)
         self._pending = pending
-
-
-def _increased(counts: tuple[int, ...], which: Sequence[int]) -> tuple[int, ...]:
-    """Counts of which some are one more."""
-    return tuple([count + (j in which) for j, count in enumerate(counts)])

@@ -18,7 +18,7 @@ from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Integers, Plan
 from hgorun.engine.session import Session
 from hgorun.engine.turns import in_turns, with_stops, without
-from hgorun.estimate.entering import Entering, innovations_of, needed_until, where_entering
+from hgorun.estimate.entering import Entering, SteppedRows, innovations_of, needed_until, where_entering
 from hgorun.estimate.gate import Gate, Known, Variances
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.own_steps import OwnSteps, stepping
@@ -59,8 +59,9 @@ class _GatedRun:
         self._equal = same_time(prepared.run.origin, prepared.run.time.end)
         self._covariances = prepared.covariances()
         labels = [block.label for block in prepared.run.observers]
-        self._stepping = stepping(prepared.experiment, labels, late="drop" in prepared.run.treatments)
-        self._own = OwnSteps(prepared.run.structure.system, len(prepared.samples))
+        self._stepping = stepping(prepared.experiment, labels)
+        self._rows = SteppedRows.of(prepared)
+        self._own = OwnSteps(prepared.run.structure.system, self._rows.channels)
         self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], self._covariances)
         self._entering: dict[int, list[Entering]] = {}
         for place, one in where_entering(prepared):
@@ -235,15 +236,14 @@ class _GatedRun:
             What there was before.
         """
         session, system = self._session, self._prepared.run.structure.system
+        entering = [one for one in entering if one.channel in self._rows.channels]
         for j in self._stepping if entering else ():
-            one = entering[0]
-            number = one.used - self._prepared.slots[one.output].start
-            taken = self._prepared.samples[one.output].taken
+            row = self._rows.row(entering[0])
             if j in out:
-                self._own.leave_out(j, session.w, float(taken[number - 1]))
-                self._used[[slots.start + number for slots in self._prepared.slots], j] = False
+                self._own.leave_out(j, session.w, self._taken[self._rows.used(row - 1)[0]])
+                self._used[self._rows.used(row), j] = False
             elif j in self._own.last:
-                before = self._own.take(j, w, float(taken[number]))
+                before = self._own.take(j, w, self._taken[self._rows.used(row)[0]])
                 found, _ = session.happened_as(self._own.keeping(session.happened), z, before, {})
                 start, stop, _ = system.blocks[j]
                 session.z[start:stop] = found[start:stop]
@@ -291,7 +291,7 @@ class _GatedRun:
         session, system = self._session, self._prepared.run.structure.system
         channels, before = {one.channel for one in samples}, (z, w)
         if j in self._stepping:
-            channels = {*range(len(self._prepared.samples))}
+            channels = {*self._rows.channels}
         if jumps_by_several(system, system.blocks[j][0]) or not channels.isdisjoint(several):
             before = session.happened_without([(one.channel, one.slot) for one in samples], z, w, arriving)
         for channel in channels:

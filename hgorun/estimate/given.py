@@ -6,8 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from hgorun.errors import ConfigError, Problem
-from hgorun.simulation.experiment import Experiment
+from hgorun.errors import ConfigError
 
 
 def as_number(name: str, value: Any) -> float:
@@ -70,14 +69,3 @@ def positive_by_name(name: str, values: Any) -> dict[str, float]:
         if not 0 < number < math.inf:
             raise ConfigError(f"{name}[{one!r}]: expected a number greater than 0, found {number:g}")
     return found
-
-
-def require_observers(experiment: Experiment) -> None:
-    """Refuse an experiment that estimates nothing.
-
-    Raises
-    ------
-    Problem
-    """
-    if not experiment.observers:
-        raise Problem(("observers",), "there are none: give one, for instance SHGO: {type: shgo, theta: 5, poles: -1}")

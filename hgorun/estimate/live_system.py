@@ -8,22 +8,27 @@ from itertools import product
 
 import numpy as np
 
+from hgorun.config.models import Time
 from hgorun.engine.live import Live
 from hgorun.engine.memory import Start
 from hgorun.engine.plan import Floats
 from hgorun.errors import Problem
 from hgorun.estimate.covariance import Covariance
-from hgorun.estimate.given import require_observers
+from hgorun.estimate.refused import refuse, require_used
 from hgorun.measurement.late import Treatment
 from hgorun.measurement.variants import HELD, SILENT
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import BeginsWithASample
 from hgorun.observers.treatment import treatment_of
+from hgorun.plants.build import BuiltPlant
+from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.preparation import check_limit, numbers_of
+from hgorun.simulation.preparation import numbers_of
 from hgorun.simulation.prepared import Numbers
+from hgorun.simulation.start import check_start
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.truth import Recording
 from hgorun.symbolic.evaluate import evaluate
@@ -68,6 +73,8 @@ class LiveSystem:
         Observers with states that belong to the first sample.
     driven : tuple of str
         Labels of observers whose states at the start depend on inputs that come with the samples.
+    timed : tuple of Design
+        Observers that may refuse the times of samples.
     """
 
     experiment: Experiment
@@ -85,6 +92,7 @@ class LiveSystem:
     step: float
     begin: tuple[ObserverBlock, ...]
     driven: tuple[str, ...]
+    timed: tuple[Design, ...]
 
     @classmethod
     def of(cls, experiment: Experiment, inputs: tuple[str, ...]) -> LiveSystem:
@@ -109,8 +117,11 @@ class LiveSystem:
         variants = [tuple((what, 0) for what in row) for row in product((SILENT, HELD), repeat=len(outputs))]
         stretches = experiment.stretches
         structure = structure_of([truth], [designs], stretches, variants, plant.everything, innovations=True)
+        require_used(model, truth.recorded, structure)
         driven = tuple(design.label for design in designs if inputs and isinstance(design.form, Driven))
         numbers = _numbers(experiment, structure, truth.recorded, {}, driven)
+        if not inputs:  # else nothing is known of them yet
+            check_start(_Begun(plant, experiment.time, structure, numbers))
         corrections = tuple(number for number, _, _ in structure.system.corrections)
         return cls(
             experiment=experiment,
@@ -128,6 +139,7 @@ class LiveSystem:
             step=nominal_step(experiment),
             begin=tuple(b for b in numbers.observers if isinstance(b.observer, BeginsWithASample)),
             driven=driven,
+            timed=tuple(d for d in designs if isinstance(d.observer, CorrectedObserver) and d.observer.asks_of_times),
         )
 
     def live(self) -> Live:
@@ -226,6 +238,17 @@ class LiveSystem:
         return self.inputs[name]
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class _Begun:
+    """What is known at the start of a stream without inputs."""
+
+    plant: BuiltPlant
+    time: Time
+    structure: Structure
+    numbers: Numbers
+    recorded: Recorded = ()
+
+
 def _numbers(
     experiment: Experiment,
     structure: Structure,
@@ -250,11 +273,9 @@ def _numbers(
 def _check(experiment: Experiment, inputs: tuple[str, ...]) -> None:
     model = experiment.plant.model
     experiment.require_open("a stream is told its inputs, which no observer here decides")
-    require_observers(experiment)
-    for label, observer in experiment.observers.items():
-        check_limit(experiment, label, observer)
     if experiment.adaptive:
         raise Problem(("solver", "rtol"), "a stream is followed with steps that are fixed: give step")
+    refuse(experiment)
     if len(model.outputs) > _MOST_OUTPUTS:
         raise Problem(("plant",), f"a stream has at most {_MOST_OUTPUTS} outputs")
     unknown = [name for name in inputs if name not in model.inputs]

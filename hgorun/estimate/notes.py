@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from typing import Any, TypeAlias
 
@@ -14,10 +15,10 @@ Counts: TypeAlias = Sequence[tuple[int, ...]]
 
 def told(notes: Notes) -> list[Any]:
     """For a checkpoint."""
-    *known, gate, offered, outliers, inputs, own = notes
+    *known, gate, offered, outliers, inputs, own, taken = notes
     kept = None if gate is None else [[kept_of(one) for one in row] for row in gate]
     left = [(j, last.told()) for j, last in own]
-    return [*known, kept, offered, outliers, list(inputs.items()), left]
+    return [*known, kept, offered, outliers, list(inputs.items()), left, taken]
 
 
 def read(said: Sequence[Any], observers: int, offered: Counts, outliers: Counts) -> Notes:
@@ -44,8 +45,14 @@ def read(said: Sequence[Any], observers: int, offered: Counts, outliers: Counts)
         judged,
         left_out,
         given,
-        tuple((j, LastTaken.of(last)) for left in more[3:] for j, last in left),
+        tuple((j, LastTaken.of(last)) for left in more[3:4] for j, last in left),
+        tuple(more[4]) if len(more) > 4 else (-math.inf,) * len(heard),
     )
+
+
+def increased(counts: tuple[int, ...], which: Sequence[int]) -> tuple[int, ...]:
+    """Counts of which some are one more."""
+    return tuple([count + (j in which) for j, count in enumerate(counts)])
 
 
 def _of_each(numbers: Any, observers: int) -> tuple[Any, ...]:

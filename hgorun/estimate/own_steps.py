@@ -22,26 +22,15 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 
-def stepping(experiment: Experiment, labels: Iterable[str], *, late: bool = False) -> frozenset[int]:
+def stepping(experiment: Experiment, labels: Iterable[str]) -> frozenset[int]:
     """The numbers of the observers that step from sample to sample, among some that samples may be left out for.
-
-    Parameters
-    ----------
-    late : bool
-        Whether late samples of a file are left out for some observers, which a step over an outlier would count.
 
     Raises
     ------
     Problem
-        For one whose step is that of one period, and where ``late``.
+        For one whose step is that of one period.
     """
     for label, observer in experiment.observers.items():
-        if late and isinstance(observer, SampledObserver):
-            message = (
-                "this steps from sample to sample, and both a gate and late: drop leave samples out: leave late "
-                "samples out of the data, or give the outputs no gate"
-            )
-            raise Problem(("observers", label, "late"), message)
         if isinstance(observer, OnePeriod):
             message = (
                 f"the step of {observer.type} is that of one period, and a gate leaves samples out: give the outputs "
@@ -87,14 +76,14 @@ class OwnSteps:
     Attributes
     ----------
     system : HybridSystem
-    outputs : int
-        Of the plant: the first ones of the system.
+    outputs : range
+        Those of the system from whose samples to the next the observers step.
     last : dict of int to LastTaken
         By the numbers of these observers.
     """
 
     system: HybridSystem
-    outputs: int
+    outputs: range
     last: dict[int, LastTaken] = field(default_factory=dict)
 
     def leave_out(self, j: int, w: Floats, before: float) -> None:
@@ -109,13 +98,13 @@ class OwnSteps:
         """
         if j not in self.last:
             held = self.system.held
-            y = tuple([float(w[held.previous(i)]) for i in range(self.outputs)])
+            y = tuple([float(w[held.previous(i)]) for i in self.outputs])
             self.last[j] = LastTaken(before, y, tuple([float(w[place]) for place in self._inputs]))
 
     def take(self, j: int, w: Floats, t: float) -> Floats:
         """What is held to an observer before samples arrive at t that it takes, from what is held to the others."""
         last, held, found = self.last.pop(j), self.system.held, w.copy()
-        found[[held.output(i) for i in range(self.outputs)]] = last.y
+        found[[held.output(i) for i in self.outputs]] = last.y
         found[self._inputs] = last.u
         found[held.interval] = t - last.t
         return found

@@ -15,7 +15,7 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.covariance import Covariance
-from hgorun.estimate.given import require_observers
+from hgorun.estimate.refused import refuse, require_used
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
 from hgorun.estimate.stepping import require_apart
 from hgorun.measurement.late import HeardOtherwise, heard
@@ -26,18 +26,17 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.jump_checks import check_jumps
 from hgorun.simulation.plant_alone import plant_kinks
-from hgorun.simulation.preparation import check_limit, numbers_of
+from hgorun.simulation.preparation import numbers_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.start import check_start
-from hgorun.simulation.structure import Structure, structure_of
+from hgorun.simulation.structure import structure_of
 from hgorun.simulation.tables import build_plan
 from hgorun.simulation.tabulated import Stretchwise
 from hgorun.simulation.timeline import Stepping
 from hgorun.simulation.treatments import in_groups, treatments_of
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
-from hgorun.symbolic.plant import PlantModel
 
 _DIVERGED = 1e12  # times all that is known: beyond that an observer is lost, whatever the units
 
@@ -202,7 +201,11 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
     ConfigError
     """
     with experiment.located():
-        _refuse(experiment)
+        experiment.require_open("recorded data come of inputs that were applied, not of what is estimated here")
+        if experiment.adaptive:
+            message = "estimates of recorded data take steps that are fixed: give step, or neither"
+            raise Problem(("solver", "rtol"), message)
+        refuse(experiment)
         samples = tuple(all_sampled(recording, experiment))
         plant, time = experiment.plant, experiment.time
         channels = [channel(one, experiment, i) for i, one in enumerate(samples)]
@@ -221,7 +224,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         truths: list[Truth] = [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
         stretches, variants, everything = experiment.stretches, schedule.variants, plant.everything
         structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
-        _check_inputs(plant.model, recorded, structure)
+        require_used(plant.model, recorded, structure)
         at_start = () if inputs is None else inputs.first(recorded)
         numbers = numbers_of(structure, plant, experiment, designs, at_start)
         run = PreparedRun(
@@ -257,23 +260,3 @@ def _check_grid(experiment: Experiment) -> None:
             "`metrics: null` where it is inherited"
         )
         raise ConfigError(message, file=error.file, line=error.line, key=error.key) from None
-
-
-def _check_inputs(model: PlantModel, recorded: tuple[int, ...], structure: Structure) -> None:
-    """What is recorded as an input has to act on something."""
-    for number, place in enumerate(recorded):
-        if not (model.depends_on_input(place) or structure.depends_on_input(number)):
-            message = "nothing depends on this input, neither the plant's equations nor those of an observer"
-            raise Problem(("data", "inputs", model.inputs[place]), message)
-
-
-def _refuse(experiment: Experiment) -> None:
-    """What a recording cannot have, or lacks."""
-    experiment.require_open("recorded data come of inputs that were applied, not of what is estimated here")
-    require_observers(experiment)
-    if experiment.plant_block.discretise is not None:
-        raise Problem(("plant", "discretise"), "this steps a simulated plant, and nothing is simulated here")
-    if experiment.adaptive:
-        raise Problem(("solver", "rtol"), "estimates of recorded data take steps that are fixed: give step, or neither")
-    for label, observer in experiment.observers.items():
-        check_limit(experiment, label, observer)

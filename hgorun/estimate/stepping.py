@@ -11,7 +11,7 @@ from hgorun.errors import Problem
 from hgorun.estimate.event import Event
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.estimate.samples import Sampled
-from hgorun.observers.base import SampledObserver
+from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import OnePeriod
 from hgorun.simulation.experiment import Experiment
 
@@ -60,6 +60,38 @@ def _require_period(system: LiveSystem, t: float, before: float) -> None:
                 f"the step of {label} is that of one period, {period:.6g}, and the sample of "
                 f"t = {experiment.origin + t:g} comes {gap:.6g} after the one before"
             )
+
+
+def require_times(system: LiveSystem, event: Event, before: tuple[float, ...]) -> tuple[float, ...]:
+    """Refuse samples at times that the gain of an observer is not for, as a file does.
+
+    Parameters
+    ----------
+    before : tuple of float
+        Of every output when its newest sample was taken.
+
+    Returns
+    -------
+    tuple of float
+        The same with these samples.
+
+    Raises
+    ------
+    ValueError
+    """
+    now, origin = list(before), system.experiment.origin
+    times = {name: [before[i]] if before[i] >= 0.0 else [] for name, i in system.outputs.items()}
+    for name, i in system.outputs.items():
+        if any(i == one for one, _, _ in event.samples):
+            times[name].append(event.t)
+            now[i] = event.t
+    for design in system.timed:
+        assert isinstance(design.observer, CorrectedObserver)
+        try:
+            design.observer.check_times(design.form, {name: np.array(one) for name, one in times.items()}, origin)
+        except Problem as problem:
+            raise ValueError(f"the sample of t = {origin + event.t:g}: {design.label}: {problem.message}") from problem
+    return tuple(now)
 
 
 def require_apart(experiment: Experiment, samples: Sequence[Sampled]) -> None:

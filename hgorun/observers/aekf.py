@@ -17,6 +17,7 @@ from hgorun.observers.extension import with_unknown_inputs
 from hgorun.observers.gaussian import linear_update
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.scaled_filter import ScaledFilter
+from hgorun.observers.whole_periods import off_period
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.scaled import ScaledCopy
@@ -195,7 +196,8 @@ class AdaptiveKalmanFilter(AdaptiveFilter, DecidedObserver[Form, ScaledCopy]):
 
     Samples and late outputs enter by the common innovation e, J' with y = h(xhat) - e. ``update: jump`` corrects and
     begins copies at samples of a constant period T: d = N T, J = T sum |y - yhat|^2 over N samples, with the
-    variance R/(theta T) of a sample; late samples are replayed.
+    variance R/(theta T) of a sample; late samples are replayed. A sample that is lost adds nothing to J, and where all
+    outputs lose theirs no copy begins, so that N samples take longer than d.
 
     Structure and I are those of the publication as read in Boizot's thesis, (3.3); F_0 and mu are quoted from memory.
     That N copies give I exactly at the times j d/N is our own design.
@@ -249,15 +251,11 @@ class SampledAdaptiveFilter(AdaptiveFilter, CorrectedObserver[Form, ScaledCopy])
         return self.copies * self._interval(form)
 
     def check_times(self, form: Form, times: Mapping[str, np.ndarray], origin: float) -> None:
-        T, first = self._interval(form), next(iter(times.values()))
-        for name, taken in times.items():
-            together = taken.shape == first.shape and np.all(np.abs(taken - first) <= _UNEVEN * T)
-            if not together or (taken.size > 1 and np.ptp(np.diff(taken)) > _UNEVEN * T):
-                raise Problem(
-                    ("update",),
-                    f"jump takes samples of all outputs together and at one period; those of {name} are not: take "
-                    "update: flow, or hg_ekf",
-                )
+        why = off_period(times, self._interval(form), origin)
+        if why is not None:
+            raise Problem(
+                ("update",), f"jump is for one period of all outputs, but {why}: take update: flow, or hg_ekf"
+            )
 
     def equations(self, plant: ScaledCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         rates, _ = self.predicted(plant, s)
@@ -275,5 +273,5 @@ class SampledAdaptiveFilter(AdaptiveFilter, CorrectedObserver[Form, ScaledCopy])
     def correct(self, plant: ScaledCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
         y, (_, outputs) = plant.output(s.xhat), self.predicted(plant, s)
         shift, P = linear_update(s.P, arrival.y - y, ca.jacobian(y, s.xhat), k.R / s.theta, arrival.fresh)
-        J = s.J + ca.vertcat(*[k.T * ca.sumsqr(arrival.y - one) for one in ca.horzsplit(outputs)])
-        return {**self.begun_again(s, s.xhat + shift, J, arrival.fresh[0]), "xhat": s.xhat + shift, "P": P}
+        J = s.J + ca.vertcat(*[k.T * ca.sumsqr(arrival.fresh * (arrival.y - one)) for one in ca.horzsplit(outputs)])
+        return {**self.begun_again(s, s.xhat + shift, J, ca.mmax(arrival.fresh)), "xhat": s.xhat + shift, "P": P}

@@ -244,6 +244,8 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
     def check_times(self, form: FormT, times: Mapping[str, np.ndarray], origin: float) -> None:
         """Refuse times that the observer's gain is not for.
 
+        A stream tells the newest sample with the one before it, of each output, as often as one comes.
+
         Parameters
         ----------
         form : Form
@@ -257,6 +259,11 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
         Problem
             With a path inside this block.
         """
+
+    @property
+    def asks_of_times(self) -> bool:
+        """Whether it may refuse times: a stream asks at every sample then."""
+        return type(self).check_times is not CorrectedObserver.check_times
 
     def longest_period(self, form: FormT) -> PeriodLimit | None:
         """The longest constant period at which the error decays; None where nothing is known of it."""

@@ -196,6 +196,11 @@ class CorrectedExtension(Extension, CorrectedObserver[Form, Any]):
         assert issubclass(self.family, CorrectedObserver)
         self.family.check_times(self, longer(form, self.added), times, origin)
 
+    @property
+    def asks_of_times(self) -> bool:
+        assert issubclass(self.family, CorrectedObserver)
+        return self.family.check_times is not CorrectedObserver.check_times
+
     def longest_period(self, form: Form) -> PeriodLimit | None:
         assert issubclass(self.family, CorrectedObserver)
         return self.family.longest_period(self, longer(form, self.added))

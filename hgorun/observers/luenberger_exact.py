@@ -14,7 +14,7 @@ from hgorun.observers.base import Arrival, Flow, PeriodLimit, observer
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.sample_clock import SampleClock
-from hgorun.observers.together import not_beside
+from hgorun.observers.whole_periods import off_period
 from hgorun.symbolic.linear import LinearForm, linear_form
 from hgorun.symbolic.smooth import SmoothCopy
 from hgorun.symbolic.symbols import Symbols
@@ -37,9 +37,12 @@ class ExactLuenbergerObserver(NoiseInformed, SampleClock[LinearForm, SmoothCopy]
     and poles may be equal; with several it is that of scipy's place_poles, each pole at most as many times as there are
     outputs. On a chain of integrators with all poles at -theta it is ``impulsive``.
 
-    The flow is integrated by the solver, like the plant. The period is that of the measurement; all outputs must be
-    sampled together, without lost samples. A sample at the start makes no correction, nor does a second one at the same
-    time. Late samples are replayed. For nonlinear plants or uneven samples take ``impulsive_riccati`` or ``ekf``.
+    The flow is integrated by the solver, like the plant. The period is that of the measurement, and all outputs must be
+    sampled together. A sample that is lost corrects nothing: where all outputs lose theirs, the error is multiplied by
+    e^(AT) alone, and poles hold from the next one on; with one of several lost, the columns of L for the others
+    correct. Samples that are not whole periods apart are refused. A sample at the start makes no correction, nor does a
+    second one at the same time. Late samples are replayed. For nonlinear plants or uneven samples take
+    ``impulsive_riccati`` or ``ekf``.
     """
 
     lacks = {"extend": "it takes any linear model: give the plant a state for the unknown input"}
@@ -72,31 +75,11 @@ class ExactLuenbergerObserver(NoiseInformed, SampleClock[LinearForm, SmoothCopy]
         return float(periods[0])
 
     def check_times(self, form: LinearForm, times: Mapping[str, np.ndarray], origin: float) -> None:
-        T = self._period(form)
-        first, *_ = times.items()
-        for name, taken in times.items():
-            if taken.shape != first[1].shape or np.any(np.abs(taken - first[1]) > _UNEVEN * T):
-                where = not_beside(first, (name, taken), origin, _UNEVEN * T)
-                message = f"all outputs must be sampled at the same times, but {where}: take ekf or impulsive_riccati"
-                raise Problem(("type",), message)
-            gaps = np.diff(taken)
-            gaps = gaps[gaps > 0]
-            if gaps.size and np.ptp(gaps) > _UNEVEN * T:
-                raise Problem(
-                    ("type",),
-                    f"the gain is for one period, but samples of {name} are {np.min(gaps):.6g} to {np.max(gaps):.6g} "
-                    f"apart{self._cut_off(taken, T)}; take impulsive_riccati or ekf",
-                )
-
-    @staticmethod
-    def _cut_off(taken: np.ndarray, T: float) -> str:
-        """Where the first gap alone is short, as of late samples whose first is taken at the start: what evens it."""
-        gaps = np.diff(taken)
-        gaps = gaps[gaps > 0]
-        if gaps.size < 2 or gaps[0] > T or np.ptp(gaps[1:]) > _UNEVEN * T:
-            return ""
-        more = f"an offset that is {T - gaps[0]:.6g} longer"
-        return f", for the first gap alone: where a delay reaches back beyond the start, {more} gives even ones"
+        why = off_period(times, self._period(form), origin)
+        if why is not None:
+            raise Problem(
+                ("type",), f"the gain is for one period of all outputs, but {why}: take ekf or impulsive_riccati"
+            )
 
     def equations(self, plant: SmoothCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
         return Flow({"xhat": plant.copy(s.xhat), "age": self.ticking(s)})

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.engine.memory import Raw
+from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.prepared import PreparedRun
 
 _FAR = 1e6  # times all that the plant's states are: so far an estimate is lost, see hgorun.simulation.verdict
@@ -29,7 +30,7 @@ def far_start(run: PreparedRun, raw: Raw, j: int) -> str | None:
 
 def far_plant(run: PreparedRun) -> str | None:
     """The initial state that is to blame where a plant diverges; None where none is."""
-    found = huge_start(run)
+    found = huge_start(run.plant)
     if found is None:
         return None
     name, value = found
@@ -38,8 +39,8 @@ def far_plant(run: PreparedRun) -> str | None:
     return f"plant.initial.{name} is {value:.6g}, {why}"
 
 
-def huge_start(run: PreparedRun) -> tuple[str, float] | None:
+def huge_start(plant: BuiltPlant) -> tuple[str, float] | None:
     """The largest initial state of the plant, where it is so large that numbers have no digits left for others."""
-    states = zip(run.plant.model.states, run.plant.initial.tolist(), strict=True)
+    states = zip(plant.model.states, plant.initial.tolist(), strict=True)
     name, value = max(states, key=lambda one: abs(one[1]))
     return (name, value) if abs(value) >= _HUGE else None

@@ -3,23 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
+from hgorun.config.models import Time
 from hgorun.errors import Problem
+from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.far_start import huge_start
+from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.overflow import moderate, overflow
 from hgorun.simulation.plant_alone import divided_by_zero
-from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.prepared import Numbers
+from hgorun.simulation.structure import Structure
 from hgorun.symbolic.domains import first_undefined, too_large
 from hgorun.symbolic.evaluate import Floats, roughly_at
 
 _MANY = 8  # states that a message names with their numbers
 
 
-def check_start(run: PreparedRun) -> None:
+class Beginning(Protocol):
+    """What is known of a run when it begins; a stream has no more."""
+
+    @property
+    def plant(self) -> BuiltPlant:
+        """The plant with its numbers."""
+
+    @property
+    def time(self) -> Time:
+        """Counted from the start of the run."""
+
+    @property
+    def structure(self) -> Structure:
+        """All equations."""
+
+    @property
+    def numbers(self) -> Numbers:
+        """Those that they begin with."""
+
+    @property
+    def recorded(self) -> Recorded:
+        """How inputs that come with the data begin."""
+
+
+def check_start(run: Beginning) -> None:
     """The right-hand sides must be numbers at the start.
 
     Raises
@@ -44,7 +73,7 @@ def check_start(run: PreparedRun) -> None:
             raise Problem(path, why)
         what = f"the right-hand side of {name} is not a finite number at the start of the run"
         why, large = _why(run, bad[:1])
-        far = huge_start(run) if large else None
+        far = huge_start(run.plant) if large else None
         if far is not None:
             raise Problem(("plant", "initial", far[0]), f"{far[1]:.6g} is too large: {what}{why}")
         raise Problem(path, what + why)
@@ -72,7 +101,7 @@ def check_start(run: PreparedRun) -> None:
             )
 
 
-def check_outputs(run: PreparedRun) -> None:
+def check_outputs(run: Beginning) -> None:
     """The outputs must be numbers at the start, as at every later point of the run.
 
     An observer may not be a number since what it measures is none, at once or after its first sample.
@@ -89,7 +118,7 @@ def check_outputs(run: PreparedRun) -> None:
             raise Problem(("plant",), f"output {name} is not a finite number at the start of the run, at {at}")
 
 
-def _why(run: PreparedRun, rows: Sequence[int] | np.ndarray, block: ObserverBlock | None = None) -> tuple[str, bool]:
+def _why(run: Beginning, rows: Sequence[int] | np.ndarray, block: ObserverBlock | None = None) -> tuple[str, bool]:
     """What to add to a message: the operation that is to blame, and where; and whether its result is too large."""
     numbers, model = run.numbers, run.plant.model
     flow = run.structure.system.regimes[0].flow
@@ -116,7 +145,7 @@ def _numbers(names: Sequence[str], values: Floats) -> str:
     return ", ".join(shown[:_MANY] + (["..."] if len(shown) > _MANY else []))
 
 
-def _held_at_start(run: PreparedRun) -> np.ndarray:
+def _held_at_start(run: Beginning) -> np.ndarray:
     """The vector w as if every output had just been measured."""
     system, layout = run.structure.system, run.structure.system.held
     held = np.zeros(layout.size)
@@ -125,11 +154,14 @@ def _held_at_start(run: PreparedRun) -> np.ndarray:
         first, output = i * system.width, layout.output(i)
         held[layout.previous(i)] = channels[first]
         held[output : output + system.width] = channels[first : first + system.width]
+    for number, (_, value, slope) in enumerate(run.recorded):
+        now, rate, _, before = layout.input(number)
+        held[[now, rate, before]] = value, slope, value
     held[layout.interval] = 1.0
     return held
 
 
-def _rates(run: PreparedRun, parameters: np.ndarray, z: np.ndarray) -> np.ndarray:
+def _rates(run: Beginning, parameters: np.ndarray, z: np.ndarray) -> np.ndarray:
     """The right-hand sides at the start."""
     flow = run.structure.system.regimes[0].flow
     (rates,) = roughly_at(flow, run.time.start, parameters, z, _held_at_start(run))

@@ -25,18 +25,11 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
     Problem
         Where an observer cannot do what it is asked to.
     """
+    check_treatments(experiment)
     found = {label: treatment_of(observer) for label, observer in experiment.observers.items()}
     late = are_late(channels)
     for label, treatment in found.items():
         observer = experiment.observers[label]
-        if isinstance(observer, RecallingObserver) and observer.late is not None:
-            raise Problem(("observers", label, "late"), "this observer crosses the delay itself: leave the key out")
-        if isinstance(observer, SampledObserver) and observer.late not in (None, "drop"):
-            message = "this observer takes samples without delay: it can leave late ones out (late: drop)"
-            raise Problem(("observers", label, "late"), message)
-        if treatment == "innovation" and isinstance(observer, CorrectedObserver):
-            message = f"{observer.type} is corrected by samples and has no innovation between them: replay or drop"
-            raise Problem(("observers", label, "late"), message)
         continuous = [c for c in channels if any(s.continuous for s in c.stretches)]
         delayed = late or any(not s.undelayed for c in continuous for s in c.stretches)
         if treatment != "innovation" and observer.late is not None and continuous and delayed:
@@ -51,6 +44,24 @@ def treatments_of(experiment: Experiment, channels: list[Channel]) -> tuple[Trea
         raise Problem(("observers", own_past[0], "type"), message)
     known: tuple[Treatment, ...] = ("received", "drop", "replay")
     return tuple(treatment for treatment in known if late and treatment in found.values())
+
+
+def check_treatments(experiment: Experiment) -> None:
+    """Refuse what an observer cannot do with late samples, whether any come or not.
+
+    Raises
+    ------
+    Problem
+    """
+    for label, observer in experiment.observers.items():
+        if isinstance(observer, RecallingObserver) and observer.late is not None:
+            raise Problem(("observers", label, "late"), "this observer crosses the delay itself: leave the key out")
+        if isinstance(observer, SampledObserver) and observer.late not in (None, "drop"):
+            message = "this observer takes samples without delay: it can leave late ones out (late: drop)"
+            raise Problem(("observers", label, "late"), message)
+        if observer.late == "innovation" and isinstance(observer, CorrectedObserver):
+            message = f"{observer.type} is corrected by samples and has no innovation between them: replay or drop"
+            raise Problem(("observers", label, "late"), message)
 
 
 def _in_loops(experiment: Experiment, found: Mapping[str, Treatment]) -> tuple[Treatment, ...]:

@@ -171,7 +171,15 @@ AT_SAMPLES: Mapping[str, Case] = {
         BACK,
     ),
 }
+TWO_AT_SAMPLES: Mapping[str, Case] = {
+    "aekf": (
+        {"update": "jump", **COSTS, "copies": 3},
+        AdaptiveAtSamples(pair, [0, 2], Q=np.eye(4), R=np.eye(2), d=0.6, N=3, **COSTS),
+        BACK,
+    ),
+}
 PERIOD = 0.2
+LOST = {(3, 0), (6, 0), (6, 1), (8, 1)}  # samples of outputs
 THREE = {"a": 0.8, "b": 0.1, "c": 0.3}
 GROUPS: Mapping[str, tuple[Block, dict[str, float], Sequence[str], Sequence[float], Mapping[str, Case]]] = {
     "two outputs": (PAIR, {**THREE, "d": -0.2}, "ac", [0.15, 0.4], TWO),
@@ -180,21 +188,24 @@ GROUPS: Mapping[str, tuple[Block, dict[str, float], Sequence[str], Sequence[floa
     "stepped": (CHAIN, THREE, "a", [0.15], STEPPED),
     "followed": (SWING, {"a": 0.8, "b": 0.1}, "a", [0.2], FOLLOWED),
     "at samples": (LINEAR, THREE, "a", [], AT_SAMPLES),
+    "two at samples": (PAIR, {**THREE, "d": -0.2}, "ac", [], TWO_AT_SAMPLES),
 }
 
 
-def of_one_period(seed: int) -> list[Sample]:
-    """Some late and in another order, all known at the end."""
-    rng = np.random.default_rng(seed)
-    taken = [round(0.1 + PERIOD * k, 4) for k in range(10)]
-    known = [t if rng.random() < 0.4 else round(min(t + 0.6 * rng.random(), END), 4) for t in taken]
-    return [(t, k, 0, float(rng.normal())) for t, k in zip(taken, known, strict=True)]
+def of_one_period(seed: int, outputs: int) -> list[Sample]:
+    """Some late and in another order, all known at the end; a few are lost."""
+    rng, found = np.random.default_rng(seed), []
+    for k in range(10):
+        t = round(0.1 + PERIOD * k, 4)
+        known = t if rng.random() < 0.4 else round(min(t + 0.6 * rng.random(), END), 4)
+        found += [(t, known, i, float(rng.normal())) for i in range(outputs) if (k, i) not in LOST]
+    return found
 
 
 def drawn(group: str, seed: int) -> tuple[list[Sample], Input]:
-    block, _, _, gaps, _ = GROUPS[group]
+    block, _, outputs, gaps, _ = GROUPS[group]
     if not gaps:
-        return of_one_period(seed), random_input(seed)
+        return of_one_period(seed, len(outputs)), random_input(seed)
     samples = random_samples(seed, gaps, late=seed % 5 != 4)
     if "u" in str(block["dynamics"]):
         return samples, random_input(seed)
@@ -233,6 +244,7 @@ def compared(group: str, names: Sequence[str], seed: int, folder: Path) -> None:
         ("fitted", "algebraic"),
         ("stepped", "red"),
         ("at samples", "luenberger_exact"),
+        ("two at samples", "aekf"),
     ],
 )
 def test_estimates_of_a_random_log(group: str, name: str, tmp_path: Path) -> None:

@@ -76,10 +76,10 @@ def followed(block: Block, gates: Sequence[str], *, by_line: bool) -> tuple[np.n
     return np.array(rows), estimator
 
 
-def deadbeat() -> np.ndarray:
+def deadbeat(kept: np.ndarray = KEPT) -> np.ndarray:
     """Of the rows that are kept, (6) and (9) of Katayama written out: a, b, c, d after each but the first."""
     rows = []
-    for k, j in zip(KEPT[:-1].tolist(), KEPT[1:].tolist(), strict=True):
+    for k, j in zip(kept[:-1].tolist(), kept[1:].tolist(), strict=True):
         T = TAKEN[j] - TAKEN[k]
         b, d = (Y[j] - Y[k]) / T, (Z[j] - Z[k]) / T
         rows.append([Y[j], b + T * (-np.sin(Y[k]) - 0.1 * b + U[k]), Z[j], d + T * (Y[k] - Z[k])])
@@ -121,6 +121,30 @@ def test_it_is_that_of_an_independent_observer() -> None:
     whole = of_log(config(TWO, {"deadbeat": STEPS["deadbeat"]}), np.arange(TAKEN.size), ["y", "z"])
     xhat = whole.observers["deadbeat"].xhat[ROWS[KEPT[1:]]]
     np.testing.assert_allclose(xhat, deadbeat(), rtol=1e-12, atol=1e-14)
+
+
+def test_steps_lead_over_outliers_and_over_late_samples_that_are_dropped() -> None:
+    """Rows that are late beside outliers: those of the independent observer, of a file and of a stream."""
+    late = {10: 0.01, 19: 0.5, 32: 0.02, 35: 0.02}  # 20 and 33 to 34 are outliers
+    kept = np.setdiff1d(KEPT, list(late))
+    available = TAKEN + [late.get(k, 0.0) for k in range(TAKEN.size)]
+    block = config(TWO, {"deadbeat": {**STEPS["deadbeat"], "late": "drop"}})
+    signals = [signal(name, TAKEN, values, available, gate=GATE) for name, values in (("y", Y), ("z", Z))]
+    u = held_input("u", TAKEN, U)
+    of_file = estimate(source(block), recording(*signals, u=u), sensitivity=False)
+    xhat = of_file.observers["deadbeat"].xhat[ROWS[kept[1:]]]
+    np.testing.assert_allclose(xhat, deadbeat(kept), rtol=1e-12, atol=1e-14)
+    for name in ("y", "z"):
+        one = recorded_of(of_file).outputs[name]
+        np.testing.assert_array_equal(one.taken[one.used[:, 0]], TAKEN[kept])
+    estimator, rows = Estimator(Experiment(block), gates={"y": GATE, "z": GATE}, inputs=["u"]), []
+    for known, k in sorted((float(available[k]), k) for k in range(TAKEN.size)):
+        estimator.update(float(TAKEN[k]), {"y": float(Y[k]), "z": float(Z[k])}, known)
+        if k not in late:
+            estimator.update(known, {}, u={"u": float(U[k])})
+        if k in kept[1:]:
+            rows.append(estimator.estimate()["deadbeat"].copy())
+    np.testing.assert_array_equal(rows, xhat)
 
 
 def test_observers_of_chains_leave_out_as_well_beside_one_that_flows() -> None:

@@ -35,7 +35,7 @@ def test_samples_that_are_left_out_do_not_break_the_period(tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("kind", "keys", "samples", "message"),
     [
-        ("luenberger_exact", {"poles": [-1, -2], "late": "drop"}, ONE_LATE, "samples of a are 0.25 to 0.5 apart"),
+        ("luenberger_exact", {"poles": [-1, -2]}, [*ON_TIME, *BETWEEN], "of a are 0.1 to 0.25 apart, not whole"),
         ("tracking", {"r": 3, "h_0": 0.3, "late": "drop"}, ONE_LATE, "the time between samples, 0.5; found 0.3"),
         ("hgo_fd", {"eps": 0.5}, ONE_LATE, r"a is late: leave late samples out \(late: drop\), or `available`"),
         ("hgo_fd", {"eps": 0.5, "late": "replay"}, ONE_LATE, r"it can leave late ones out \(late: drop\)"),

@@ -9,7 +9,6 @@ import pytest
 from examples import Block, inline
 from recordings import held_input, recording, signal, source
 
-from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
@@ -141,14 +140,6 @@ def test_a_file_whose_late_samples_are_left_out_is_that_without_them(plant: Bloc
         else:
             estimator.update(TAKEN[k], y, u={"u": U[k]})
     np.testing.assert_array_equal(estimator.estimate()["O"], found.observers["O"].xhat[-1])
-
-
-def test_steps_over_late_samples_and_outliers_are_refused_together() -> None:
-    available = TAKEN + np.where(np.arange(TAKEN.size) == 3, 0.1, 0.0)
-    text = config(ONE, {"type": "deadbeat", "late": "drop"})
-    gated = recording(signal("y", TAKEN, Y, available, gate=5.0))
-    with pytest.raises(ConfigError, match=r"O\.late: this steps from sample to sample, and both a gate and late: drop"):
-        estimate(source(text), gated, sensitivity=False)
 
 
 def test_a_stream_of_one_period_refuses_a_gap() -> None:

@@ -164,7 +164,11 @@ SAMPLED: Block = {"sampling": {"period": 0.1}}
         ({"interval": 0.1}, {}, "interval is not a key of update: flow"),
         ({"update": "jump", "window": 1}, SAMPLED, "window is not a key of update: jump; d = N T"),
         ({"update": "jump"}, {}, "needs sampled outputs"),
-        ({"update": "jump"}, {"sampling": {"times": [0.1, 0.2, 0.35]}}, "together and at one period"),
+        (
+            {"update": "jump"},
+            {"sampling": {"times": [0.1, 0.2, 0.35]}},
+            "samples of x1 are 0.1 to 0.15 apart, not whole",
+        ),
         ({"coordinates": "canonical"}, {}, "in the plant's coordinates"),
         ({"internal": {"theta": 7}}, {}, "from 1 to 2 theta_1 = 6"),
         ({"internal": {"turn": 1}}, {}, "the copies begin at the estimate"),

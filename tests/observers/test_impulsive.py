@@ -319,7 +319,7 @@ def test_two_outputs_of_luenberger() -> None:
         (
             [-1, -1, -2],
             shifted,
-            "same times, but z has no sample beside that of y at t = 0, the nearest is 0.1 later: take",
+            "one period of all outputs, but z has no sample beside that of y at t = 0, the nearest is 0.1 later: take",
         ),
     ):
         with pytest.raises(ConfigError, match=message):
