@@ -9,6 +9,9 @@ import numpy as np
 
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import Sampled
+from hgorun.simulation.apart import Apart
+from hgorun.simulation.timing import Timing
 from hgorun.simulation.too_large import too_large_for
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
@@ -82,23 +85,35 @@ def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> st
 def _too_large(prepared: PreparedEstimate, j: int, lost: float) -> str | None:
     """That its gain is too large for how far apart, or how late, samples are; None where that is not so, or not known.
 
-    Not of an observer that goes back to late samples, nor of one that is lost before errors can have grown from sample
-    to sample: its numbers are beyond the bound for another reason.
+    Not of one that is lost before errors can have grown from sample to sample: its numbers are beyond the bound for
+    another reason. To an observer that goes back to late samples none was late where errors grow: in the past.
     """
     treatment, first = prepared.treatment(j), prepared.samples[0]
-    if any(not np.array_equal(getattr(one, of), getattr(first, of)) for one in prepared.samples for of in _TIMES):
+    if any(one.taken.size < _FEWEST or not lost > one.available[_GROWING] for one in prepared.samples):
         return None
-    taken, late = first.taken, first.available - first.taken
+    known = [_known(one, treatment) for one in prepared.samples]
+    if any(taken.size < _FEWEST for taken, _ in known):
+        return None
+    usual = [_usual(np.diff(distinct(taken)), "period", "longest usual gap") for taken, _ in known]
+    if all(np.array_equal(getattr(one, of), getattr(first, of)) for one in prepared.samples for of in _TIMES):
+        (period, name), (delay, late_name) = usual[0], _usual(known[0][1], "delay", "longest usual delay")
+        return too_large_for(prepared.run, j, Timing(period, delay, name, late_name))
+    if any(np.any(late > 0) for _, late in known):
+        return None
+    periods = {one.output: period for one, (period, _) in zip(prepared.samples, usual, strict=True)}
+    timing = Apart.of_samples([taken for taken, _ in known], periods)
+    return None if timing is None else too_large_for(prepared.run, j, timing)
+
+
+def _known(samples: Sampled, treatment: str) -> tuple[Floats, Floats]:
+    """When samples have been taken that an observer uses, ascending, and how late each is to it."""
+    taken, late = samples.taken, samples.available - samples.taken
+    if treatment == "replay":
+        return np.sort(taken), np.zeros(taken.size)
     if np.any(late > 0):
-        if treatment not in ("drop", "innovation"):
-            return None
-        some = late <= 0 if treatment == "drop" else first.used  # and not those that newer ones have overtaken
-        taken, late = taken[some], late[some]
-    if taken.size < _FEWEST or not lost > first.available[_GROWING]:
-        return None
-    period = _usual(np.diff(distinct(taken)), "period", "longest usual gap")
-    delay = _usual(late, "delay", "longest usual delay")
-    return too_large_for(prepared.run, j, period, delay)
+        some = late <= 0 if treatment == "drop" else samples.used  # and not those that newer ones have overtaken
+        return taken[some], late[some]
+    return taken, late
 
 
 def _usual(times: Floats, even: str, uneven: str) -> tuple[float, str]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from hgorun.observers.base import Flow, observer
-from hgorun.observers.capabilities import FollowingGain
+from hgorun.observers.capabilities import FollowingGain, Speed
 from hgorun.observers.kalman import ChainNoise, KalmanFilter
 from hgorun.symbolic.forms import Form, ModelCopy
 from hgorun.symbolic.symbols import Symbols
@@ -60,5 +60,9 @@ class KalmanBucyFilter(FollowingGain, KalmanFilter):
         return float(max((2 * P[j, j] / R[i] for i, j in pairs), default=0.0))
 
 
-class ChainKalmanBucyFilter(ChainNoise, KalmanBucyFilter):
+class ChainKalmanBucyFilter(Speed, ChainNoise, KalmanBucyFilter):
     """The filter with its process noise at the ends of chains; see :class:`KalmanBucyFilter`."""
+
+    @property
+    def speed_key(self) -> str | None:
+        return None if self.theta is None else "theta"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -47,6 +48,11 @@ def below(value: float) -> str:
     """A limit in two digits that keeps it."""
     size = 10.0 ** (np.floor(np.log10(value)) - 1)
     return f"{np.floor(value / size * (1 + 1e-9)) * size:.6g}"
+
+
+def listed(times: Iterable[str], unit: str) -> str:
+    """Several times in one unit."""
+    return f"{' and '.join(times)} {unit}".rstrip()
 
 
 def _time(value: float, unit: str) -> str:

@@ -9,13 +9,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.errors import HgorunError, printable
+from hgorun.measurement.blocks import Periodic
 from hgorun.observers.base import AnyObserver, ContinuousObserver, DecidedObserver
 from hgorun.observers.capabilities import FollowingGain, GainOfErrors, NotLinear, SlidingMode, Speed
+from hgorun.observers.treatment import treatment_of
+from hgorun.simulation.apart import Apart
 from hgorun.simulation.design import Design
 from hgorun.simulation.monodromy import exponentials, monodromy, on_their_way
 from hgorun.simulation.observer_block import ObserverBlock
@@ -32,6 +36,9 @@ _RATIO, _PRECISION = 1.3, 3e-3  # of neighbouring values in a search, and of wha
 _SMALLEST = 1e-2  # of the times in use: the search begins there
 _SLOWEST = 1e-4  # a rate times period and delay: what so slow an observer does from sample to sample may be rounding
 _FINE = 16  # samples a delay that stand for a continuous output, or for more of them
+
+
+AnyTiming: TypeAlias = Timing | Apart
 
 
 @dataclass(frozen=True)
@@ -63,18 +70,17 @@ def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
     Of gains that are states it is that of large errors, where they follow errors, or where they rest, where they
     follow the plant. Not said of others, and of what decides otherwise, jumps, looks back or has no linearisation.
     """
-    timing = _timing(run)
+    timing = _timing(run, treatment_of(run.observers[j].observer))
     return None if timing is None else _found(run, run.observers[j], timing, raw.rows[:, run.structure.truths[j], 0])
 
 
-def too_large_for(run: PreparedRun, j: int, period: tuple[float, str], delay: tuple[float, str]) -> str | None:
-    """The same of recorded samples, so far apart and so late, with names; along no truth, but where it begins."""
+def too_large_for(run: PreparedRun, j: int, timing: AnyTiming) -> str | None:
+    """The same of recorded samples; along no truth, but where the estimate begins."""
     begins = run.structure.estimates[j].along(run.grid[:1], run.numbers.p, run.numbers.z0[None])
-    timing = Timing(period[0], delay[0], period[1], delay[1])
     return _found(run, run.observers[j], timing, np.asarray(begins), " where the estimate begins")
 
 
-def _found(run: PreparedRun, block: ObserverBlock, timing: Timing, x: Floats, where: str = "") -> str | None:
+def _found(run: PreparedRun, block: ObserverBlock, timing: AnyTiming, x: Floats, where: str = "") -> str | None:
     """Of an observer, along the states x of the plant; ``where`` these are, if it is not on its whole way."""
     observer = block.observer
     if not isinstance(observer, ContinuousObserver) or block.recalled or run.closed:
@@ -93,7 +99,7 @@ def _found(run: PreparedRun, block: ObserverBlock, timing: Timing, x: Floats, wh
 
 
 def _limits(
-    run: PreparedRun, error: _Error, gains: list[_Gain], timing: Timing, several: bool, where: str
+    run: PreparedRun, error: _Error, gains: list[_Gain], timing: AnyTiming, several: bool, where: str
 ) -> str | None:
     """Of the first gain, beside slower ones; None where the errors that it sets the speed of do not grow."""
     gain, *slower = gains
@@ -120,20 +126,30 @@ def _limits(
     return f"{told}; take less, since it also corrects with parts of that gain" if whole else told
 
 
-def _timing(run: PreparedRun) -> Timing | None:
-    """What all outputs have in common, all the time; None where they have not, or there is nothing to be late."""
+def _timing(run: PreparedRun, treatment: str) -> AnyTiming | None:
+    """What all outputs have in common, all the time, or when each of several is sampled; None where neither is so.
+
+    An observer that goes back to late samples is, in the past, one without delay: errors grow there or not. It reaches
+    the present from there, after a time that does not depend on how often samples come.
+    """
     if any(len(stretches) != 1 for stretches in run.experiment.stretches):
         return None
-    found = set()
-    for (stretch,) in run.experiment.stretches:
-        if not stretch.delay_is_constant or not (stretch.continuous or stretch.period):
+    found, offsets = dict[str, Timing](), list[float]()
+    for name, (stretch,) in zip(run.plant.model.outputs, run.experiment.stretches, strict=True):
+        sampling = stretch.sampling
+        if not stretch.delay_is_constant or not (stretch.continuous or isinstance(sampling, Periodic)):
             return None
         (delay,) = stretch.delay_at(np.array([stretch.start]))
-        found.add(Timing(stretch.period, float(delay)))
-    timing = found.pop()
-    if found or (timing.period is None and timing.delay == 0) or (timing.delay and run.treatments):
+        past = treatment == "replay" and isinstance(sampling, Periodic)
+        found[name] = Timing(stretch.period, 0.0 if past else float(delay))
+        offsets.append(sampling.offset if isinstance(sampling, Periodic) else 0.0)
+    timing, *others = set(found.values())
+    if (timing.delay and run.treatments and treatment != "innovation") or (not timing.period and not timing.delay):
         return None
-    return timing
+    periods = {name: one.period for name, one in found.items() if one.period and not one.delay}
+    if len(periods) == len(found) and (others or np.ptp(offsets) > 0):
+        return Apart.of_periods(periods, offsets)
+    return None if others else timing
 
 
 class _Error:
@@ -164,11 +180,11 @@ class _Error:
         found._systems = self._at(p, self.block.of(design), design)
         return found
 
-    def growth(self, timing: Timing) -> float:
+    def growth(self, timing: AnyTiming) -> float:
         """The largest factor by which errors grow from sample to sample, at any of the points."""
         return float(np.max(self._radii(timing)))
 
-    def smallest_growth(self, timing: Timing) -> float:
+    def smallest_growth(self, timing: AnyTiming) -> float:
         """The smallest of them."""
         return float(np.min(self._radii(timing)))
 
@@ -206,8 +222,10 @@ class _Error:
         A0, E, H, K0 = A0[:, kept][:, :, kept], E[:, kept], H[:, :, kept], K0[:, :, kept]
         return np.block([[A0, E], [-K0, -K]]), H
 
-    def _radii(self, timing: Timing) -> Floats:
+    def _radii(self, timing: AnyTiming) -> Floats:
         G, H = self._systems
+        if isinstance(timing, Apart):
+            return timing.factors(G, H)
         period, delay = timing.period, timing.delay
         if period is None or delay > _FINE * period:
             late = delay + (period or 0.0) / 2  # in the mean, as are samples late/n apart, late - late/(2 n) on arrival
@@ -235,7 +253,7 @@ def _largest_part(growth: Callable[[float], float], least: float) -> float | Non
     return _halved(growth, low, min(high, 1.0))
 
 
-def _largest_value(error: _Error, gain: _Gain, timing: Timing, part: float | None, slowest: float) -> float | None:
+def _largest_value(error: _Error, gain: _Gain, timing: AnyTiming, part: float | None, slowest: float) -> float | None:
     """The value below the one in use with which errors no longer grow; about in inverse proportion to times.
 
     Where no part of these is short enough, the plant may be too fast for them alone, and a smaller value may do.

@@ -176,7 +176,8 @@ def test_every_observer_has_one_rule(name: str) -> None:
 def test_a_stream_asks_who_may_refuse_times() -> None:
     """Also with unknown inputs, whose class is another one."""
     jumps: Block = {"type": "aekf", "update": "jump", "theta_1": 2.0, "m": 0.05, "interval": 0.1, "extend": 1}
-    for block, asks in ((jumps, True), ({"type": "hg_ekf", "update": "jump", "theta": 2, "extend": 1}, False)):
+    other: Block = {"type": "hg_ekf", "update": "jump", "theta": 2, "extend": 1}
+    for block, asks in ((jumps, True), (other, False)):
         observer = block_of(OBSERVERS.find(block["type"]), block)
         assert isinstance(observer, CorrectedObserver)
         assert observer.asks_of_times is asks
