@@ -18,7 +18,7 @@ from hgorun.observers.base import AnyObserver
 from hgorun.result.result import Result
 
 _LITTLE = 0.05  # of a gain
-_NO_GAINS = {"type", "initial", "internal", "saturation", "coordinates", "map", "chains", "late"}
+_NO_GAINS = {"type", "initial", "internal", "saturation", "coordinates", "map", "chains", "late", "period", "interval"}
 
 _Gain: TypeAlias = tuple[str, float]  # its key in the observer's block, and its value
 
@@ -31,7 +31,8 @@ def with_sensitivity(
     d ln(score) / d ln(gain), of the hold-out's size where samples were held out, and otherwise of that of the
     innovations: 0.1 says that ten per cent more of the gain make the score one per cent larger. Of several outputs each
     is counted in the standard deviation of its noise, or else in that of what was measured, whatever the units.
-    A gain that cannot be larger, or smaller, has none, which a remark says.
+    Of a gain that cannot be larger, or smaller, it is the slope on the other side; one that can be neither has none,
+    which a remark says.
     """
     gains = {label: list(_gains(observer)) for label, observer in prepared.experiment.observers.items()}
     found: dict[str, dict[str, float]] = {}
@@ -53,10 +54,16 @@ def with_sensitivity(
 
     for place in range(max((len(of) for of in gains.values()), default=0)):
         chosen = {label: of[place] for label, of in gains.items() if place < len(of)}
-        both = [sizes(chosen, factor) for factor in (1 + _LITTLE, 1 / (1 + _LITTLE))]
+        larger, smaller = (sizes(chosen, factor) for factor in (1 + _LITTLE, 1 / (1 + _LITTLE)))
+        at_edge = {label: one for label, one in chosen.items() if (label in larger) != (label in smaller)}
+        every = sizes(at_edge, 1.0) if at_edge else {}
+        itself = {label: every[label] for label in at_edge}
         for label, (key, _) in chosen.items():
-            larger, smaller = (one.get(label, np.nan) for one in both)
-            slope = np.log(larger / smaller) / (2 * np.log1p(_LITTLE)) if larger > 0 and smaller > 0 else np.nan
+            if label in itself:
+                del refused[f"{label}.{key}"]
+            sides = [one.get(label, itself.get(label, np.nan)) for one in (larger, smaller)]
+            apart = np.log1p(_LITTLE) * (1 if label in itself else 2)
+            slope = np.log(sides[0] / sides[1]) / apart if min(sides) > 0 else np.nan
             if np.isfinite(slope):
                 found.setdefault(label, {})[key] = float(slope)
     return replace(_added(result, found), remarks=(*result.remarks, *refused.values()))

@@ -7,6 +7,7 @@ import pytest
 from examples import Block
 from recordings import PENDULUM, assessed_of, recording, signal, source
 
+from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 
 PERIOD, STEPS, LEFT_OUT = 0.1, 20, 8  # samples that scores leave out at the start
@@ -49,10 +50,15 @@ def test_it_is_the_slope_of_the_logarithms() -> None:
     assert scores(S=SHGO)["S"] == {"theta": pytest.approx(expected, rel=1e-9)}
 
 
-def test_a_gain_that_cannot_be_larger_takes_none_from_another_observer() -> None:
-    """The third gain of the bank is eps, of which 1 is the most."""
+def test_of_a_gain_that_cannot_be_larger_it_is_the_slope_below() -> None:
+    """The third gain of the bank is eps, of which 1 is the most; it takes none from another observer."""
+    blocks = {"B": BANK, "less": {**BANK, "eps": 1 / 1.05}, "U": UPDATED}
+    text: Block = {"plant": PENDULUM, "observers": blocks, "solver": {"step": PERIOD / STEPS}}
+    found = estimate(source(text), recording(signal("a", TAKEN, Y)), sensitivity=False)
+    itself, less = (assessed_of(found, label).scores["innovation_rms"]["a"] for label in ("B", "less"))
     beside = scores(B=BANK, U=UPDATED)
-    assert "eps" not in beside["B"]
+    assert beside["B"]["eps"] == pytest.approx(np.log(itself / less) / np.log(1.05), rel=1e-9)
+    assert beside["B"]["eps"] != 0
     assert beside["U"].keys() == {"theta_0", "theta_max", "delta", "a"}
     assert beside["U"] == scores(U=UPDATED)["U"]
 
@@ -77,8 +83,23 @@ def test_units_of_outputs_do_not_matter(std: dict[str, float]) -> None:
     assert slope(1000.0) == pytest.approx(slope(1.0), rel=1e-9)
 
 
-def test_a_gain_that_cannot_be_larger_is_named() -> None:
-    text = {"plant": PENDULUM, "observers": {"B": BANK, "S": SHGO}, "solver": {"step": PERIOD / STEPS}}
-    (told,) = estimate(source(text), recording(signal("a", TAKEN, Y))).remarks
-    said = "B: how its scores depend on eps is not told, as eps = 1.05 is refused: expected a number of at most 1.0, "
-    assert told == said + "found 1.05"
+def test_an_edge_of_a_range_is_no_remark() -> None:
+    """1 is the most, and the default, of alpha."""
+    ukf: Block = {"type": "ukf", "Q": {"b": 0.01}, "R": 0.01, **START}
+    text: Block = {"plant": PENDULUM, "observers": {"U": ukf}, "solver": {"step": PERIOD / STEPS}}
+    found = estimate(source(text), recording(signal("a", TAKEN, Y)))
+    assert not found.remarks
+    assert "alpha" in assessed_of(found, "U").scores["sensitivity"]
+
+
+def test_a_gain_that_can_be_neither_larger_nor_smaller_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refusing(*_: object) -> dict[str, float]:
+        raise ConfigError("expected another")
+
+    monkeypatch.setattr("hgorun.estimate.sensitivity._sizes", refusing)
+    text = {"plant": PENDULUM, "observers": {"S": SHGO}, "solver": {"step": PERIOD / STEPS}}
+    found = estimate(source(text), recording(signal("a", TAKEN, Y)))
+    (told,) = found.remarks
+    assert told.startswith("S: how its scores depend on theta is not told, as theta = ")
+    assert told.endswith(" is refused: expected another")
+    assert "sensitivity" not in assessed_of(found, "S").scores
