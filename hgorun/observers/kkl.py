@@ -20,6 +20,7 @@ from hgorun.observers.base import (
 from hgorun.observers.capabilities import BeginsWithASample, BySampling, OnePeriod
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.kkl_keys import KklObserver
+from hgorun.observers.orbits import Escaped
 from hgorun.symbolic.drift import DriftForm
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.smooth import SmoothCopy
@@ -52,8 +53,7 @@ class ContinuousKkl(BySampling, KklObserver, ContinuousObserver[DriftForm, Smoot
     The fit knows nothing of noise: where coefficients are large an accurate inverse amplifies noise and model
     errors; take ``ridge``, a lower degree or a smaller m then. theta scales the bandwidth. A plant that diverges
     backwards in time on the box is refused; with ``outside: saturate`` it is clipped to the box there, and T is
-    right where the past has been inside, to 1e-5 or so: kinks are followed coarsely, and the inverse amplifies
-    that. Inputs of a nonlinear plant are refused, since each would need another T.
+    right where the past has been inside. Inputs of a nonlinear plant are refused, since each would need another T.
 
     Sampled outputs, all with one period T_s, have a T of their own, in which nothing is neglected:
 
@@ -143,7 +143,7 @@ class SampledKkl(OnePeriod, BeginsWithASample, KklObserver, HybridObserver[Drift
         low, high = bounds.T
         try:
             return kkl_map.carried(lambda x: form.values(np.clip(x, low, high)), x, self._first)
-        except kkl_map.Escaped as escaped:
+        except Escaped as escaped:
             raise Problem(
                 ("initial",),
                 f"the first sample comes at {self._first:.6g}, and the estimate is lost before that, after "

@@ -20,6 +20,7 @@ from hgorun.observers.base import (
 )
 from hgorun.observers.capabilities import NoiseInformed, NotExported, NotLinear, Punctual
 from hgorun.observers.expressions import require_states
+from hgorun.observers.orbits import Escaped
 from hgorun.symbolic.drift import DriftForm, drift_form
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.smooth import SmoothCopy
@@ -145,7 +146,7 @@ class KklObserver(NoiseInformed, Punctual, NotExported, NotLinear, Observer[Drif
     def _at(self, form: DriftForm, x: Floats, key: str) -> Floats:
         try:
             return self._mapped(form, x)
-        except kkl_map.Escaped as escaped:
+        except Escaped as escaped:
             point = ", ".join(f"{name} = {v:.4g}" for name, v in zip(form.plant.states, escaped.x, strict=True))
             raise Problem(
                 (key,),

@@ -16,6 +16,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import Problem
+from hgorun.observers.orbits import Escaped, followed
 from hgorun.symbolic.evaluate import Floats
 
 if TYPE_CHECKING:
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 _FORGOTTEN = 20.0  # over the slowest eigenvalue: what is left of the past is exp(-20)
 _ACCURACY = 1e-10  # of the backward integration, relative
 _CARRIED = 1e-13  # of the estimate until the first sample, relative
-_COARSE = 1e-6  # where the plant has kinks at the box, and T is not quite right anyway
 _ESCAPED = 1e3  # in widths of the box: an orbit that goes on from there does not come back
 _STEPS = 5_000  # before an orbit counts as escaped
 _RANK = 1e-12  # relative singular values that count
@@ -33,14 +33,6 @@ _EXACT, _INEXACT = 1e-6, 1e-3  # by how much an inverse may miss T: unnoticed, a
 
 Field = Callable[[Floats], tuple[Floats, Floats]]
 """(N, n) -> f, shape (N, n), and h, shape (N, q)."""
-
-
-class Escaped(Exception):
-    """An orbit that does not stay near its start ``x``, ``after`` some time backwards."""
-
-    def __init__(self, x: Floats, after: float) -> None:
-        self.x, self.after = x, after
-        super().__init__(f"from {x} after {after:g}")
 
 
 def of_linear_plant(A: np.ndarray, C: np.ndarray, eigenvalues: np.ndarray) -> np.ndarray:
@@ -147,11 +139,30 @@ def of_points(field: Field, x: Floats, eigenvalues: np.ndarray, reach: np.ndarra
         return np.concatenate([-f.ravel(), (h[:, :, None] * np.exp(eigenvalues * s)).ravel()])
 
     outputs = field(x[:1])[1].shape[1]
+    if not np.all(np.isfinite(reach)):
+        return _of_clipped_points(field, x, eigenvalues, outputs)
     start = np.concatenate([x.ravel(), np.zeros(count * outputs * len(eigenvalues))])
     end = _FORGOTTEN / float(np.min(-eigenvalues))
     for solver in _steps(rate, start, end, x, reach):
         found = solver.y[count * n :]
     return np.reshape(found, (count, -1))
+
+
+def _of_clipped_points(field: Field, x: Floats, eigenvalues: np.ndarray, outputs: int) -> Floats:
+    """The same of a plant that is clipped, whose orbits have kinks where they leave the box."""
+    count, n = x.shape
+
+    def rate(s: Floats, y: Floats) -> Floats:
+        f, h = field(y[:, :n])
+        return np.hstack([-f, (h[:, :, None] * np.exp(eigenvalues * s[:, None])[:, None, :]).reshape(len(y), -1)])
+
+    start = np.hstack([x, np.zeros((count, outputs * len(eigenvalues)))])
+    end = np.array([_FORGOTTEN / float(np.min(-eigenvalues))])
+    try:
+        (found,) = followed(rate, start, end, _ACCURACY, _STEPS)
+    except Escaped as escaped:
+        raise Escaped(escaped.x[:n], escaped.after) from None
+    return found[:, n:]
 
 
 def of_samples(field: Field, x: Floats, factors: np.ndarray, T: float, reach: np.ndarray) -> Floats:
@@ -164,8 +175,13 @@ def of_samples(field: Field, x: Floats, factors: np.ndarray, T: float, reach: np
     T : float
         The period.
     """
-    times = T * np.arange(1, 1 + int(np.ceil(_FORGOTTEN / float(np.min(-np.log(factors))))))
+    count = int(np.ceil(_FORGOTTEN / float(np.min(-np.log(factors)))))
+    times: Floats = T * np.arange(1, 1 + count, dtype=float)
     found, weight, taken = np.zeros(1), np.ones(len(factors)), 0
+    if not np.all(np.isfinite(reach)):
+        for y in followed(lambda s, y: -field(y)[0], x, times, _ACCURACY, _STEPS):
+            found, weight = found + field(y)[1][:, :, None] * weight, weight * factors
+        return np.reshape(found, (len(x), -1))
 
     def rate(s: float, flat: Floats) -> Floats:
         return -field(flat.reshape(x.shape))[0].ravel()
@@ -200,14 +216,12 @@ def _steps(
     end: float,
     x: Floats,
     reach: np.ndarray,
-    accuracy: float | None = None,
+    accuracy: float = _ACCURACY,
 ) -> Iterator[DOP853]:
     """The integration after every step; the states stand first in what is integrated."""
     from scipy.integrate import DOP853
 
     with np.errstate(all="ignore"):  # what escapes is told
-        if accuracy is None:
-            accuracy = _ACCURACY if np.all(np.isfinite(reach)) else _COARSE
         solver = DOP853(rate, 0.0, start, end, rtol=accuracy, atol=accuracy / 100)
         for _ in range(_STEPS):
             solver.step()
