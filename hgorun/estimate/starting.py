@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Hashable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
@@ -25,6 +26,8 @@ _HALVINGS = 20
 _FEWEST, _MOST, _GROWTH = 3, 200, 1.25  # samples of an output that are tried for "auto"
 _AGREEMENT = 4.0  # standard deviations: each of some 20 fits has to agree, and with 2 half of all exact models did not
 _DIGITS = 10  # of the start: those behind are the C library's, since here CasADi's own functions are called, for speed
+_REWEIGHTED = 30  # passes in which errors of a start count by their size
+_NORMAL = 1.4826  # standard deviations of normal numbers in their median size
 _FUNCTIONS: Memo[tuple[ca.Function, ca.Function]] = Memo(16)
 _MAPPED: Memo[tuple[ca.Function, ca.Function]] = Memo(64)
 _FITS: Memo[_Fit | None] = Memo(64)
@@ -35,7 +38,8 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
 
     x(0) minimises the sum of ((y_k - h(x(t_k)))/std)^2 over the first samples of every output, x being the solution of
     the model from x(0), by the method of Gauss and Newton with the derivatives of the solution. Where no ``std`` is
-    stated it is 1. What the samples do not tell stays at the initial state of the plant.
+    stated it is 1. What the samples do not tell stays at the initial state of the plant. Samples of a number that is
+    given are left out where the output has a gate and a ``std``, and they are outliers to the others.
 
     Parameters
     ----------
@@ -56,7 +60,8 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
     x = np.array([float(guess.get(state, 0.0)) for state in model.states])
     whole = _Task.of(prepared, _MOST if count == AUTO else count)  # gains of observers, which are tried, change nothing
     found = _FITS.get(
-        (count == AUTO, x.tobytes(), whole.key), lambda: _agreeing(prepared, x) if count == AUTO else _fit(whole, x)
+        (count == AUTO, x.tobytes(), whole.key),
+        lambda: _agreeing(prepared, x) if count == AUTO else _without_outliers(whole, x),
     )
     if found is None:
         first = _FEWEST if count == AUTO else count
@@ -95,14 +100,14 @@ class _Fit:
 
 def _fit(task: _Task, x: Floats) -> _Fit | None:
     """The start near x from which the model passes nearest; None where it leaves the numbers."""
-    error, slope = task.residuals(x)
+    error, slope = task.weighted(x)
     for _ in range(_PASSES):
         if not np.all(np.isfinite(error)):
             return None
         step = _least_squares(slope, error)
         for halving in range(_HALVINGS):
             tried = x - step / 2**halving
-            found, its_slope = task.residuals(tried)
+            found, its_slope = task.weighted(tried)
             if np.all(np.isfinite(found)) and found @ found < error @ error:
                 break
         else:
@@ -112,6 +117,31 @@ def _fit(task: _Task, x: Floats) -> _Fit | None:
         if less < _ENOUGH:
             break
     return _Fit(x, slope) if np.all(np.isfinite(error)) else None
+
+
+def _without_outliers(task: _Task, x: Floats) -> _Fit | None:
+    """The fit to all samples, or where gates leave some out, that to the others.
+
+    If all are within the gates of the fit to all, that is the one. Otherwise what is far off counts by its size and no
+    longer by its square, which few outliers turn little; those that are beyond the gates of that fit are left out. Two
+    more samples than states are needed to tell which of them it is, and more than half have to agree.
+    """
+    found = _fit(task, x)
+    if found is None or len(task.gates) < x.size + 2:
+        return found
+    error, _ = task.residuals(found.x)
+    if not np.any(np.abs(error) > task.gates):
+        return found
+    bent = found
+    for _ in range(_REWEIGHTED):
+        weights = 1 / np.sqrt(np.maximum(np.abs(error), 1.0))
+        bent = _fit(replace(task, weights=weights), bent.x) or bent
+        error, _ = task.residuals(bent.x)
+    free = np.sort(np.abs(error))[x.size :]  # those that it need not pass through
+    kept = np.abs(error) <= task.gates * max(1.0, _NORMAL * float(np.median(free)))
+    if kept.all() or 2 * np.count_nonzero(kept) <= kept.size:
+        return found
+    return _fit(replace(task, weights=kept.astype(float)), bent.x) or found
 
 
 def _agreeing(prepared: PreparedEstimate, x: Floats) -> _Fit | None:
@@ -154,6 +184,10 @@ class _Task:
         Inputs at the beginning, middle and end of every step.
     seen : list of tuple
         Of each output the places of its samples in ``times``, their values, and the standard deviation.
+    gates : ndarray
+        Of every sample, in the order of ``seen``; infinite without one, or where the noise is not known.
+    weights : ndarray or float
+        By which the errors of the samples are multiplied.
     """
 
     model: PlantModel
@@ -161,8 +195,10 @@ class _Task:
     times: Floats
     u: Floats
     seen: list[tuple[np.ndarray, Floats, float]]
+    gates: Floats
     steps: ca.Function
     output: ca.Function
+    weights: Floats | float = 1.0
 
     @classmethod
     def of(cls, prepared: PreparedEstimate, count: int) -> _Task:
@@ -177,13 +213,15 @@ class _Task:
         part = np.arange(_STEPS)[:, None] + np.array([0.0, 0.5, 1.0])
         moments = times[:-1, None, None] + np.diff(times)[:, None, None] * part / _STEPS
         u = prepared.u(moments.ravel()).reshape(*moments.shape, len(model.inputs))
+        limits = [math.inf if one.gate is None or one.output not in known else one.gate for one in prepared.samples]
+        gates = np.repeat(limits, [first.size for first in firsts])
         along = _MAPPED.get((same(model), times.size), lambda: _along(model, times.size))
-        return cls(model, prepared.run.plant.parameters, times, u, seen, *along)
+        return cls(model, prepared.run.plant.parameters, times, u, seen, gates, *along)
 
     @property
     def key(self) -> Hashable:
         """All that a fit depends on, beside its first guess."""
-        numbers = self.parameters, self.times, self.u
+        numbers = self.parameters, self.times, self.u, self.gates
         seen = ((places.tobytes(), values.tobytes(), std) for places, values, std in self.seen)
         return same(self.model), *(one.tobytes() for one in numbers), *seen
 
@@ -196,6 +234,11 @@ class _Task:
                 errors.append(self.model.wrapped(i, y[places, i] - values) / std)
                 slopes.append(by_start[places, i] / std)
         return np.concatenate(errors), np.concatenate(slopes)
+
+    def weighted(self, x: Floats) -> tuple[Floats, Floats]:
+        """The same, multiplied by the weights."""
+        error, slope = self.residuals(x)
+        return error * self.weights, slope * np.reshape(self.weights, (-1, 1))
 
     def _along(self, x: Floats) -> tuple[Floats, Floats]:
         """The outputs at every time, shape (k, q), and their derivatives by the state at the start, (k, q, n)."""

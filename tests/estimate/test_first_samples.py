@@ -232,3 +232,29 @@ def test_a_fit_is_made_again_only_where_what_it_depends_on_is_another(monkeypatc
     assert again(a, 3, count=5)
     assert again(a, 3, count="auto")
     assert not again(a, 4, count="auto")
+
+
+def line_of(count: int, outliers: Mapping[int, float], gate: float | None, bend: float = 0.0) -> tuple[float, float]:
+    """The start of a line from noisy samples of 1 - 2 t + bend t^2, some of them off by standard deviations."""
+    t = 0.1 * np.arange(count)
+    a = 1 - 2 * t + bend * t**2 + 0.01 * np.random.default_rng(0).standard_normal(count)
+    for k, size in outliers.items():
+        a[k] += 0.01 * size
+    found = start_of(plant_of({"a": "b", "b": "0"}, "a"), recording(signal("a", t, a, std=0.01, gate=gate)), count)
+    return found["a"], found["b"]
+
+
+@pytest.mark.parametrize("outliers", [{0: 1000.0}, {1: -20.0}, {5: 300.0, 9: 40.0}])
+def test_a_gate_leaves_outliers_out_of_the_first_samples(outliers: Mapping[int, float]) -> None:
+    """What is found is the line through the others."""
+    t = 0.1 * np.arange(10)
+    a = 1 - 2 * t + 0.01 * np.random.default_rng(0).standard_normal(10)
+    kept = np.setdiff1d(np.arange(10), list(outliers))
+    slope, value = np.polyfit(t[kept], a[kept], 1)
+    np.testing.assert_allclose(line_of(10, outliers, 5.0), [value, slope], rtol=0, atol=1e-7)
+
+
+def test_a_gate_changes_no_start_where_samples_agree_or_are_too_few() -> None:
+    assert line_of(10, {}, 5.0) == line_of(10, {}, None)
+    assert line_of(3, {1: 100.0}, 5.0) == line_of(3, {1: 100.0}, None)
+    assert line_of(10, {}, 5.0, bend=4.0) == line_of(10, {}, None, bend=4.0)  # the model is wrong, no sample is
