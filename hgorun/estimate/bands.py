@@ -20,6 +20,7 @@ WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of
 FEWEST = 19  # residuals from which a rank follows
 _OF_A_CLASS = 40
 _CLASSES = 5
+_ALIKE = 1e-5  # times that differ by so small a part are one: those of a steady clock do by rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -61,12 +62,24 @@ def band_of(residuals: Floats, since: Floats) -> Band | None:
         return None
     classes = int(np.clip(sizes.size // _OF_A_CLASS, 1, _CLASSES))
     until = np.unique(np.quantile(since, np.arange(1, classes) / classes)) if classes > 1 else np.zeros(0)
-    until = until[until < since.max()]
+    until = _apart(until[until < since.max()], since)
     which = _classes(until, since)
     members = [sizes[which == k] for k in range(until.size + 1)]
     if any(one.size < FEWEST for one in members):
         until, members = np.zeros(0), [sizes]
     return Band(until, np.array([_bound(one) for one in members]))
+
+
+def _apart(until: Floats, since: Floats) -> Floats:
+    """The ends of classes, none among times that differ by rounding: an end is then a little above these."""
+    above = until * (1 + _ALIKE)
+    if not any(np.any((since > low) & (since <= high)) for low, high in zip(until, above, strict=True)):
+        return until
+    found: list[float] = []
+    for end in above.tolist():
+        if end < since.max() and (not found or end > found[-1] * (1 + _ALIKE)):
+            found.append(end)
+    return np.array(found)
 
 
 def _classes(until: Floats, since: Floats) -> np.ndarray:

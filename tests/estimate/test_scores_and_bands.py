@@ -51,6 +51,21 @@ def test_a_band_covers_what_it_should() -> None:
     assert 0.93 < (coverage(residuals, since) or 0.0) < 0.97
 
 
+def test_times_that_differ_by_rounding_make_no_classes() -> None:
+    """Of a clock with equal steps there is one band, and with a few gaps one more, whatever the roundings."""
+    rng = np.random.default_rng(7)
+    steady = np.diff(1.7e9 + 0.05 * np.arange(401))
+    assert np.unique(steady).size > 1
+    residuals = rng.standard_normal(400)
+    one = band_of(residuals, steady)
+    assert one is not None
+    assert one.level == np.sort(np.abs(residuals))[381 - 1]  # rank ceil(0.95 * 401)
+    gaps = np.append(steady, 2 * steady[:120])
+    two = band_of(np.append(residuals, 10 * residuals[:120]), gaps)
+    assert two is not None
+    assert two.at(gaps).tolist() == [two.widths[0]] * 400 + [two.widths[1]] * 120
+
+
 def test_what_a_kalman_filter_covers_is_told_of_its_own_band_and_the_noise() -> None:
     """Of a constant P remains what it was until the first sample, so that both bands are known by hand."""
     taken, std = np.arange(40.0), 0.5
