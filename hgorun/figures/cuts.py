@@ -19,7 +19,10 @@ _SIZE = 7.0  # points
 _ROW, _LETTER = 1.15 * _SIZE, 0.52 * _SIZE  # points: height of a row, about the width of a letter
 _ROWS = 6  # of marks, one below the other
 _TOUCH = 1e-6  # points
+_APART, _MOST = 14.0, 12  # points between marks of one colour; marks without a value at an edge
 _UNSEEN = 0.01  # of an axis' range: so much is inside the line that the edge is drawn with
+Side = Literal["top", "bottom"]
+_SIDES: dict[Side, float] = {"top": 1.0, "bottom": -1.0}
 _ARROWS = {"top": "↑", "bottom": "↓"}
 
 
@@ -34,13 +37,16 @@ class Cut:
         The place on the horizontal axis, and the value there.
     colour : str
     band : bool
+    told : bool
+        Whether the value is written: of one colour and side that of the furthest is.
     """
 
-    side: Literal["top", "bottom"]
+    side: Side
     x: float
     value: float
     colour: str
     band: bool = False
+    told: bool = True
 
     @property
     def text(self) -> str:
@@ -64,6 +70,45 @@ def cuts(ax: Axes) -> list[Cut]:
     return sorted(found.values(), key=lambda one: -abs(one.value))
 
 
+def further_cuts(ax: Axes, known: Sequence[Cut], apart: float) -> list[Cut]:
+    """Where else lines leave, each time furthest: the furthest first, none close to another one of its colour.
+
+    Parameters
+    ----------
+    known : sequence of Cut
+        What has marks already.
+    apart : float
+        In units of the horizontal axis as it is drawn, from 0 to 1.
+    """
+    further: list[Cut] = []
+    for x, y, colour, band in _drawn(ax):
+        for side in () if band else _SIDES:
+            beyond = _beyond(ax, x, y, side)
+            stretches = np.cumsum(np.diff(beyond, prepend=False))[beyond]
+            t, v, at = x[beyond], y[beyond], _fractions(ax, x[beyond])
+            left = np.ones(t.size, dtype=bool)
+            for one in (*known, *further):
+                if (one.side, one.colour) == (side, colour):
+                    left &= np.abs(at - _fractions(ax, np.array([one.x]))) > apart
+                    left &= ~np.isin(stretches, stretches[t == one.x])
+            while left.any():
+                k = int(np.argmax(np.where(left, np.abs(v), -np.inf)))
+                further.append(Cut(side, float(t[k]), float(v[k]), colour, told=False))
+                left &= (np.abs(at - at[k]) > apart) & (stretches != stretches[k])
+    return sorted(further, key=lambda one: -abs(one.value))
+
+
+def _beyond(ax: Axes, x: np.ndarray, y: np.ndarray, side: str) -> np.ndarray:
+    """Which points are out of sight at an edge; a logarithmic axis has an upper one alone."""
+    (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
+    seen = (x >= left) & (x <= right)
+    logarithmic = ax.get_yscale() == "log"
+    room = high * ((high / low) ** _UNSEEN - 1) if logarithmic else _UNSEEN * (high - low)
+    if side == "top":
+        return np.asarray(seen & (y > high + room))
+    return np.asarray(seen & (y < low - room) & (not logarithmic))
+
+
 def _drawn(ax: Axes) -> Iterator[tuple[np.ndarray, np.ndarray, str, bool]]:
     """The points of lines and the corners of bands, but of those across the panel, such as the line at zero."""
     for line in ax.lines:
@@ -80,17 +125,12 @@ def _drawn(ax: Axes) -> Iterator[tuple[np.ndarray, np.ndarray, str, bool]]:
 
 
 def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str, *, band: bool) -> list[Cut]:
-    (left, right), (low, high) = sorted(ax.get_xlim()), sorted(ax.get_ylim())
-    seen = (x >= left) & (x <= right) & ~np.isnan(y)
-    x, y = x[seen], y[seen]
-    if not y.size:
-        return []
-    logarithmic = ax.get_yscale() == "log"
-    room = high * ((high / low) ** _UNSEEN - 1) if logarithmic else _UNSEEN * (high - low)
-    top, bottom = int(np.argmax(y)), int(np.argmin(y))
-    found = [Cut("top", float(x[top]), float(y[top]), colour, band)] if y[top] > high + room else []
-    if not logarithmic and y[bottom] < low - room:
-        found.append(Cut("bottom", float(x[bottom]), float(y[bottom]), colour, band))
+    found = []
+    for side, sign in _SIDES.items():
+        beyond = _beyond(ax, x, y, side)
+        if beyond.any():
+            k = int(np.argmax(np.where(beyond, sign * y, -np.inf)))
+            found.append(Cut(side, float(x[k]), float(y[k]), colour, band))
     return found
 
 
@@ -112,7 +152,8 @@ class _Place:
 def mark_cuts(ax: Axes, width: float, height: float) -> list[Any]:
     """Draw an arrow with its value for every cut, one below the other where they would hide each other.
 
-    Where all rows are full they stand side by side. If there is no room left, the last one says how many are not drawn.
+    Where a line leaves again at another time there is an arrow alone. Where all rows are full they stand side by side.
+    If there is no room left, the last one says how many are not drawn.
 
     Parameters
     ----------
@@ -126,7 +167,8 @@ def mark_cuts(ax: Axes, width: float, height: float) -> list[Any]:
     list of matplotlib.text.Annotation
         The values.
     """
-    return [_mark(ax, place) for side in _ARROWS for place in _places(ax, side, width, height)]
+    marks = [_mark(ax, place) for side in _SIDES for place in _places(ax, side, width, height)]
+    return [value for value in marks if value is not None]
 
 
 def make_room(ax: Axes, width: float, height: float) -> None:
@@ -153,24 +195,27 @@ def _most(height: float) -> int:
 def _places(ax: Axes, side: str, width: float, height: float) -> list[_Place]:
     rows: list[list[tuple[float, float]]] = [[] for _ in range(_most(height))]
     found: list[_Place] = []
-    here = [one for one in cuts(ax) if one.side == side]
-    for one in here:
-        at = _fraction(ax.transData.transform, ax, one.x) * width
-        length = (len(one.text) + 2) * _LETTER
+    told = cuts(ax)
+    here = [one for one in told if one.side == side]
+    others = [one for one in further_cuts(ax, told, _APART / width) if one.side == side]
+    for one in (*here, *others[:_MOST]):
+        at = float(_fractions(ax, np.array([one.x]))[0]) * width
+        length = (len(one.text) + 2) * _LETTER if one.told else _SIZE
         turned = at + length > width  # it would leave the panel on the right
         start = at - length if turned else at
         free = [
             (abs(left - start), i, left)
             for i, row in enumerate(rows)
             for left in _free(row, start, length)
-            if left == start or 0 <= left <= width - length
+            if left == start or (one.told and 0 <= left <= width - length)
         ]
         if free:
             _, i, left = min(free)
             rows[i].append((left, left + length))
             found.append(_Place(one, i, left - start, turned))
-    if len(found) < len(here):
-        found[-1] = replace(found[-1], more=len(here) - len(found))
+    written = [place for place in found if place.cut.told]
+    if len(written) < len(here):
+        found[len(written) - 1] = replace(written[-1], more=len(here) - len(written))
     return found
 
 
@@ -181,10 +226,10 @@ def _free(row: list[tuple[float, float]], start: float, length: float) -> Iterat
             yield left
 
 
-def _fraction(places: Any, ax: Axes, x: float) -> float:
-    """How far a value of the horizontal axis is from its left end, in units of its length."""
-    (here, _), (left, _), (right, _) = places([(x, 1.0), (ax.get_xlim()[0], 1.0), (ax.get_xlim()[1], 1.0)])
-    return float((here - left) / (right - left))
+def _fractions(ax: Axes, x: np.ndarray) -> np.ndarray:
+    """How far values of the horizontal axis are from its left end, in units of its length."""
+    places = ax.transData.transform(np.column_stack([[*ax.get_xlim(), *x], np.ones(x.size + 2)]))[:, 0]
+    return np.asarray((places[2:] - places[0]) / (places[1] - places[0]))
 
 
 def _mark(ax: Axes, place: _Place) -> Any:
@@ -204,8 +249,8 @@ def _mark(ax: Axes, place: _Place) -> Any:
     step = -_SIZE if turned else _SIZE
     start = place.shift + (-1.0 if turned else 1.0)
     arrow = ax.annotate(_ARROWS[one.side], xytext=(start, down), color=one.colour, fontweight="bold", **how)
-    value = ax.annotate(place.text, xytext=(start + step, down), **how)
-    for text in (arrow, value):
+    value = ax.annotate(place.text, xytext=(start + step, down), **how) if one.told else None
+    for text in (arrow, value) if value is not None else (arrow,):
         text.set_in_layout(False)
         text.set_path_effects(halo("white"))
     return value

@@ -76,7 +76,7 @@ def comparison(results: ResultData | Sequence[ResultData], page: Page = LIGHT) -
         for ax in titled[1::2]:
             ax.set_title(paragraph(window_words("error", several), page.width / columns))
         title = several[0].title if len(several) == 1 else None
-        return on_page(finished(figure, axes, columns, title, grow=True, cuts=True), page.style)
+        return on_page(finished(figure, axes, columns, title, grow=True, cuts=True, order=scene.texts), page.style)
 
 
 def _of_recorded(scene: Scene, results: Sequence[ResultData], states: Sequence[str], page: Page) -> Figure:
@@ -88,7 +88,7 @@ def _of_recorded(scene: Scene, results: Sequence[ResultData], states: Sequence[s
             time_axis(ax, results, span_of(results))
         axes[0].set_title("estimates")
         title = results[0].title if len(results) == 1 else None
-        return on_page(finished(figure, axes, 1, title, grow=True, cuts=True), page.style)
+        return on_page(finished(figure, axes, 1, title, grow=True, cuts=True, order=scene.texts), page.style)
 
 
 def draw(
@@ -152,7 +152,8 @@ def draw(
             if panel.inset is not None and place is not None and scene is not None:
                 detail = replace(scene, window=panel.inset.window)
                 draw_inset(ax, panel.inset, place, partial(_draw_subject, scene=detail, panel=panel))
-        whole = finished(made, axes, figure.columns, figure.title, grow=figure.height is None, cuts=True)
+        order = [look[place].text for place in sorted(look)]
+        whole = finished(made, axes, figure.columns, figure.title, grow=figure.height is None, cuts=True, order=order)
         return on_page(whole, figure.style)
 
 

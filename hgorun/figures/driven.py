@@ -13,14 +13,13 @@ from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve
 from hgorun.figures.panels import lines_of
 from hgorun.figures.scene import Scene
+from hgorun.figures.style import STATE_FEEDBACK
 from hgorun.result.closed import ClosedLoop
 from hgorun.result.data import PLANT, ResultData
 from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-
-REFERENCE = "state feedback"
 
 
 def draw_driven(ax: Axes, scene: Scene, name: str) -> None:
@@ -53,7 +52,7 @@ def _draw(
         if name in names(result):
             values = of(result.closed_loop[PLANT], names(result).index(name))
             curve = data.inside(Curve(result.time, values), scene.window)
-            ax.plot(*data.thinned(curve), **{**scene.truths[run], "label": REFERENCE})
+            ax.plot(*data.thinned(curve), **{**scene.truths[run], "label": STATE_FEEDBACK})
             references.append(curve.v)
 
     def driven(actor: Simulated) -> np.ndarray | None:

@@ -2,10 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from hgorun.figures.style import DOTS, DPI, LARGEST, THEORY, TRUTH
+from hgorun.figures.style import (
+    BAND,
+    BAND_OF_SAMPLES,
+    DOTS,
+    DPI,
+    HELD_OUT,
+    LARGEST,
+    OUTLIERS,
+    REFERENCE,
+    STATE_FEEDBACK,
+    THEORY,
+    TRUTH,
+)
 from hgorun.result.data import ResultData
 from hgorun.tables.typeset import columns as columns_of
 from hgorun.tables.typeset import paragraph, shortened, unit
@@ -53,6 +66,7 @@ def finished(
     grow: bool,
     cuts: bool = False,
     room: bool = False,
+    order: Sequence[str] = (),
 ) -> Figure:
     """Ticks and legend, which need to know all panels; a figure may grow for a long legend.
 
@@ -62,6 +76,8 @@ def finished(
         Mark what the limits of the panels cut off.
     room : bool
         Raise the upper limits of the panels, whose axes are logarithmic, so that these marks lie on nothing.
+    order : sequence of str
+        What the legend calls the observers, in the order of their file.
     """
     from hgorun.figures.cuts import make_room_all, mark_all
     from hgorun.figures.ticks import tick
@@ -74,7 +90,7 @@ def finished(
         for inset in _insets(ax):
             tick(inset, limit=3)
     figure.align_ylabels(axes)
-    legend = _legend(figure, axes, paragraph(title, figure.get_figwidth()) if title else None)
+    legend = _legend(figure, axes, paragraph(title, figure.get_figwidth()) if title else None, order)
     if grow:
         taller = max(legend.get_window_extent().height / figure.dpi - TOP, 0)
         figure.set_figheight(min(figure.get_figheight() + taller, LARGEST))
@@ -109,8 +125,11 @@ def _insets(ax: Axes) -> list[Axes]:
     return [child for child in ax.child_axes if isinstance(child, Axes)]
 
 
-def _legend(figure: Figure, axes: Sequence[Axes], title: str | None) -> Legend:
-    """One legend above all panels, in as many columns as fit; the figure's title is its title."""
+def _legend(figure: Figure, axes: Sequence[Axes], title: str | None, order: Sequence[str]) -> Legend:
+    """One legend above all panels, in as many columns as fit; the figure's title is its title.
+
+    What is measured or true is said once, whatever its greys and sizes in the panels.
+    """
     handles: dict[tuple[str, Any], Any] = {}
     titles = [ax.get_title(loc="left") for ax in axes]
     for ax in axes:
@@ -118,8 +137,11 @@ def _legend(figure: Figure, axes: Sequence[Axes], title: str | None) -> Legend:
             text = str(line.get_label())
             named = text == ax.get_title(loc="left") and titles.count(text) == 1  # by its panel's title
             if not text.startswith("_") and not named:  # matplotlib's own names for what has none
-                handles.setdefault((text, line.get_color()), line)
-    entries = sorted(handles, key=lambda entry: _rank(entry[0]))
+                entry = text, "" if _rank(text) < _OBSERVERS and text not in order else line.get_color()
+                if entry not in handles or handles[entry].get_markersize() < line.get_markersize():
+                    handles[entry] = line
+    places = {text: place for place, text in enumerate(dict.fromkeys(order))}
+    entries = sorted(handles, key=lambda entry: (_rank(entry[0], places), places.get(entry[0], 0)))
     texts = [text for text, _ in entries]
     room = figure.get_figwidth() * figure.dpi - 2 * _MARGIN * figure.dpi
     columns, limit = max(len(texts), 1), max(map(columns_of, texts), default=0)
@@ -147,7 +169,20 @@ def _legend(figure: Figure, axes: Sequence[Axes], title: str | None) -> Legend:
             columns, limit = (columns - 1, limit) if columns > 1 else (1, limit - 2)
 
 
-def _rank(text: str) -> int:
-    """Truth, measurements and theory stand before the observers."""
-    kinds = [str(kind["label"]) for kind in (TRUTH, DOTS, THEORY)]
-    return next((i for i, kind in enumerate(kinds) if text == kind or text.endswith(f": {kind}")), len(kinds))
+_KINDS = [STATE_FEEDBACK, *(str(kind["label"]) for kind in (TRUTH, REFERENCE, DOTS, OUTLIERS, HELD_OUT, THEORY))]
+_OBSERVERS = len(_KINDS)
+
+
+def _rank(text: str, observers: Mapping[str, int] = MappingProxyType({})) -> int:
+    """Truth, reference, measurements and theory stand before the observers, bands behind all else."""
+    if text in observers:
+        return _OBSERVERS
+    if text.startswith((str(BAND["label"]), str(BAND_OF_SAMPLES["label"]))):
+        return _OBSERVERS + 2
+    of = (i for i, kind in enumerate(_KINDS) if text == kind or text.endswith(f": {kind}"))
+    found = next(of, None)
+    if found is None and text.startswith(f"{OUTLIERS['label']} by "):
+        found = _KINDS.index(str(OUTLIERS["label"]))
+    if found is None:
+        found = _OBSERVERS + 1 if observers else _OBSERVERS
+    return found

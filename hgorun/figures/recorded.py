@@ -1,4 +1,4 @@
-"""What panels of recorded data show beside estimates: bands, outliers, and measurements that were not used."""
+"""What panels of recorded data show beside estimates and their bands: outliers, and measurements that were not used."""
 
 from __future__ import annotations
 
@@ -10,31 +10,18 @@ import numpy as np
 from hgorun.figures.data import without_outliers
 from hgorun.figures.looks import Look
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import AMONG, HELD_OUT, OUTLIERS, REFERENCE, edged
+from hgorun.figures.style import AMONG, DARK, DOTS, HELD_OUT, IN_FRONT, OUTLIERS, REFERENCE
 from hgorun.result.data import ResultData
 from hgorun.result.recorded import Unseen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.lines import Line2D
 
 
+_SHOWN = 120  # samples in front of lines that would hide all
+_HIDDEN = 0.01  # of a panel's height: about half the width of a line
 _MANY = 60  # marks of what was not given: more of them would hide samples and estimates
-
-
-def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
-    """The band of every estimate that has one; the edges of those drawn."""
-    edges: list[np.ndarray] = []
-    for actor in scene.actors:
-        assessed, result = actor.observer.assessed, actor.result
-        if assessed is None or state not in result.states:
-            continue
-        k = result.states.index(state)
-        lower, upper = assessed.lower[:, k], assessed.upper[:, k]
-        if np.any(np.isfinite(lower)):
-            how = edged(scene.looks[actor.order].colour, 0.15)
-            ax.fill_between(result.time, lower, upper, **how, zorder=1.2)
-            edges += [lower[np.isfinite(lower)], upper[np.isfinite(upper)]]
-    return edges
 
 
 def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
@@ -54,6 +41,28 @@ def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
                 ax.plot(one.taken[inside], one.y[inside], **how)
                 told.add(label)
     return drawn
+
+
+def draw_in_front(ax: Axes, scene: Scene, state: str, samples: Sequence[Line2D]) -> None:
+    """Some of many samples once more, in front, where the lines of estimates hide nearly all of them.
+
+    Parameters
+    ----------
+    samples : sequence of Line2D
+        Those of recordings, as they are drawn behind the lines; the axis has its limits.
+    """
+    estimates = [
+        (a.result.time, a.observer.xhat[:, a.result.states.index(state)])
+        for a in scene.actors
+        if state in a.result.states
+    ]
+    low, high = ax.get_ylim()
+    for line in samples:
+        t, y = np.array(line.get_data(), dtype=float)
+        apart = [np.abs(np.interp(t, time, xhat) - y) for time, xhat in estimates]
+        if t.size > _SHOWN and apart and np.median(np.min(apart, axis=0)) < _HIDDEN * (high - low):
+            some = np.linspace(0, t.size - 1, _SHOWN).round().astype(int)
+            ax.plot(t[some], y[some], **{**DOTS, "marker": line.get_marker(), **IN_FRONT, "color": DARK, "label": "_"})
 
 
 def _marks(result: ResultData, state: str, looks: Mapping[str, Look]) -> list[tuple[str, Unseen, dict[str, Any]]]:

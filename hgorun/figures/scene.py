@@ -41,6 +41,11 @@ class Scene:
     truths: Mapping[str, Mapping[str, Any]]
     window: Window = None
 
+    @property
+    def texts(self) -> list[str]:
+        """What the legend calls the observers, in their order."""
+        return [self.looks[actor.order].text for actor in self.actors]
+
     @cached_property
     def ranks(self) -> dict[int, int]:
         """The observers by their place, from the roughest: the same in every panel of a figure."""

@@ -38,6 +38,7 @@ TRUTH: dict[str, Any] = {
     "zorder": 5,
     "label": "true",
 }
+STATE_FEEDBACK = "state feedback"  # what a closed loop is drawn beside, as a truth
 # Where one panel shows runs whose truths differ.
 OTHER_TRUTHS: tuple[dict[str, Any], ...] = (
     TRUTH,
@@ -56,6 +57,7 @@ DOTS: dict[str, Any] = {
 }
 # Samples of recorded data, where they are few: a thick line of an estimate would hide them, and nothing else is known.
 IN_FRONT: dict[str, Any] = {"zorder": 4.4, "markersize": 2.6, "markeredgecolor": "white", "markeredgewidth": 0.3}
+DARK = "0.25"  # their colour
 # Of recorded data: what observers did not take, and what they were not given.
 OUTLIERS: dict[str, Any] = {**DOTS, "marker": "x", "markersize": 3.0, "markeredgewidth": 0.7, "label": "not used"}
 HELD_OUT: dict[str, Any] = {
@@ -78,6 +80,14 @@ REFERENCE: dict[str, Any] = {
     "markeredgewidth": 0.4,
     "zorder": 4.8,
     "label": "reference",
+}
+# In a legend: what should lie in bands of estimates, which have the colours of their observers.
+BAND: dict[str, Any] = {"color": "0.82", "linewidth": 5.0, "solid_capstyle": "butt", "label": "95 % of "}
+BAND_OF_SAMPLES: dict[str, Any] = {
+    "color": "0.45",
+    "linestyle": (0, (1.2, 1.4)),
+    "linewidth": 0.6,
+    "label": "95 % of samples",
 }
 # Where either are many: small, and behind the estimates, as samples are.
 AMONG: dict[str, Any] = {"markersize": 2.0, "markeredgewidth": 0, "zorder": 1.6}

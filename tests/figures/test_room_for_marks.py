@@ -77,3 +77,20 @@ def test_a_panel_too_small_for_its_marks_says_how_many_more_there_are() -> None:
     shown = [text.get_text() for text in found]
     assert len(shown) < 10
     assert shown[-1].endswith(f", {10 - len(shown)} more")
+
+
+def test_a_line_that_leaves_again_has_an_arrow_there_without_a_value() -> None:
+    """One for each time, not for each point, and none where it has just left."""
+    figure = Figure(figsize=(4, 1), dpi=72)
+    FigureCanvasAgg(figure)
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    t = np.linspace(0.0, 1.0, 501)
+    heights = np.select([t < 0.1, (t > 0.13) & (t < 0.14), (t > 0.4) & (t < 0.6), t > 0.9], [5.0, 3.0, 2.0, -4.0])
+    ax.plot(t, heights, color=PALETTE[0])
+    ax.plot(t, -heights, color=PALETTE[1])
+    ax.set(xlim=(0, 1), ylim=(-1, 1))
+    assert sorted(text.get_text() for text in mark_cuts(ax, 288.0, 72.0)) == ["4", "5", "−4", "−5"]
+    arrows = [child for child in ax.get_children() if isinstance(child, Annotation) and child.get_text() in "↑↓"]
+    top = [one for one in arrows if one.get_text() == "↑" and one.get_color() == PALETTE[0].lower()]
+    assert sorted(round(float(one.xy[0]), 2) for one in top) == [0.0, 0.13, 0.4]
+    assert len(arrows) == 4 + 2 * 2  # as many of the line that is its mirror image

@@ -1,0 +1,169 @@
+"""Bands of estimates of recorded data: what should lie in them, and how those that jump at samples are drawn."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from hgorun.figures.actors import Simulated
+from hgorun.figures.data import Curve, inside
+from hgorun.figures.scene import Scene
+from hgorun.figures.style import BAND, BAND_OF_SAMPLES, edged
+from hgorun.result.observer import ObserverResult
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_TEETH = 60  # of a band in a panel: of more, tips are joined
+_MANY = 300  # samples in a band of samples
+_FLAT = 1e-9  # of the largest width: smaller differences are roundings
+_WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers
+
+
+def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
+    """The band of every estimate that has one, with what it is of for the legend; the edges of those drawn.
+
+    Beside samples that were held out, the band of a Kalman filter has a dotted one about it: that of samples, with
+    their noise, from the variance of the innovations.
+    """
+    edges: list[np.ndarray] = []
+    kinds = _kinds(scene)
+    names = {what: ", ".join(dict.fromkeys(scene.looks[a.order].text for a in who)) for what, who in kinds.items()}
+    whose = {what: f" ({text})" if len(kinds) > 1 else "" for what, text in names.items()}
+    for what, actors in kinds.items():
+        label = BAND["label"] + what + whose[what]
+        for actor in actors:
+            found = _band(actor, state)
+            if found is not None:
+                edges += _draw(ax, scene, actor, *found)
+                ax.plot([], [], **{**BAND, "label": label})
+    for actor in kinds.get(_STATE, ()):
+        for output in actor.result.outputs_of(state):
+            found = _of_samples(actor, state, output)
+            if found is not None:
+                edges += _draw(ax, scene, actor, *found, dotted=True)
+                label = BAND_OF_SAMPLES["label"] + whose[_STATE]
+                ax.plot([], [], **{**BAND_OF_SAMPLES, "label": label})
+    return edges
+
+
+_STATE, _MEASURED = "the true state", "samples"
+
+
+def _kinds(scene: Scene) -> dict[str, list[Simulated]]:
+    """The observers with bands, by what should lie in these."""
+    found: dict[str, list[Simulated]] = {}
+    for actor in scene.actors:
+        assessed = actor.observer.assessed
+        if assessed is not None and np.any(np.isfinite(assessed.lower)):
+            found.setdefault(_STATE if _of_covariance(actor.observer) else _MEASURED, []).append(actor)
+    return found
+
+
+def _of_covariance(observer: ObserverResult) -> bool:
+    """Whether the band of an estimate is that of its covariance P, and not one of residuals."""
+    assessed, P = observer.assessed, observer.internal.get("P")
+    if assessed is None or P is None or P.shape != (*observer.xhat.shape, observer.xhat.shape[1]):
+        return False
+    half = (assessed.upper - assessed.lower) / 2
+    deviation = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), 0.0))
+    known = np.isfinite(half) & np.isfinite(deviation)
+    return bool(known.any() and np.allclose(half[known], _WIDE * deviation[known], rtol=1e-4, atol=1e-12))
+
+
+def _band(actor: Simulated, state: str) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """Times and both edges; None without a band of this state."""
+    assessed, result = actor.observer.assessed, actor.result
+    if assessed is None or state not in result.states:
+        return None
+    k = result.states.index(state)
+    lower, upper = assessed.lower[:, k], assessed.upper[:, k]
+    return (result.time, lower, upper) if np.any(np.isfinite(lower)) else None
+
+
+def _of_samples(actor: Simulated, state: str, output: str) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """The band of samples, at those that came; None where none was held out, or the noise is not known."""
+    result, recorded = actor.result, actor.result.recorded
+    if recorded is None or output not in recorded.held_out:
+        return None
+    one, k = recorded.outputs[output], list(result.observers).index(actor.label)
+    innovation, nis = one.innovation[:, k], one.nis[:, k]
+    known = np.flatnonzero((nis > 0) & np.isfinite(nis))
+    if not known.size:
+        return None
+    known = known[np.argsort(one.taken[known], kind="stable")]
+    half = _WIDE * np.abs(innovation[known]) / np.sqrt(nis[known])
+    middle = one.y[known] - innovation[known]
+    if known.size > _MANY:  # the estimate itself is smoother than what was predicted, and not to be told from it
+        middle = np.interp(one.taken[known], result.time, actor.observer.xhat[:, result.states.index(state)])
+    return one.taken[known], middle - half, middle + half
+
+
+def _draw(
+    ax: Axes,
+    scene: Scene,
+    actor: Simulated,
+    t: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    *,
+    dotted: bool = False,
+) -> list[np.ndarray]:
+    """A band, with its hairs joined; its edges in the window of the scene."""
+    start, end = scene.window or (actor.result.time[0], actor.result.time[-1])
+    half = without_hairs(t, upper - lower, (end - start) / _TEETH) / 2
+    middle = (lower + upper) / 2
+    lower, upper = middle - half, middle + half
+    how = edged(scene.looks[actor.order].colour, 0.0 if dotted else 0.15)
+    how |= {"linestyle": BAND_OF_SAMPLES["linestyle"], "linewidth": BAND_OF_SAMPLES["linewidth"]} if dotted else {}
+    ax.fill_between(t, lower, upper, **how, zorder=1.3 if dotted else 1.2)
+    shown = [inside(Curve(t, edge), scene.window).v for edge in (lower, upper)]
+    return [edge[np.isfinite(edge)] for edge in shown]
+
+
+def without_hairs(t: np.ndarray, width: np.ndarray, narrowest: float) -> np.ndarray:
+    """The width of a band, with tips joined that are closer to each other than a time.
+
+    Of a band that is drawn with its edges, tips so close are a comb of hairs that hides all else. Where they are
+    farther apart nothing changes: it is seen how the band grows from sample to sample.
+
+    Parameters
+    ----------
+    t, width : ndarray, shape (Nt,)
+        The width is NaN where there is no band, and stays so.
+    narrowest : float
+        In units of t.
+    """
+    found = width.copy()
+    known = np.flatnonzero(np.isfinite(width))
+    for piece in np.split(known, np.flatnonzero(np.diff(known) > 1) + 1):
+        found[piece] = _joined(t[piece], width[piece], narrowest)
+    return found
+
+
+def _joined(t: np.ndarray, width: np.ndarray, narrowest: float) -> np.ndarray:
+    """Again and again: among the tips of small teeth there are those of larger ones."""
+    while True:
+        first, last = _tips(width)
+        close = np.flatnonzero(t[first[1:]] - t[last[:-1]] < narrowest)
+        begins = np.zeros(width.size, dtype=int)
+        begins[last[close] + 1] += 1
+        begins[first[close + 1]] -= 1
+        between = np.cumsum(begins) > 0
+        if not between.any():
+            return width
+        knots = np.unique([first, last])
+        joined = np.where(between, np.maximum(width, np.interp(t, t[knots], width[knots])), width)
+        if np.array_equal(joined, width):
+            return width
+        width = joined
+
+
+def _tips(width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The first and the last place of every highest stretch between lower ones."""
+    slope = np.diff(width)
+    rising = np.where(np.abs(slope) > _FLAT * np.max(np.abs(width), initial=0.0), np.sign(slope), 0.0)
+    steps = np.flatnonzero(rising)
+    tops = np.flatnonzero((rising[steps[:-1]] > 0) & (rising[steps[1:]] < 0))
+    return steps[tops] + 1, steps[tops + 1]
