@@ -8,7 +8,16 @@ import numpy as np
 
 from hgorun.ensemble.collected import Collected, Floats, Trajectories, levels, shown
 from hgorun.errors import ConfigError
-from hgorun.figures.data import MAX_POINTS, Curve, finite, magnitude_limits, mean_of_block, state_limits, thinned
+from hgorun.figures.data import (
+    MAX_POINTS,
+    Curve,
+    finite,
+    largest_nearby,
+    magnitude_limits,
+    mean_of_block,
+    state_limits,
+    thinned,
+)
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
@@ -23,13 +32,14 @@ from hgorun.figures.lost import (
 )
 from hgorun.figures.page import AS_IT_IS, LIGHT, Page
 from hgorun.figures.style import PALE, TRUTH, styled
-from hgorun.tables.typeset import symbol, unit
+from hgorun.tables.typeset import both, error_of, paragraph, time_unit, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 _ROW = 1.8
+_WINDOW = 0.01  # of the time that is shown: errors are the largest in it
 POINTS = 1_000  # of a band, along time
 _PARTS = 100  # in which medians are looked at: a comb is pale, with its mean in it
 _FEWEST = 20  # members whose quantiles are drawn: of fewer there is no 5 %
@@ -40,7 +50,8 @@ _TICKS = 8  # of a scale of colours
 def bands(members: Collected, *, width: float = WIDTH) -> Figure:
     """Every state on the left, the size of the errors on the right: medians, 50 % and 90 % of the members at each time.
 
-    Of fewer than twenty members each has a line of its own in place of quantiles.
+    A size is the largest in a moving window: errors pass zero so often that bands would be a mesh of dips. Of fewer
+    than twenty members each has a line of its own in place of quantiles.
 
     Parameters
     ----------
@@ -67,15 +78,21 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
             for i, look in enumerate(cast.looks.values()):
                 xhat = kept.xhat[:, i, ::step, j]
                 estimates.append(band(left, time, xhat, look, i, signed=True))
-                sizes.append(band(right, time, np.abs(xhat - truth), look, i, signed=False))
+                error = np.abs(kept.xhat[:, i, :, j] - kept.x[:, :, j])
+                largest = largest_nearby(error, round(_WINDOW * len(kept.time)))[:, ::step]
+                sizes.append(band(right, time, largest, look, i, signed=False))
             left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **truth_of(one_truth))
             left.set_ylim(state_limits([truth[np.isfinite(truth)]], estimates, []) or (0, 1))
             right.set_ylim(magnitude_limits(sizes, []) or (0.1, 1))
             measured_in = unit(members.units.get(state, ""))
-            left.set_ylabel(rf"${symbol(state)},\ {symbol(state, hat=True)}$" + measured_in)
-            right.set_ylabel(rf"$|{symbol(state, hat=True)} - {symbol(state)}|$" + measured_in)
+            left.set_ylabel(f"${both(state)}$" + measured_in)
+            right.set_ylabel(f"$|{error_of(state)}|$" + measured_in)
             for ax in (left, right):
                 _time_axis(ax, members, kept)
+        titled = axes[1::2] if cast.narrow else axes[1:2]
+        for ax in titled:
+            length = f"{_WINDOW * (kept.time[-1] - kept.time[0]):.3g} {time_unit(members.units)}".rstrip()
+            ax.set_title(paragraph(f"largest error in a moving window of {length}", figure.get_figwidth() / columns))
         count = len(kept.member)
         title = (
             f"{count} members, and their median" if count < _FEWEST else f"medians, 50 % and 90 % of {count} members"
@@ -183,8 +200,7 @@ def family(
                 for one in truth[:1] if np.all(truth == truth[:1]) else truth:
                     ax.plot(*thinned(Curve(kept.time, one)), **TRUTH)
             ax.set_ylim(state_limits([] if error else [truth[np.isfinite(truth)]], drawn, []) or (0, 1))
-            name, hat = symbol(state), symbol(state, hat=True)
-            ax.set_ylabel((f"${hat} - {name}$" if error else rf"${name},\ {hat}$") + unit(members.units.get(state, "")))
+            ax.set_ylabel(f"${error_of(state) if error else both(state)}$" + unit(members.units.get(state, "")))
             if (k < columns or cast.narrow) and len(members.observers) > 1:
                 ax.set_title(cast.looks[label].text, loc="center")
             _time_axis(ax, members, kept)

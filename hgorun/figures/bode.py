@@ -14,7 +14,7 @@ from hgorun.figures.page import LIGHT, Page, on_page
 from hgorun.figures.style import styled
 from hgorun.result.data import ResultData
 from hgorun.result.theory import Bode
-from hgorun.tables.typeset import symbol, unit
+from hgorun.tables.typeset import estimate_of, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -60,7 +60,7 @@ def bode_figure(data: Bode, result: ResultData, page: Page = LIGHT) -> Figure:
                 ax.set_ylim(max(low, high * 10.0**-_DECADES) / 2, high * 2)
             ax.set_xlim(data.omega[0], data.omega[-1])
             ax.set_xlabel(r"$\omega$" + unit(f"rad/{rate}" if rate else ""))
-            ax.set_ylabel(rf"${noise} \rightarrow {symbol(name, hat=True)}$" + unit(_gain_unit(result, name)))
+            ax.set_ylabel(rf"${noise} \rightarrow {estimate_of(name)}$" + unit(_gain_unit(result, name)))
         title = "from measurement noise to the estimates, linearised at the end of the run"
         return on_page(finished(figure, axes, 1, title, grow=True), page.style)
 

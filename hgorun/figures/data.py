@@ -162,6 +162,21 @@ def moving_maximum(curve: Curve, points: int) -> Curve:
     return Curve(curve.t, np.maximum(found[:count], found[rest : rest + count]))
 
 
+def largest_nearby(v: np.ndarray, points: int) -> np.ndarray:
+    """As :func:`moving_maximum`, in every row; what is no number stays so, and is left out of the others.
+
+    Parameters
+    ----------
+    v : ndarray, shape (K, Nt)
+        Not negative.
+    """
+    from scipy.ndimage import maximum_filter1d
+
+    known = np.isfinite(v)
+    found = maximum_filter1d(np.where(known, v, 0.0), 2 * (points // 2) + 1, axis=1, mode="nearest") if v.size else v
+    return np.where(known, found, v)
+
+
 def without_outliers(v: np.ndarray) -> np.ndarray:
     """Recorded values that an axis is made for: none far from where all but half a hundredth at either end lie.
 

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 WIDTH, PANEL_WIDTH = TWO, 2.4  # inches: of a figure, and of a panel at least
 MOST_STATES = 6  # side by side
 _BINS = 16  # of an axis with more values than can be told apart
+_ROUNDINGS = 1e-9  # of numbers: what differs by less is drawn as equal
 _LOGARITHMIC = 5.0  # an axis whose values span more is logarithmic
 
 
@@ -163,11 +164,16 @@ def places(values: NDArray[Any]) -> tuple[Floats, NDArray[np.int64]]:
     return np.array([float(np.median(values[whose == k])) for k in range(_BINS)]), whose
 
 
-def scale_axis(ax: Axes, which: str, values: Sequence[float] | Floats) -> None:
-    """A logarithmic axis where numbers are positive and span much."""
+def spans_much(values: Sequence[float] | Floats) -> bool:
+    """Whether numbers are positive and span much, so that a logarithmic axis shows them best."""
     found = np.asarray(values, dtype=float)
     found = found[np.isfinite(found) & (np.abs(found) <= LARGEST_NUMBER)]
-    if found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min():
+    return bool(found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min())
+
+
+def scale_axis(ax: Axes, which: str, values: Sequence[float] | Floats) -> None:
+    """A logarithmic axis where numbers are positive and span much."""
+    if spans_much(values):
         (ax.set_xscale if which == "x" else ax.set_yscale)("log")
 
 
@@ -176,7 +182,8 @@ def limits(low: float, high: float, *, logarithmic: bool, margin: float = 0.06) 
     if logarithmic:
         ratio = (high / low) ** margin if high > low else 1.5
         return low / ratio, high * ratio
-    room = margin * (high - low) or 0.1 * abs(high) or 0.1
+    wide = high - low > _ROUNDINGS * max(abs(low), abs(high))
+    room = margin * (high - low) if wide else 0.1 * abs(high) or 0.1
     return low - room, high + room
 
 

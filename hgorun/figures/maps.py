@@ -129,7 +129,7 @@ def _short(value: float) -> str:
     """A number that fits into a cell; nothing where none does."""
     if 100 <= abs(value) < 1e4:
         return f"{value:.0f}"
-    text = f"{value:.2g}"
+    text = f"{value:#.2g}".removesuffix(".")
     return text if "e" not in text else ""
 
 

@@ -17,7 +17,7 @@ from hgorun.figures.followed import MembersData
 from hgorun.figures.looks import Look
 from hgorun.figures.page import AS_IT_IS
 from hgorun.figures.style import TRUTH
-from hgorun.tables.typeset import symbol, unit
+from hgorun.tables.typeset import both, error_of, symbol, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -67,10 +67,9 @@ def draw_members(
     if limits is not None:
         ax.set_ylim(limits)
     ax.set_xlim(panel.window or data.span)
-    units, hat = members.units, symbol(name, hat=True)
-    both = rf"${symbol(name)},\ {hat}$" if own else f"${symbol(name)}$"
-    said = {"state": both, "error": f"${hat} - {symbol(name)}$", "magnitude": f"$|{hat} - {symbol(name)}|$"}
-    ax.set_ylabel(said[panel.subject] + unit(units.get(name, "")))
+    units, error = members.units, error_of(name)
+    said = {"state": both(name) if own else symbol(name), "error": error, "magnitude": f"|{error}|"}
+    ax.set_ylabel(f"${said[panel.subject]}$" + unit(units.get(name, "")))
     ax.set_xlabel("time" + unit(units.get("time", "")))
 
 

@@ -15,7 +15,7 @@ from hgorun.figures.recorded import draw_in_front, draw_unseen
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import DARK, DOTS, IN_FRONT, OTHER_MEASUREMENTS, PALE, TRACE, WIDER, WIDTHS
 from hgorun.result.data import ResultData
-from hgorun.tables.typeset import symbol, unit, words
+from hgorun.tables.typeset import both, error_of, estimate_of, symbol, unit, words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,15 +44,15 @@ def _shown(name: str, scene: Scene, *, true: bool) -> str:
     if not scene.actors:
         return symbol(name)
     if all(one.recorded is not None for one in scene.results.values()):
-        return symbol(name, hat=not true)
-    return rf"{symbol(name)},\ {symbol(name, hat=True)}"
+        return symbol(name) if true else estimate_of(name)
+    return both(name)
 
 
 def draw_error(ax: Axes, scene: Scene, name: str) -> None:
     """Estimates of a state minus the truth."""
     ax.axhline(0, color="black", linewidth=0.5, zorder=1)
     _limit(ax, data.error_limits(*_estimates(ax, scene, name, lambda actor, xhat, k: xhat - actor.truth[:, k])))
-    ax.set_ylabel(f"${symbol(name, hat=True)} - {symbol(name)}$" + _unit(scene, name))
+    ax.set_ylabel(f"${error_of(name)}$" + _unit(scene, name))
 
 
 def draw_magnitude(ax: Axes, scene: Scene, name: str) -> None:
@@ -63,7 +63,7 @@ def draw_magnitude(ax: Axes, scene: Scene, name: str) -> None:
         ax, scene, name, lambda actor, xhat, k: np.abs(xhat - actor.truth[:, k]), moving_maximum=True
     )
     _limit(ax, data.magnitude_limits(healthy, lost))
-    ax.set_ylabel(f"$|{symbol(name, hat=True)} - {symbol(name)}|$" + _unit(scene, name))
+    ax.set_ylabel(f"$|{error_of(name)}|$" + _unit(scene, name))
 
 
 def draw_output(ax: Axes, scene: Scene, name: str) -> None:

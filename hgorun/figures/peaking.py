@@ -17,7 +17,7 @@ from hgorun.figures.scene import from_roughest
 from hgorun.figures.style import styled
 from hgorun.result.data import ResultData
 from hgorun.result.theory import Transient
-from hgorun.tables.typeset import symbol, unit
+from hgorun.tables.typeset import error_of, unit
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -25,7 +25,10 @@ if TYPE_CHECKING:
 _ROW = 1.8
 _BOUND, _NOMINAL = (0, (3, 2)), (0, (1, 2))
 # Of all observers alike, each in the observer's colour: the legend has them once.
-_BESIDE = {_BOUND: "bound of the theorem", _NOMINAL: "decay of the theorem, which does not hold here"}
+_BESIDE = {
+    _BOUND: "bound of the theorem",
+    _NOMINAL: "no bound of this run: that of an ideal one, without noise, delay and disturbance",
+}
 _DECADES = 12  # that an axis shows at most
 _MAX_POINTS = 2000  # points of a line: noise is a band of them
 
@@ -36,8 +39,9 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
     An error is drawn as the largest one from then on, for as long as the metrics' moving average: noisy errors cross
     zero so often that they would hide each other. A bound that falls is above that where it is above the error.
 
-    Where the run does not meet what the theorem assumes the bound's nominal decay is dotted, which bounds nothing
-    there. Observers that compute in other coordinates have rows of their own; the caption names those without a bound.
+    Where the run does not meet what the theorem assumes it has no bound: dotted is that of an ideal run, which
+    shows what the theorem would promise. The title names the experiment. Observers that compute in other
+    coordinates have rows of their own; the caption names those without a bound.
 
     Parameters
     ----------
@@ -86,14 +90,14 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
                         drawn.append(curve.v)
             ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))
-            ax.set_ylabel(rf"$|{symbol(name, hat=True)} - {symbol(name)}|$" + unit(result.units.get(name, "")))
+            ax.set_ylabel(f"$|{error_of(name)}|$" + unit(result.units.get(name, "")))
         drawn_beside = {
             _BOUND if t.holds else _NOMINAL for t in transients.values() if t.holds or t.nominal is not None
         }
         for line, text in _BESIDE.items() if names else ():
             if line in drawn_beside:
                 axes[-1].plot([], [], color="0.3", linestyle=line, linewidth=0.6, label=text)
-        title = window_words("error", [result])
+        title = f"{result.title or result.name}: {window_words('error', [result])}"
         if others:
             title += f"; not drawn, having no bound: {', '.join(others)}"
         return on_page(finished(figure, axes, 1, title, grow=True, cuts=True, room=True), page.style)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
@@ -12,7 +12,7 @@ from hgorun.figures import lost
 from hgorun.figures.looks import Look
 from hgorun.figures.style import POINTS, THEORY
 from hgorun.result.metrics.base import all_metrics
-from hgorun.tables.typeset import symbol, unit
+from hgorun.tables.typeset import error_of, symbol, unit
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -26,7 +26,7 @@ def measured_on(quantity: str, state: str) -> str:
     metric = all_metrics(closed=True).get(quantity)
     if metric is not None and metric.closed:
         return symbol(state)
-    return f"{symbol(state, hat=True)} - {symbol(state)}"
+    return error_of(state)
 
 
 def quantities() -> dict[str, str]:
@@ -120,6 +120,7 @@ def draw_scaling(
     if any(data.observers[label].theory is not None for label in labels):
         ax.plot([], [], **THEORY)
         ax.plot([], [], **POINTS)
+    _say_lost(ax, [data.observers[label] for label in labels])
     _limit(ax, data.values, drawn)
     ax.set_ylabel(quantities()[quantity].format(measured_on(quantity, data.state)) + unit(data.unit))
     ax.set_xlabel(f"${symbol(data.name)}$")
@@ -154,6 +155,16 @@ def _bars(ax: Axes, x: np.ndarray, spread: np.ndarray, look: Look) -> list[np.nd
         ends = rows[[low, high]][:, shown]
         found.append(ends[np.isfinite(ends)])
     return found
+
+
+def _say_lost(ax: Axes, observers: Sequence[ScaledObserver]) -> None:
+    """Say above a panel why bars of seeds have no end, where there are such."""
+    spreads = [one.spread for one in observers if one.spread is not None]
+    count = sum(int(np.count_nonzero(~np.isfinite(spread))) for spread in spreads)
+    if count:
+        text = f"{count} of {sum(spread.size for spread in spreads)} estimates lost: they count as infinite"
+        where: dict[str, Any] = {"ha": "right", "va": "bottom", "transform": ax.transAxes}
+        ax.text(1.0, 1.01, text, fontsize=7, **where)
 
 
 def _limit(ax: Axes, values: np.ndarray, drawn: Sequence[np.ndarray]) -> None:

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, limits, places, pooled_over, scale_axis
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, limits, places, pooled_over, scale_axis, spans_much
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.lost import draw_bands, draw_crosses, drawn_median, mostly_lost, spread, words_of_lost
@@ -45,16 +45,18 @@ def against(members: Collected, axis: str, metrics: Sequence[str], *, width: flo
         columns = cast.columns(len(cast.states))
         height = PANEL * (len(shown) // columns) + TOP
         figure, axes = grid(len(shown), columns, cast.width_of_states, height, share=True)
+        rows: dict[str, list[tuple[Axes, Floats]]] = {metric: [] for metric in metrics}
         for ax, (metric, state) in zip(axes, shown, strict=True):
             drawn = []
             for order, (label, look) in enumerate(cast.looks.items()):
                 found = at_places(*cast.column(metric, label, state), whose, len(at))
                 _band(ax, at, found, look, order)
                 drawn.append(found)
-            _scale(ax, drawn)
+            rows[metric].append((ax, _finite(drawn)))
             ax.set_ylabel(cast.quantity(metric, state))
             ax.set_xlabel(axis_label(axis, members.units))
             _ticks(ax, members, axis, at)
+        _scale(rows)
         title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}"
         title += words_of_lost_at(members, whose, len(at))
         return finished(figure, axes, columns, title, grow=True)
@@ -83,12 +85,18 @@ def _band(ax: Axes, at: Floats, found: Floats, look: Look, order: int) -> None:
     draw_crosses(ax, at[mostly_lost(found)], look, order)
 
 
-def _scale(ax: Axes, drawn: Sequence[Floats]) -> None:
-    values = np.concatenate([found[np.isfinite(found)] for found in drawn] or [np.empty(0)])
-    if values.size:
-        scale_axis(ax, "y", values)
-        low, high = float(values.min()), float(values.max())
-        ax.set_ylim(limits(low, high, logarithmic=ax.get_yscale() == "log"))
+def _finite(drawn: Sequence[Floats]) -> Floats:
+    return np.concatenate([found[np.isfinite(found)] for found in drawn] or [np.empty(0)])
+
+
+def _scale(rows: Mapping[str, Sequence[tuple[Axes, Floats]]]) -> None:
+    """Limits, and logarithmic axes for all panels of a metric if one of them spans much, and all can be so."""
+    for row in rows.values():
+        known = [(ax, values) for ax, values in row if values.size]
+        logarithmic = all(values.min() > 0 for _, values in known) and any(map(spans_much, (v for _, v in known)))
+        for ax, values in known:
+            ax.set_yscale("log" if logarithmic else "linear")
+            ax.set_ylim(limits(float(values.min()), float(values.max()), logarithmic=logarithmic))
 
 
 def _ticks(ax: Axes, members: Collected, axis: str, at: Floats) -> None:
@@ -119,14 +127,16 @@ def boxes(members: Collected, metrics: Sequence[str], *, width: float = WIDTH) -
         columns = cast.columns(len(cast.states))
         height = PANEL * (len(shown) // columns) + TOP
         figure, axes = grid(len(shown), columns, cast.width_of_states, height, share=False)
+        rows: dict[str, list[tuple[Axes, Floats]]] = {metric: [] for metric in metrics}
         for ax, (metric, state) in zip(axes, shown, strict=True):
             drawn = [
                 _box(ax, i, *cast.column(metric, label, state), look)
                 for i, (label, look) in enumerate(cast.looks.items())
             ]
-            _scale(ax, drawn)
+            rows[metric].append((ax, _finite(drawn)))
             ax.set_ylabel(cast.quantity(metric, state))
             _names(ax, cast, metric, state, tall=figure.get_figwidth() / columns)
+        _scale(rows)
         title = f"{len(members)} members: median, box 50 %, whiskers 90 %{pooled_over(members, [])}"
         return finished(figure, axes, columns, title, grow=True)
 

@@ -146,6 +146,7 @@ _RC: dict[str, Any] = {
     "axes.titlepad": 4.0,
     "axes.formatter.use_mathtext": True,
     "axes.formatter.limits": (-4, 5),
+    "axes.formatter.offset_threshold": 7,  # a number to be added in a corner is overlooked: labels have so many digits
     "axes.grid": True,
     "axes.axisbelow": True,
     "grid.color": GRID,

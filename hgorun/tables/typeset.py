@@ -36,6 +36,38 @@ def time_unit(units: Mapping[str, str]) -> str:
     return "" if found in ("-", "1") else found
 
 
+def is_word(name: str) -> bool:
+    """Whether a name is set upright, being neither a letter nor a Greek one: a hat on it is mistaken for an accent."""
+    return symbol(name).startswith(r"\mathrm")
+
+
+def both(name: str) -> str:
+    r"""A state and its estimate on one axis, as mathematics without dollar signs; a word stands for both.
+
+    >>> both("x1"), both("speed")
+    ('x_{1},\\ \\hat{x}_{1}', '\\mathrm{speed}')
+    """
+    return symbol(name) if is_word(name) else rf"{symbol(name)},\ {symbol(name, hat=True)}"
+
+
+def estimate_of(name: str) -> str:
+    r"""The estimate of a state as mathematics without dollar signs.
+
+    >>> estimate_of("x1"), estimate_of("speed")
+    ('\\hat{x}_{1}', '\\mathrm{speed}\\ \\mathrm{estimate}')
+    """
+    return rf"{symbol(name)}\ \mathrm{{estimate}}" if is_word(name) else symbol(name, hat=True)
+
+
+def error_of(name: str) -> str:
+    r"""The error of an estimate as mathematics without dollar signs.
+
+    >>> error_of("x1"), error_of("speed")
+    ('\\hat{x}_{1} - x_{1}', '\\mathrm{speed}\\ \\mathrm{error}')
+    """
+    return rf"{symbol(name)}\ \mathrm{{error}}" if is_word(name) else f"{symbol(name, hat=True)} - {symbol(name)}"
+
+
 def symbol(name: str, *, hat: bool = False) -> str:
     r"""A name as mathematics, for matplotlib and for LaTeX, without dollar signs.
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,14 +17,18 @@ from matplotlib.figure import Figure
 from hgorun.ensemble.collected import Collected, Trajectories
 from hgorun.errors import ConfigError
 from hgorun.figures.bands import bands, family
-from hgorun.figures.ensemble import axis_label, places
+from hgorun.figures.data import largest_nearby
+from hgorun.figures.ensemble import axis_label, limits, places
 from hgorun.figures.ensembles import figures_of
 from hgorun.figures.files import save
 from hgorun.figures.fronts import front
+from hgorun.figures.layout import grid
 from hgorun.figures.looks import family_colour
-from hgorun.figures.maps import heat_map
+from hgorun.figures.maps import _short, heat_map
 from hgorun.figures.page import STYLES, Page, on_page
 from hgorun.figures.spread import against, boxes
+from hgorun.figures.style import styled
+from hgorun.figures.ticks import tick
 
 THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
 THETAS, PERIODS, SEEDS = np.array([2.0, 4.0, 8.0, 16.0]), np.array([0.1, 0.2, 0.3]), np.arange(9)
@@ -182,6 +187,23 @@ def test_boxes_tell_how_many_are_lost() -> None:
 
 
 @pytest.mark.costly
+@pytest.mark.parametrize(
+    "draw", [lambda members: boxes(members, ["hf", "rmse"]), lambda members: against(members, THETA, ["hf", "rmse"])]
+)
+def test_panels_of_a_metric_are_logarithmic_together(draw: Callable[[Collected], Figure]) -> None:
+    """Where one of them spans much, and all numbers can be shown so."""
+    members = made(lost=False)
+    narrow = members.metrics["rmse"] / 1e3 + 1
+    wide = np.concatenate(
+        [narrow[..., :1], np.geomspace(1, 100, len(members))[:, None, None] * narrow[..., 1:]], axis=-1
+    )
+    crossing = wide - 2.0
+    for hf, scale in ((wide, "log"), (crossing, "linear")):
+        figure = draw(replace(members, metrics={"hf": hf, "rmse": narrow}))
+        assert [ax.get_yscale() for ax in figure.axes] == [scale, scale, "linear", "linear"]
+
+
+@pytest.mark.costly
 def test_bands_along_time() -> None:
     members = made()
     figure = bands(members)
@@ -189,7 +211,8 @@ def test_bands_along_time() -> None:
     assert kept is not None
     _, median = lines(figure, 0, "F")
     np.testing.assert_allclose(median, np.median(kept.xhat[:, 0, :, 0], axis=0), rtol=1e-12)
-    _, error = lines(figure, 1, "F")
+    _, error = lines(figure, 1, "F")  # of 51 points a window of a hundredth is the point itself
+    assert figure.axes[1].get_title(loc="left") == "largest error in a moving window of 0.05 h"
     np.testing.assert_allclose(error, np.median(np.abs(kept.xhat - kept.x[:, None])[:, 0, :, 0], axis=0), rtol=1e-12)
 
 
@@ -314,3 +337,27 @@ def test_names_of_axes() -> None:
     assert axis_label("measurement.noise.0.std") == "std of noise"
     assert axis_label("measurement.noise.0.std", {"time": "s", "measurement.noise.0.std": "m"}) == "std of noise [m]"
     assert axis_label("plant.parameters.mu_max") == "$\\mu_{\\mathrm{max}}$"
+
+
+def test_numbers_in_cells_have_two_digits() -> None:
+    values = (0.2, 1.0, 27.4, 10.0, 123.4, 0.0069999, 1e-7, 1e5, 0.0)
+    assert [_short(value) for value in values] == ["0.20", "1.0", "27", "10", "123", "0.0070", "", "", "0.0"]
+
+
+def test_the_largest_error_nearby_leaves_out_what_is_lost() -> None:
+    values = np.array([[1.0, 5.0, 2.0, np.nan, np.inf], [0.0, 0.0, 0.0, 0.0, 3.0]])
+    expected = [[5.0, 5.0, 5.0, np.nan, np.inf], [0.0, 0.0, 0.0, 3.0, 3.0]]
+    np.testing.assert_array_equal(largest_nearby(values, 2), expected)
+    np.testing.assert_array_equal(largest_nearby(values, 1), values)
+    assert largest_nearby(values[:, :0], 3).shape == (2, 0)
+
+
+def test_what_differs_by_roundings_is_drawn_as_equal_and_nothing_is_added_in_a_corner() -> None:
+    assert limits(100.0, 100.0 + 1e-9, logarithmic=False) == pytest.approx((90, 110))
+    with styled():
+        figure, (ax,) = grid(1, 1, 3.0, 2.0, share=False)
+        ax.set_ylim(limits(100.0002, 100.0009, logarithmic=False))
+        tick(ax)
+        figure.draw_without_rendering()
+    assert ax.yaxis.get_offset_text().get_text() == ""
+    assert "100.0004" in [label.get_text() for label in ax.get_yticklabels()]

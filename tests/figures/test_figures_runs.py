@@ -260,6 +260,7 @@ def test_linear_axes_show_what_is_not_positive_and_bars_where_seeds_lie() -> Non
         assert low < 4 < 5 < high
     free = draw([], block({"scaling": {**panel, "axes": "linear"}}), scalings={0: data}).axes[0]
     assert free.get_ylim()[1] < 5
+    assert [text.get_text() for text in free.texts] == ["1 of 9 estimates lost: they count as infinite"]
     ax = draw([], block({"scaling": panel}), scalings={0: data}).axes[0]
     assert [np.asarray(line.get_xdata()).tolist() for line in ax.lines if line.get_label() == "SHGO"] == [[1.0]]
 

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hgorun.tables.typeset import latex_words, paragraph, shortened, symbol, unit, words
+from hgorun.tables.typeset import both, error_of, estimate_of, latex_words, paragraph, shortened, symbol, unit, words
 
 
 @pytest.mark.parametrize(
@@ -75,3 +75,14 @@ def test_titles_have_lines_about_equally_long_and_keep_numbers_with_their_units(
 
 def test_a_formula_is_as_long_in_a_title_as_it_is_seen() -> None:
     assert "\n" not in paragraph(r"rms of $\hat{\mathrm{s}}\mathrm{peed} - \mathrm{speed}$ [rad/s]", 2.4)
+
+
+def test_words_have_no_hats_on_axes() -> None:
+    """One on a word is mistaken for an accent; one on a letter is mathematics."""
+    assert (both("x1"), estimate_of("x1")) == (r"x_{1},\ \hat{x}_{1}", r"\hat{x}_{1}")
+    assert error_of("x1") == r"\hat{x}_{1} - x_{1}"
+    assert error_of("theta") == r"\hat{\theta} - \theta"
+    assert error_of("T_in").startswith(r"\hat{T}")
+    for one in (both("speed"), estimate_of("speed"), error_of("speed")):
+        assert "hat" not in one
+        assert words(f"${one}$") == f"${one}$"  # matplotlib can set it
