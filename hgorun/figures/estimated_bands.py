@@ -11,6 +11,7 @@ from hgorun.figures.data import Curve, inside
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import BAND, BAND_OF_SAMPLES, edged
 from hgorun.result.observer import ObserverResult
+from hgorun.tables.typeset import words
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -29,7 +30,7 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
     """
     edges: list[np.ndarray] = []
     kinds = _kinds(scene)
-    names = {what: ", ".join(dict.fromkeys(scene.looks[a.order].text for a in who)) for what, who in kinds.items()}
+    names = {what: ", ".join(dict.fromkeys(_name(scene, actor) for actor in who)) for what, who in kinds.items()}
     whose = {what: f" ({text})" if len(kinds) > 1 else "" for what, text in names.items()}
     for what, actors in kinds.items():
         label = BAND["label"] + what + whose[what]
@@ -46,6 +47,11 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
                 label = BAND_OF_SAMPLES["label"] + whose[_STATE]
                 ax.plot([], [], **{**BAND_OF_SAMPLES, "label": label})
     return edges
+
+
+def _name(scene: Scene, actor: Simulated) -> str:
+    """What the legend calls an observer, in whatever run."""
+    return scene.looks[actor.order].text.removeprefix(f"{words(actor.run)}: ")
 
 
 _STATE, _MEASURED = "the true state", "samples"

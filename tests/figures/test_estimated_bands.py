@@ -112,6 +112,8 @@ def test_the_legend_is_in_order_and_says_what_bands_are_of(result: Result) -> No
         "95 % of samples (B)",
         "95 % of samples (K)",
     ]
+    two_runs = legend([result, replace(result, name="other")])
+    assert two_runs[-3:] == legend(result)[-3:]
     alone = replace(result, observers={"B": result.observers["B"]})
     assert legend(alone)[-2:] == ["B", "95 % of samples"]
 
