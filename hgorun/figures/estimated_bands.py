@@ -149,7 +149,7 @@ def without_hairs(t: np.ndarray, width: np.ndarray, narrowest: float) -> np.ndar
 
 
 def _joined(t: np.ndarray, width: np.ndarray, narrowest: float) -> np.ndarray:
-    """Again and again: among the tips of small teeth there are those of larger ones."""
+    """Again and again, with fewer tips each time: among those of small teeth there are those of larger ones."""
     while True:
         first, last = _tips(width)
         close = np.flatnonzero(t[first[1:]] - t[last[:-1]] < narrowest)
@@ -160,10 +160,7 @@ def _joined(t: np.ndarray, width: np.ndarray, narrowest: float) -> np.ndarray:
         if not between.any():
             return width
         knots = np.unique([first, last])
-        joined = np.where(between, np.maximum(width, np.interp(t, t[knots], width[knots])), width)
-        if np.array_equal(joined, width):
-            return width
-        width = joined
+        width = np.where(between, np.maximum(width, np.interp(t, t[knots], width[knots])), width)
 
 
 def _tips(width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

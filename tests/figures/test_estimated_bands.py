@@ -14,8 +14,9 @@ from hypothesis import strategies as st
 from matplotlib.collections import PolyCollection
 
 from hgorun import Result
+from hgorun.figures.actors import cast
 from hgorun.figures.drawing import comparison
-from hgorun.figures.estimated_bands import without_hairs
+from hgorun.figures.estimated_bands import _of_samples, without_hairs
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 
@@ -112,7 +113,7 @@ def test_the_legend_is_in_order_and_says_what_bands_are_of(result: Result) -> No
         "95 % of samples (B)",
         "95 % of samples (K)",
     ]
-    two_runs = legend([result, replace(result, name="other")])
+    two_runs = legend([result, replace(result, name="other", states=("x1", "z"))])
     assert two_runs[-3:] == legend(result)[-3:]
     alone = replace(result, observers={"B": result.observers["B"]})
     assert legend(alone)[-2:] == ["B", "95 % of samples"]
@@ -126,6 +127,26 @@ def test_beside_held_out_samples_stands_the_band_of_samples(result: Result) -> N
     assert result.recorded is not None
     nothing_held_out = replace(result, recorded=replace(result.recorded, held_out={}))
     assert len(bands(comparison(nothing_held_out).axes[0])) == 2
+
+
+def test_the_band_of_samples_is_about_what_was_predicted_or_of_many_the_estimate(result: Result) -> None:
+    actor = cast([result])[0]
+    assert result.recorded is not None
+    one = result.recorded.outputs["x1"]
+    few = _of_samples(actor, "x1", "x1")
+    assert few is not None
+    np.testing.assert_allclose((few[1] + few[2]) / 2, one.y - one.innovation[:, 0])
+    every = np.tile(np.arange(one.y.size), 301)
+    many = replace(
+        one, taken=one.taken[every], y=one.y[every], innovation=2 * one.innovation[every], nis=one.nis[every]
+    )
+    recorded = replace(result.recorded, outputs={"x1": many})
+    found = _of_samples(replace(actor, result=replace(result, recorded=recorded)), "x1", "x1")
+    assert found is not None
+    np.testing.assert_allclose((found[1] + found[2]) / 2, np.interp(found[0], result.time, result.x[:, 0]), atol=1e-12)
+    assert np.all(np.diff(found[0]) >= 0)
+    unknown = replace(result.recorded, outputs={"x1": replace(one, nis=np.full_like(one.nis, np.nan))})
+    assert _of_samples(replace(actor, result=replace(result, recorded=unknown)), "x1", "x1") is None
 
 
 def test_a_covariance_of_which_the_band_is_not_made_says_nothing(result: Result) -> None:
