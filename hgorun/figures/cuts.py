@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
@@ -19,7 +20,7 @@ _SIZE = 7.0  # points
 _ROW, _LETTER = 1.15 * _SIZE, 0.52 * _SIZE  # points: height of a row, about the width of a letter
 _ROWS = 6  # of marks, one below the other
 _TOUCH = 1e-6  # points
-_APART, _MOST = 14.0, 12  # points between marks of one colour; marks without a value at an edge
+_APART, _MOST = 14.0, 5  # points between marks of one colour; of more without a value the line is cut all along
 _UNSEEN = 0.01  # of an axis' range: so much is inside the line that the edge is drawn with
 Side = Literal["top", "bottom"]
 _SIDES: dict[Side, float] = {"top": 1.0, "bottom": -1.0}
@@ -73,6 +74,8 @@ def cuts(ax: Axes) -> list[Cut]:
 def further_cuts(ax: Axes, known: Sequence[Cut], apart: float) -> list[Cut]:
     """Where else lines leave, each time furthest: the furthest first, none close to another one of its colour.
 
+    Nothing of a line that leaves so often that it is seen to be cut all along.
+
     Parameters
     ----------
     known : sequence of Cut
@@ -81,6 +84,7 @@ def further_cuts(ax: Axes, known: Sequence[Cut], apart: float) -> list[Cut]:
         In units of the horizontal axis as it is drawn, from 0 to 1.
     """
     further: list[Cut] = []
+    times: Counter[tuple[str, str]] = Counter()
     for x, y, colour, band in _drawn(ax):
         for side in () if band else _SIDES:
             beyond = _beyond(ax, x, y, side)
@@ -94,8 +98,10 @@ def further_cuts(ax: Axes, known: Sequence[Cut], apart: float) -> list[Cut]:
             while left.any():
                 k = int(np.argmax(np.where(left, np.abs(v), -np.inf)))
                 further.append(Cut(side, float(t[k]), float(v[k]), colour, told=False))
+                times[side, colour] += 1
                 left &= (np.abs(at - at[k]) > apart) & (stretches != stretches[k])
-    return sorted(further, key=lambda one: -abs(one.value))
+    few = [one for one in further if times[one.side, one.colour] <= _MOST]
+    return sorted(few, key=lambda one: -abs(one.value))
 
 
 def _beyond(ax: Axes, x: np.ndarray, y: np.ndarray, side: str) -> np.ndarray:
@@ -152,8 +158,8 @@ class _Place:
 def mark_cuts(ax: Axes, width: float, height: float) -> list[Any]:
     """Draw an arrow with its value for every cut, one below the other where they would hide each other.
 
-    Where a line leaves again at another time there is an arrow alone. Where all rows are full they stand side by side.
-    If there is no room left, the last one says how many are not drawn.
+    Where a line leaves again at another time there is an arrow alone, up to five. Where all rows are full they stand
+    side by side. If there is no room left, the last one says how many are not drawn.
 
     Parameters
     ----------
@@ -198,7 +204,7 @@ def _places(ax: Axes, side: str, width: float, height: float) -> list[_Place]:
     told = cuts(ax)
     here = [one for one in told if one.side == side]
     others = [one for one in further_cuts(ax, told, _APART / width) if one.side == side]
-    for one in (*here, *others[:_MOST]):
+    for one in (*here, *others):
         at = float(_fractions(ax, np.array([one.x]))[0]) * width
         length = (len(one.text) + 2) * _LETTER if one.told else _SIZE
         turned = at + length > width  # it would leave the panel on the right

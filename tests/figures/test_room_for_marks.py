@@ -94,3 +94,14 @@ def test_a_line_that_leaves_again_has_an_arrow_there_without_a_value() -> None:
     top = [one for one in arrows if one.get_text() == "↑" and one.get_color() == PALETTE[0].lower()]
     assert sorted(round(float(one.xy[0]), 2) for one in top) == [0.0, 0.13, 0.4]
     assert len(arrows) == 4 + 2 * 2  # as many of the line that is its mirror image
+
+
+def test_a_line_that_is_cut_all_along_has_one_arrow() -> None:
+    figure = Figure(figsize=(4, 1), dpi=72)
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    t = np.linspace(0.0, 1.0, 501)
+    ax.plot(t, 2 * np.sin(60 * t), color=PALETTE[0])
+    ax.set(xlim=(0, 1), ylim=(-1, 1))
+    mark_cuts(ax, 288.0, 72.0)
+    arrows = [child.get_text() for child in ax.get_children() if isinstance(child, Annotation)]
+    assert sorted(arrows) == ["2", "↑", "↓", "−2"]
