@@ -156,13 +156,10 @@ def draw(found: Compared, options: Compare) -> list[Path]:
 
 
 def _tell_nothing_to_draw(members: Collected) -> None:
-    """Of an ensemble without any number to draw, why that is so."""
-    if members.sound.any():
+    """Of an ensemble in which all observers are lost, why no figure is drawn; the table says where there are none."""
+    if members.sound.any() or not members.observers:
         return
     counts = "; ".join(f"{label}: {_in_words(of)}" for label, of in members.counts.items())
-    if not counts:
-        say(f"hgorun: {members.name}: no figure is drawn: it has no observers")
-        return
     say(
         f"hgorun: {members.name}: no figure is drawn: no member has numbers of an observer ({counts}); "
         "hgorun simulate, with the values of a member by --set, says why"
