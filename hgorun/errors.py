@@ -106,41 +106,6 @@ def _config_error(
     return error
 
 
-class Faults:
-    """What is wrong with parts of an input that do not depend on each other, to be told at once.
-
-    Attributes
-    ----------
-    found : list of ConfigError
-        In the order in which they were found; none twice.
-    """
-
-    def __init__(self) -> None:
-        self.found: list[ConfigError] = []
-
-    @contextmanager
-    def of_a_part(self) -> Iterator[None]:
-        """Keep what is wrong with a part, and go on."""
-        try:
-            yield
-        except ConfigError as error:
-            told = {str(one) for one in self.found}
-            self.found += [one for one in (error, *error.others) if str(one) not in told]
-
-    def refuse(self) -> None:
-        """Raise the first, with the others; nothing where there is none.
-
-        Raises
-        ------
-        ConfigError
-        """
-        if self.found:
-            first, *others = self.found
-            first.others = ()
-            first.add_others(others)
-            raise first
-
-
 def _shortened(text: str, limit: int = 200) -> str:
     return text if len(text) <= limit else f"{text[: limit - 60]}...{text[-50:]}"
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from hgorun.commands.options import Configured
-from hgorun.errors import Faults
+from hgorun.config.refusals import Refusals
 from hgorun.progress import shown
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -30,7 +30,7 @@ def experiments_of(path: Path, options: Configured) -> tuple[list[Experiment], l
     if len(study.runs) == 1 and path.stem in study.runs:  # figures beside the run are checked before it
         check_figures(study)
     several = [run for run in study.runs.values() if not run.single]
-    faults, single = Faults(), []
+    faults, single = Refusals(), []
     for run in study.runs.values():
         with faults.of_a_part():
             single += [run.experiment] if run.single else []

@@ -12,10 +12,11 @@ from hgorun.config.expressions import nearest
 from hgorun.config.models import ExperimentBlocks
 from hgorun.config.named import name_keys
 from hgorun.config.nearest import nearest_name
+from hgorun.config.refusals import Refusals
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError, Faults, KeyPath
+from hgorun.errors import ConfigError, KeyPath
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.plants.base import PLANTS, Plant
@@ -246,7 +247,7 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
     cls = _find(OBSERVERS, block["type"], source, (*path, "type"))
     foreign = {key: error for key in block if (error := _of_others(key, cls, source, path)) is not None}
     if foreign:
-        faults = Faults()
+        faults = Refusals()
         faults.found += foreign.values()
         unknown = {key: part for key, part in block.items() if key not in cls.model_fields and key not in foreign}
         with faults.of_a_part():

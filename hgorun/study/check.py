@@ -6,10 +6,11 @@ from collections.abc import Mapping
 
 from hgorun.config.expressions import nearest
 from hgorun.config.nearest import among
+from hgorun.config.refusals import Refusals
 from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.errors import Faults, KeyPath, Problem
+from hgorun.errors import KeyPath, Problem
 from hgorun.result.quantities import inside, kinds, of_loops
 from hgorun.result.quantity import Quantity
 from hgorun.result.windows import points_in
@@ -25,7 +26,7 @@ def check(study: Study) -> None:
     ConfigError
     """
     check_figures(study)
-    faults = Faults()
+    faults = Refusals()
     for run in study.runs.values():
         with faults.of_a_part():
             for _ in run.of_values() if run.ensemble.vary is not None else ():
@@ -45,7 +46,7 @@ def check_figures(study: Study) -> None:
     ------
     ConfigError
     """
-    faults = Faults()
+    faults = Refusals()
     runs = {}
     for run in study.runs.values():
         with faults.of_a_part():
@@ -86,7 +87,7 @@ def _check(figures: Mapping[str, Figure], runs: Mapping[str, tuple[Experiment, s
             one_grid,
             model.inputs if experiment.closed else (),
         )
-    faults = Faults()
+    faults = Refusals()
     for name, figure in figures.items():
         with faults.of_a_part(), source.located():
             check({name: figure}, names)

@@ -7,10 +7,11 @@ from typing import Any
 from hgorun.config.models import File
 from hgorun.config.nearest import nearest
 from hgorun.config.overrides import merge
+from hgorun.config.refusals import Refusals
 from hgorun.config.study import Ensemble
 from hgorun.config.types import SEEDS, describe
 from hgorun.config.yaml_source import Source
-from hgorun.errors import ConfigError, Faults
+from hgorun.errors import ConfigError
 
 OF_THE_FILE = ("runs", "figures", "claims", "tune")  # what is not part of one run
 OF_THE_ENSEMBLE = ("seeds", "vary")
@@ -26,19 +27,19 @@ def split(source: Source) -> dict[str, tuple[Source, dict[str, Any]]]:
     ConfigError
         When ``runs`` is not a mapping of names to mappings, or one of them has a key that no run has.
     """
-    faults = Faults()
+    faults = Refusals()
     found = parts(source, faults)
     faults.refuse()
     return found
 
 
-def parts(source: Source, faults: Faults) -> dict[str, tuple[Source, dict[str, Any]]]:
+def parts(source: Source, faults: Refusals) -> dict[str, tuple[Source, dict[str, Any]]]:
     """The same of what has no faults, and of runs without the keys that no run has.
 
     Parameters
     ----------
     source : Source
-    faults : Faults
+    faults : Refusals
         Gets what is wrong.
     """
     shared = _without(source, (), OF_THE_FILE)

@@ -10,12 +10,13 @@ from typing import Any
 
 from hgorun.config.expressions import ExpressionError, parse
 from hgorun.config.named import name_keys
+from hgorun.config.refusals import Refusals
 from hgorun.config.study import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.config.yaml_builder import Place
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.members import written_out
-from hgorun.errors import ConfigError, Faults, Problem
+from hgorun.errors import ConfigError, Problem
 from hgorun.noise.base import RandomNoise
 from hgorun.result.quantity import Quantity
 from hgorun.simulation.blocks import check
@@ -219,7 +220,7 @@ def study_of(source: Source, name: str, text: str) -> Study:
     data: dict[str, Any] = source.data if isinstance(source.data, dict) else {}
     of_file = ("title", "reference", *OF_THE_FILE)
     given = {key: data[key] for key in of_file if key in data}
-    faults = Faults()
+    faults = Refusals()
     blocks = StudyBlocks.model_construct()
     with faults.of_a_part():
         if given:  # a schema of figures and claims takes longer to build than anything else here: a run asks for none
@@ -233,7 +234,7 @@ def study_of(source: Source, name: str, text: str) -> Study:
     return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, sentences)
 
 
-def _runs(source: Source, name: str, text: str, faults: Faults) -> dict[str, Run]:
+def _runs(source: Source, name: str, text: str, faults: Refusals) -> dict[str, Run]:
     """The runs of a file, those without faults."""
     if not isinstance(source.data, dict) or "runs" not in source.data:
         return {name: Run(name, source, text)}
@@ -249,7 +250,7 @@ def _runs(source: Source, name: str, text: str, faults: Faults) -> dict[str, Run
 
 
 def _all_sentences(
-    blocks: StudyBlocks, runs: Mapping[str, Run], source: Source, faults: Faults
+    blocks: StudyBlocks, runs: Mapping[str, Run], source: Source, faults: Refusals
 ) -> tuple[tuple[Sentence, ...], ...]:
     """What decides the claims, as far as it can be read; and what is wrong with it and with their names."""
     labels = dict.fromkeys(label for run in runs.values() for label in run.labels)
