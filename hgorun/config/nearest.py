@@ -114,7 +114,7 @@ def nearest_file(name: str, names: Iterable[str]) -> str:
     return "" if close is None else f" Did you mean `{stems[close]}`?"
 
 
-MEASURED = frozenset((".csv", ".txt", ".dat", ".tsv", ".log", ".parquet", ".h5", ".hdf5", ".nc", ".mat", ".gz", ""))
+MEASURED = frozenset((".csv", ".txt", ".dat", ".tsv", ".log", ".parquet", ".h5", ".hdf5", ".nc", ".mat", ""))
 """How names of files of measurements end, as a rule."""
 
 
