@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import importlib
 import re
+from collections.abc import Callable
 from itertools import takewhile
 from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
+from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
+from scipy.optimize import minimize_scalar
 
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "qube.md").read_text(encoding="utf-8")
@@ -87,6 +91,126 @@ def test_what_is_said_of_poles_that_follow_from_theta() -> None:
         assert float(row["zeta"]) == pytest.approx(zeta, abs=0.008)
     assert worst(rows, "angle") <= 1.05
     assert worst(rows, "velocity") <= 1.1
+
+
+def averages(F: np.ndarray, Q: np.ndarray, after: np.ndarray) -> np.ndarray:
+    """Roots of the mean variances of the first two states over a gap of 1, from the covariance behind a sample."""
+    grid = [spread(F, Q, s) for s in np.linspace(0, 1, 11)]
+    variances = [np.diag(phi @ after @ phi.T + noise)[:2] for phi, noise in grid]
+    return np.asarray(np.sqrt(np.trapezoid(variances, dx=0.1, axis=0)))
+
+
+def spread(F: np.ndarray, Q: np.ndarray, s: float) -> tuple[np.ndarray, np.ndarray]:
+    """Of x' = F x + noise of the density Q over a time, by Van Loan: the transition, and the covariance."""
+    n = len(F)
+    both = expm(np.block([[-F, Q], [np.zeros((n, n)), F.T]]) * s)
+    phi = both[n:, n:].T
+    return phi, phi @ both[:n, n:]
+
+
+def of_filter(m: float, tau: float, density: float | None) -> np.ndarray:
+    """Errors of a Kalman filter that takes the acceleration as white, or that knows its law."""
+    F, Q = np.array([[0, 1, 0], [0, 0, 1], [0, 0, -1 / tau]]), np.diag([0, 0, 2 / tau])
+    model = (F, Q) if density is None else (F[:2, :2], np.diag([0, density]))
+    phi, noise = spread(*model, 1.0)
+    before = solve_discrete_are(phi.T, np.eye(len(phi))[:, :1], noise, [[m**2]])
+    gain = np.zeros(3)
+    gain[: len(phi)] = before[:, 0] / (before[0, 0] + m**2)
+    if density is None:
+        return averages(F, Q, before - np.outer(gain, before[0]))
+    # the error: position, velocity, and minus what the filter does not know of
+    jump, (phi, noise) = np.eye(3) - np.outer(gain, [1, 0, 0]), spread(F, Q, 1.0)
+    after = solve_discrete_lyapunov(jump @ phi, jump @ noise @ jump.T + m**2 * np.outer(gain, gain))
+    return averages(F, Q, after)
+
+
+def of_observer(m: float, tau: float, theta: float, g: tuple[float, ...]) -> np.ndarray:
+    """Errors of a flow: position, velocity, acceleration as it is estimated and as it is, and the innovation."""
+    K = theta ** np.arange(1, 4) * np.array([*g, 0.0][:3])
+    F = np.zeros((5, 5))
+    F[[0, 1, 1, 3], [1, 2, 3, 3]] = 1, 1, -1, -1 / tau
+    F[[0, 1, 2, 4], 4] = -K[0], -K[1], -K[2], -K[0]
+    Q, jump, noisy = np.diag([0, 0, 0, 2 / tau, 0]), np.diag([1.0, 1, 1, 1, 0]), np.diag([0, 0, 0, 0, m**2])
+    jump[4, 0] = 1
+    kept = [0, 1, 2, 3, 4] if K[2] else [0, 1, 3, 4]
+    F, Q, jump, noisy = (matrix[np.ix_(kept, kept)] for matrix in (F, Q, jump, noisy))
+    phi, noise = spread(F, Q, 1.0)
+    if np.max(np.abs(np.linalg.eigvals(jump @ phi))) >= 1:
+        return np.full(2, np.inf)
+    return averages(F, Q, solve_discrete_lyapunov(jump @ phi, jump @ noise @ jump.T + noisy))
+
+
+def least(size: Callable[[float], float], first: float, last: float) -> float:
+    """Where it is smallest, between two numbers."""
+    found = minimize_scalar(
+        lambda x: size(np.exp(x)), bounds=np.log([first, last]), method="bounded", options={"xatol": 1e-3}
+    )
+    return float(np.exp(found.x))
+
+
+def at_the_best_theta(m: float, tau: float, g: tuple[float, ...]) -> np.ndarray:
+    """Errors with the theta that is best for the position."""
+    theta = least(lambda one: of_observer(m, tau, one, g)[0], *((0.4, 4) if len(g) == 2 else (0.2, 1.6)))
+    return of_observer(m, tau, theta, g)
+
+
+@pytest.mark.costly
+@pytest.mark.one_in(4)
+@pytest.mark.parametrize("number", range(8))
+def test_what_is_said_of_a_wind(number: int) -> None:
+    """A row of the table, of a wind of variance 1 in units of the gap between samples."""
+    row = table("rate of")[number]
+    m, tau = float(row["m"]), 0.3 * float(row["rate of"].removesuffix(" Hz"))
+    density = least(lambda q: of_filter(m, tau, q)[1], 1e-3, 10)
+    unit = of_filter(m, tau, density)
+    found = {"knows the wind": of_filter(m, tau, None)}
+    for poles in ("-0.65, -1.55", "-1, -1, -1", "-0.5, -1, -2"):
+        g = tuple(np.poly([float(one) for one in poles.split(", ")])[1:])
+        found[poles] = at_the_best_theta(m, tau, g)
+    for which, errors in found.items():
+        said = [float(row[f"{what}: {which}"]) for what in ("angle", "velocity")]
+        np.testing.assert_allclose(errors / unit, said, rtol=0, atol=0.012)
+
+
+def test_what_is_said_of_an_observer_with_a_torque() -> None:
+    """It is taken where its error on the logs that tune it is the smaller one."""
+    rows = table("third log, of")
+    chosen = [(row, "SHGO_E" if float(row["tuned: SHGO_E"]) < float(row["tuned: SHGO"]) else "SHGO") for row in rows]
+    others = {f"{row['third log, of']}" for row, label in chosen if label == "SHGO"}
+    assert others == {"dry links", "driven", "drag, not modelled", "thick, not modelled"}
+    velocities = {
+        label: [float(row[f"velocity: {label}"]) for row, one in chosen if one == label] for label in ("SHGO", "SHGO_E")
+    }
+    said = re.search(
+        r"`SHGO_E`, and its velocities are ([\d.]+) to ([\d.]+) times .*? `SHGO`, with ([\d.]+) to ([\d.]+),",
+        PAGE.replace("\n", " "),
+    )
+    assert said is not None
+    bounds = [bound(velocities[label]) for label in ("SHGO_E", "SHGO") for bound in (min, max)]
+    assert [float(one) for one in said.groups()] == bounds
+    assert max(float(row[f"angle: {label}"]) for row, label in chosen) <= 1.06
+
+
+def test_two_links_move_as_their_model_says(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """links.yaml has what links.py has with friction, and without it the log of links.py loses no energy."""
+    monkeypatch.syspath_prepend(str(ROOT / "demos" / "qube"))
+    links = importlib.import_module("links")
+    one = links.Links(G=25.0, rho=1.3, mu=1.5, d_a=0.3, d_b=0.2)
+    plant = yaml.safe_load((ROOT / "demos" / "qube" / "links.yaml").read_text())["plant"]
+    known = {name: getattr(one, name) for name in plant["parameters"]} | {"sin": np.sin, "cos": np.cos}
+    for x in np.random.default_rng(3).normal(size=(5, 4)).tolist():
+        names = known | dict(zip(("a", "b", "speed_a", "speed_b"), x, strict=True))
+        found = [eval(plant["dynamics"][state], names.copy()) for state in ("speed_a", "speed_b")]
+        np.testing.assert_allclose(found, one.accelerations(x, (0.0, 0.0)), rtol=1e-11, atol=1e-11)
+    monkeypatch.setattr(links, "END", 0.6)
+    links.Links(G=25.0, rho=1.3, mu=1.5, d_a=0.0, d_b=0.0, encoder=0).log(
+        tmp_path / "log.csv", (1.4, 0.6, 0, 0), seed=0
+    )
+    _, a, b, speed_a, speed_b = np.loadtxt(tmp_path / "log.csv", delimiter=",", skiprows=1, unpack=True)
+    energy = 2.5 * speed_a**2 / 2 + 1.5 * 1.3**2 * speed_b**2 / 2 + 1.5 * 1.3 * speed_a * speed_b * np.cos(a - b)
+    energy -= 25 * (2.5 * np.cos(a) + 1.5 * 1.3 * np.cos(b))
+    np.testing.assert_allclose(energy, energy[0], rtol=0, atol=1e-5)
+    assert np.ptp(speed_a) > 1
 
 
 def test_a_simulated_pendulum_loses_what_friction_takes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
