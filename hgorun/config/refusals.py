@@ -7,8 +7,6 @@ from contextlib import contextmanager
 
 from hgorun.errors import ConfigError
 
-_MOST = 10  # faults that are told
-
 
 class Refusals:
     """What is wrong with parts of an input that do not depend on each other, to be told at once.
@@ -40,5 +38,6 @@ class Refusals:
         """
         if self.found:
             first, *others = self.found
-            first.others = tuple(others[: _MOST - 1])
+            first.others = ()
+            first.add_others(others)
             raise first
