@@ -72,6 +72,7 @@ def test_all_else_has_a_meaning(other: str) -> None:
 # Units convert numbers of logs alone.
 WITHOUT_NUMBERS = {
     "hgorun.config.kinds",
+    "hgorun.config.misdirected",
     "hgorun.config.named",
     "hgorun.config.nearest",
     "hgorun.config.separators",
@@ -79,6 +80,7 @@ WITHOUT_NUMBERS = {
     "hgorun.config.paths",
     "hgorun.config.plugin",
     "hgorun.config.reading",
+    "hgorun.config.refusals",
     "hgorun.config.time_units",
     "hgorun.config.validation",
     "hgorun.config.yaml_builder",
