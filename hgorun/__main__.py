@@ -11,9 +11,16 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-# Matrices here are tiny: the threads of a BLAS library would spend their time waiting for each other. Libraries read
-# these names when they are loaded.
-_ONE_THREAD = ("OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "BLIS_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+# Libraries read these names when they are loaded. Matrices here are tiny: the threads of a BLAS library would spend
+# their time waiting for each other. Long arrays are gone through a few times: large pages gain little there, and many a
+# virtual machine has given those that are free back to its host: to get them again takes several times as long.
+_SETTINGS = {
+    "OPENBLAS_NUM_THREADS": "1",
+    "MKL_NUM_THREADS": "1",
+    "BLIS_NUM_THREADS": "1",
+    "VECLIB_MAXIMUM_THREADS": "1",
+    "NUMPY_MADVISE_HUGEPAGE": "0",
+}
 _GARBAGE = 200_000  # objects between two collections: while modules are imported they find nothing, and cost 10 %
 
 
@@ -24,8 +31,8 @@ def run() -> None:
     process returns anyway: they find nothing to look at.
     """
     gc.set_threshold(_GARBAGE, 20, 50)
-    for name in _ONE_THREAD:
-        os.environ.setdefault(name, "1")
+    for name, value in _SETTINGS.items():
+        os.environ.setdefault(name, value)
     if signal.getsignal(signal.SIGINT) is not signal.SIG_IGN:
         signal.signal(signal.SIGINT, _leave)  # until more is imported, there is nothing to put in order
     from hgorun.process import run as run_process

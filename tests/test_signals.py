@@ -207,7 +207,7 @@ def test_the_entry_point_ends_at_once_until_more_is_imported(
     assert entry._command_line().__module__ == "hgorun.cli"
 
 
-def test_one_thread_for_tiny_matrices_unless_told_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_libraries_are_set_up_for_what_is_done_here_unless_told_otherwise(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(process, "run", lambda _: None)
     monkeypatch.setattr(os, "environ", {"MKL_NUM_THREADS": "3"})
     was = signal.getsignal(signal.SIGINT)
@@ -216,4 +216,5 @@ def test_one_thread_for_tiny_matrices_unless_told_otherwise(monkeypatch: pytest.
     finally:
         signal.signal(signal.SIGINT, was)
     assert os.environ["OPENBLAS_NUM_THREADS"] == "1"
+    assert os.environ["NUMPY_MADVISE_HUGEPAGE"] == "0"
     assert os.environ["MKL_NUM_THREADS"] == "3"

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import h5py
 
 from hgorun.files import written_whole
+from hgorun.result.written_at import write_at
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
@@ -48,7 +49,7 @@ class Sink(io.FileIO):
         with self._turn:
             while left and self.failed is None:
                 try:
-                    done = os.pwrite(self.fileno(), left, place)
+                    done = write_at(self.fileno(), left, place)
                 except OSError as error:
                     self.failed = error
                     return
