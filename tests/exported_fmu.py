@@ -8,7 +8,7 @@ from typing import Any
 import fmpy
 import numpy as np
 from exported_c import Driven
-from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi2 import FMU2Slave, fmi2CallbackFunctions, fmi2CallbackLoggerTYPE
 from fmpy.fmi3 import FMU3Slave
 
 from hgorun.export.fmu import Compiler, compilers
@@ -33,7 +33,9 @@ class Unit:
         )
         self.get = self.unit.getReal if two else self.unit.getFloat64
         self.set = self.unit.setReal if two else self.unit.setFloat64
-        self.unit.instantiate()
+        # a logger of its own: FMPy's lets C call the one that was given last, which may be gone
+        self.callbacks = fmi2CallbackFunctions(fmi2CallbackLoggerTYPE(lambda *_: None))
+        self.unit.instantiate(**({"callbacks": self.callbacks} if two else {}))
         if two:
             self.unit.setupExperiment(startTime=5.0)
         self.unit.enterInitializationMode(**({} if two else {"startTime": 5.0}))

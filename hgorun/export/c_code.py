@@ -19,6 +19,7 @@ _COMPARED = {ca.OP_LT: "<", ca.OP_LE: "<=", ca.OP_EQ: "==", ca.OP_NE: "!="}
 _LIBM = {ca.OP_SQRT: "sqrt", ca.OP_FABS: "fabs", ca.OP_FLOOR: "floor", ca.OP_CEIL: "ceil", ca.OP_COPYSIGN: "copysign"}
 _LIBM |= CALLS
 _NAMED = {*_COMPARED, ca.OP_FMIN, ca.OP_FMAX, ca.OP_SIGN, ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_IF_ELSE_ZERO}
+LAST = "1e300"  # a time that is later is none
 _TWICE = {*_NAMED, ca.OP_SQ, ca.OP_TWICE}  # arguments are written twice
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from hgorun.export.c_cost import costs
 from hgorun.export.c_memory import bytes_of, members
 from hgorun.export.c_source import Source
@@ -13,6 +15,7 @@ from hgorun.version import __version__
 
 LARGE = 100_000  # bytes that may be too many for a stack
 _SMALLEST = 1024  # steps that a prediction may take at least
+_LONG = 1e6  # beside such a number a float, which has seven digits, has none for what a sample tells
 
 
 def max_steps(observer: Exported) -> int:
@@ -48,9 +51,20 @@ def _described(source: Source) -> Iterator[str]:
     yield "At most, in operations (all loops have bounds, nothing is allocated, no recursion):"
     for name, cost in found.items():
         yield f"  {name + ':':<9} {cost}"
+    for name in _long(observer) if source.real.single else ():
+        yield f"The start of {name} is so large that the first estimates in float have fewer digits than later ones."
     yield f"Memory: {bytes_of(source)} bytes, in one structure without pointers: memcpy keeps and restores it."
     if bytes_of(source) > LARGE:
         yield "Declare it static: so much memory does not fit on every stack."
+
+
+def _long(observer: Exported) -> Iterator[str]:
+    """Covariances and other gains that begin so large that float loses what is added to them."""
+    design, states = observer.design, observer.block.states
+    for name, role in design.observer.roles(design.form).items():
+        values = observer.start[states[name].start :][: states[name].size]
+        if role == "gain" and np.max(np.abs(values), initial=0.0) > _LONG:
+            yield name
 
 
 def header(source: Source) -> str:
@@ -121,8 +135,9 @@ def _prototypes(source: Source, real: str, p: str) -> Iterator[str]:
     yield f"/* At the start of the run. */\nvoid {p}init({p}observer *s);\n"
     yield f"/* Go on to time t. */\nuint32_t {p}predict({p}observer *s, double t);\n"
     if observer.sampled:
-        late = "it may be earlier than now" if observer.remembered else "now; a later one counts as now"
-        whole = " All outputs at once." if observer.jump is not None and not observer.corrected else ""
+        late = ("it may be earlier than now" if observer.remembered else "now") + "; a later one counts as now"
+        steps = observer.jump is not None and not observer.corrected
+        whole = "\n * All outputs at once, and once at a time: a second sample of it is OLD." if steps else ""
         yield (
             f"/* Samples that arrive now. taken: the time they were measured, {late}.\n"
             f" * y: one value an output; which: a bit for each output that has one (ALL for all).{whole} */"
@@ -131,7 +146,7 @@ def _prototypes(source: Source, real: str, p: str) -> Iterator[str]:
     if observer.continuous:
         yield (
             "/* What continuous outputs are. With t ahead of now (call it before predict), they go to y on straight\n"
-            " * lines, and stay there; otherwise, and the first time, they are y from now on. */"
+            " * lines, and stay there; otherwise, and the first time, they are y from now on, as with an earlier t. */"
         )
         yield f"uint32_t {p}measure({p}observer *s, double t, const {real} y[], uint32_t which);\n"
     if observer.inputs:

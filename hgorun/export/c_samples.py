@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from hgorun.export.c_code import LAST
 from hgorun.export.c_functions import Part
 from hgorun.export.equations import Output
 
@@ -14,7 +15,6 @@ class Samples(Part):
     def update(self) -> Iterator[str]:
         """Samples."""
         observer, p, u, real = self.observer, self.prefix, self.upper, self.real
-        everything = (1 << len(observer.outputs)) - 1
         yield f"uint32_t {p}update({p}observer *s, double taken, const {real.name} y[], uint32_t which)"
         yield "{"
         yield f"    uint32_t status = {u}OK;"
@@ -26,22 +26,10 @@ class Samples(Part):
             yield from self.functions.read_now(guess)
             yield ""
             yield f"    {guess.call('guess', z='s->z')}"
-        if observer.jump is not None and not observer.corrected:
-            yield f"    if ((which & {everything}U) != {everything}U) {{"
-            yield f"        status = {u}INCOMPLETE;"
-            yield "    }"
-        if observer.jump is not None:
-            yield f"    if (!(taken >= s->t) && (status == {u}OK)) {{"
-            yield f"        status = {u}OLD;"
-            yield "    }"
-        yield "    if (!(taken >= 0.0)) {"
-        yield f"        status = {u}BAD_TIME;"
-        yield "    }"
-        for i, output in enumerate(observer.outputs):
-            if output.sampled:
-                yield f"    if (((which & {1 << i}U) != 0U) && !({real.function('fabs')}(y[{i}]) <= {real.largest})) {{"
-                yield f"        status = {u}NOT_FINITE;"
-                yield "    }"
+        if observer.jump is None:
+            yield "    const double then = (taken < s->t) ? taken : s->t; /* a later one counts as now */"
+            yield ""
+        yield from self._refused()
         if observer.corrected:
             yield from self._corrected()
         elif observer.jump is not None:
@@ -53,6 +41,36 @@ class Samples(Part):
         yield "    return status;"
         yield from ("}", "")
 
+    def _refused(self) -> Iterator[str]:
+        """What is wrong with samples: nothing is done then."""
+        observer, u = self.observer, self.upper
+        everything = (1 << len(observer.outputs)) - 1
+        if observer.jump is not None and not observer.corrected:
+            yield f"    if ((which & {everything}U) != {everything}U) {{"
+            yield f"        status = {u}INCOMPLETE;"
+            yield "    }"
+            yield "    /* a second sample of one time: no step has the length zero */"
+            yield f"    if ((s->samples > 0U) && !(s->t > s->sampled) && (status == {u}OK)) {{"
+            yield f"        status = {u}OLD;"
+            yield "    }"
+        if observer.jump is not None:
+            yield f"    if (!(taken >= s->t) && (status == {u}OK)) {{"
+            yield f"        status = {u}OLD;"
+            yield "    }"
+        yield f"    if (!((taken >= 0.0) && (taken <= {LAST}))) {{"
+        yield f"        status = {u}BAD_TIME;"
+        yield "    }"
+        for i, output in enumerate(observer.outputs):
+            if output.sampled:
+                yield f"    if ({self._none(i)}) {{"
+                yield f"        status = {u}NOT_FINITE;"
+                yield "    }"
+
+    def _none(self, i: int) -> str:
+        """Whether an output is given, as something that is no number."""
+        real = self.real
+        return f"((which & {1 << i}U) != 0U) && !({real.function('fabs')}(y[{i}]) <= {real.largest})"
+
     def _taken(self, i: int, output: Output) -> Iterator[str]:
         """A sample of an output."""
         observer, p, u, real = self.observer, self.prefix, self.upper, self.real
@@ -62,10 +80,10 @@ class Samples(Part):
         if output.remembered:
             place = observer.remembered.index(i)
             yield f"        {real.name} past = {real.number(0.0)};"
-            yield f"        if ((taken < s->taken[{i}]) || ({p}recall(s, {place}U, taken, &past) == 0U)) {{"
+            yield f"        if ((then < s->taken[{i}]) || ({p}recall(s, {place}U, then, &past) == 0U)) {{"
         else:
             yield f"        const {real.name} past = guess[{i}] - {alpha};"
-            yield "        if (taken < s->t) {"
+            yield "        if (then < s->t) {"
         yield f"            status = {u}OLD;"
         yield "        } else {"
         yield "            /* alpha is counted from zero again: it keeps its digits for ever */"
@@ -74,7 +92,7 @@ class Samples(Part):
             yield f"            {p}rebase(s, {place}U, {alpha});"
         yield f"            {alpha} = {real.number(0.0)};"
         yield f"            s->y[{i}] = y[{i}];"
-        yield f"            s->taken[{i}] = taken;"
+        yield f"            s->taken[{i}] = then;"
         yield f"            s->mode[{i}] = {u}HELD;"
         yield "        }"
         yield "    }"
@@ -93,7 +111,7 @@ class Samples(Part):
         yield "            if ((which & ((uint32_t)1U << i)) != 0U) {"
         yield f"                fresh[i] = {real.number(1.0)};"
         yield "                s->y[i] = y[i];"
-        yield "                s->taken[i] = taken;"
+        yield "                s->taken[i] = s->t;"
         yield "            }"
         yield "        }"
         yield f"        {jump.call('after', z='s->z', y='s->y')}"
@@ -136,7 +154,7 @@ class Samples(Part):
         yield f"        for (i = 0U; i < {q}U; ++i) {{"
         yield "            previous[i] = s->y[i];"
         yield "            s->y[i] = y[i];"
-        yield "            s->taken[i] = taken;"
+        yield "            s->taken[i] = s->t;"
         if observer.compares:
             yield f"            s->mode[i] = {u}HELD;"
         if observer.alpha is not None:
@@ -163,12 +181,18 @@ class Samples(Part):
         yield "{"
         yield f"    uint32_t status = {u}OK;"
         yield ""
+        yield f"    if (!((t >= 0.0) && (t <= {LAST}))) {{"
+        yield f"        status = {u}BAD_TIME;"
+        yield "    }"
         for i, output in enumerate(observer.outputs):
             if output.continuous:
-                yield f"    if ((which & {1 << i}U) != 0U) {{"
-                yield f"        if (!({real.function('fabs')}(y[{i}]) <= {real.largest})) {{"
-                yield f"            status = {u}NOT_FINITE;"
-                yield f"        }} else if (s->mode[{i}] == {u}CONTINUOUS) {{"
+                yield f"    if ({self._none(i)}) {{"
+                yield f"        status = {u}NOT_FINITE;"
+                yield "    }"
+        for i, output in enumerate(observer.outputs):
+            if output.continuous:
+                yield f"    if (((which & {1 << i}U) != 0U) && (status == {u}OK)) {{"
+                yield f"        if (s->mode[{i}] == {u}CONTINUOUS) {{"
                 yield f"            {p}lead(&s->line[{i}], s->t, t, y[{i}]);"
                 yield "        } else {"
                 yield f"            {p}hold(&s->line[{i}], s->t, y[{i}]);"

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
-from hgorun.export.c_code import Real
+from hgorun.export.c_code import LAST, Real
 from hgorun.export.c_functions import Functions
 from hgorun.export.c_history import HISTORY
 from hgorun.export.c_samples import Samples
@@ -82,6 +82,7 @@ class Source:
         fast = "FP_FAST_FMAF" if self.real.single else "FP_FAST_FMA"
         text = template.replace("FAST_FMA", fast).replace("FMA(", f"{self.real.function('fma')}(")
         text = text.replace("ZERO", self.real.number(0.0)).replace("ONE", self.real.number(1.0))
+        text = text.replace("LAST", LAST)
         return text.replace("REAL", self.real.name).replace("~~", self.upper).replace("~", self.prefix)
 
     @property
@@ -210,12 +211,16 @@ uint32_t ~input(~observer *s, double t, const REAL u[])
     uint32_t status = ~~OK;
     uint32_t i;
 
+    if (!((t >= 0.0) && (t <= LAST))) {
+        status = ~~BAD_TIME;
+    }
     for (i = 0U; i < ~~INPUTS; ++i) {
         if (!(fabs((double)u[i]) <= 1e300)) {
             status = ~~NOT_FINITE;
-        } else {
-            ~lead(&s->input[i], s->t, t, u[i]);
         }
+    }
+    for (i = 0U; (i < ~~INPUTS) && (status == ~~OK); ++i) {
+        ~lead(&s->input[i], s->t, t, u[i]);
     }
     return status;
 }
@@ -239,7 +244,7 @@ uint32_t ~predict(~observer *s, double t)
 {
     uint32_t status = ~~OK;
 
-    if (!(t >= s->t)) {
+    if (!((t >= s->t) && (t <= LAST))) {
         status = ~~BAD_TIME;
     } else {
         s->t = t;

@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 
 from hgorun.engine.methods import Row
-from hgorun.export.c_code import Real
+from hgorun.export.c_code import LAST, Real
 from hgorun.export.c_functions import Part
 from hgorun.export.equations import Output
 
@@ -225,7 +225,7 @@ class Steps(Part):
         yield f"    const double count = ceil(((t - s->t) / {Real().number(self.observer.step)}) * (1.0 - 1e-9));"
         yield f"    uint32_t status = {u}OK;"
         yield ""
-        yield "    if (!(t >= s->t)) {"
+        yield f"    if (!((t >= s->t) && (t <= {LAST}))) {{"
         yield f"        status = {u}BAD_TIME;"
         yield f"    }} else if (!(count <= (double){u}MAX_STEPS)) {{"
         yield f"        status = {u}TOO_FAR;"

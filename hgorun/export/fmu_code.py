@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from hgorun.export.c_code import Real
+from hgorun.export.c_code import LAST, Real
 from hgorun.export.c_header import STATUS
 from hgorun.export.c_source import Source
 from hgorun.export.fmi_functions import FMI2, FMI3
@@ -102,7 +102,8 @@ def _told(source: Source) -> Iterator[str]:
         yield f"        const uint32_t which = {mask};"
         yield ""
         yield "        if ((which != 0U) && (status == ~~OK)) {"
-        yield "            status = ~update(s, (taken > 0.0) ? taken : 0.0, y, which);"
+        # what was taken before the start is of the start, as in a run; an age that is no number is refused
+        yield f"            status = ~update(s, ((taken < 0.0) && (taken >= -{LAST})) ? 0.0 : taken, y, which);"
         yield "            if ((status == ~~OLD) || (status == ~~INCOMPLETE)) {"
         yield "                status = ~~OK; /* it is left out */"
         yield "            }"

@@ -95,7 +95,7 @@ static int step(instance *m, double end)
     if (status == ~~OK) {
         const double to = end - m->start;
 
-        status = ~predict(s, (to > s->t) ? to : s->t);
+        status = ~predict(s, (to < s->t) ? s->t : to);
     }
     if (status != ~~OK) {
         say(m, status);

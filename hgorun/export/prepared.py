@@ -18,7 +18,13 @@ from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
 from hgorun.export.steps import Integrated, OfData, OfRun, Steps
 from hgorun.observers.aekf import AdaptiveFilter
-from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver, DecidedObserver
+from hgorun.observers.base import (
+    AnyObserver,
+    ContinuousObserver,
+    CorrectedObserver,
+    DecidedObserver,
+    SampledObserver,
+)
 from hgorun.observers.capabilities import NotExported
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.stepped import SteppedObserver
@@ -38,7 +44,8 @@ class Wanted:
     Attributes
     ----------
     late : float
-        How late samples may be known; the longest delay of the configuration where that is more.
+        How late samples of any output may be known; those of an output with a longer delay in the configuration as
+        late as there.
     inputs_given : bool
         Whether inputs are told to the observer, in place of the configuration's functions of time.
     steps : bool
@@ -189,7 +196,8 @@ def _exported(
         raise Problem((*path, "type"), "it looks back at its own past, which is kept in simulations alone")
     flows = isinstance(design.observer, ContinuousObserver)
     compares = flows and not isinstance(design.observer, CorrectedObserver)
-    lateness = [max(_lateness(run, i), wanted.late if compares else 0.0) for i in range(len(plant.model.outputs))]
+    late = wanted.late if compares and not isinstance(design.observer, SampledObserver) else 0.0
+    lateness = [max(_lateness(run, i), late) for i in range(len(plant.model.outputs))]
     try:
         outputs = outputs_of(experiment.stretches, plant, [late > 0 for late in lateness])
     except ValueError as error:

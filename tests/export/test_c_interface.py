@@ -143,8 +143,10 @@ def test_times_and_values_that_are_none(compiled: dict[str, Compiled]) -> None:
     assert one.predict(0.5) == OK
     before = one.memory.raw
     assert one.predict(0.4) == one.predict(np.nan) == BAD_TIME
-    assert one.predict(np.inf) == one.predict(0.5 + 0.01 * (max_steps(one.observer) + 1)) == TOO_FAR
-    assert one.update(np.nan, [1.0], 1) == one.update(-1.0, [1.0], 1) == BAD_TIME
+    assert one.predict(0.5 + 0.01 * (max_steps(one.observer) + 1)) == TOO_FAR
+    assert one.predict(np.inf) == one.predict(-np.inf) == BAD_TIME
+    for t in (np.nan, -1.0, np.inf, -np.inf):
+        assert one.update(t, [1.0], 1) == BAD_TIME
     assert one.update(0.5, [np.nan], 1) == one.update(0.5, [np.inf], 1) == NOT_FINITE
     assert one.predict(0.5) == one.update(0.5, [1.0], 0) == OK
     assert one.memory.raw == before
@@ -250,6 +252,14 @@ def test_float_numbers_of_a_window_that_is_not_full(tmp_path: Path) -> None:
     found = driven(run)
     own = np.array(list(follow(run, found, load_all(tmp_path, exported(run), single=True)["O"])))
     np.testing.assert_allclose(own, found.estimates["O"], rtol=0, atol=2e-5)
+
+
+def test_the_header_says_where_float_has_few_digits() -> None:
+    """Of a spline, whose P begins at 1e8; not of double, nor where P begins smaller."""
+    for single, own, said in ((True, {}, True), (False, {}, False), (True, {"P": [[1e4, 0], [0, 1e4]]}, False)):
+        block: Block = {"type": "spline", "smoothing": 0.01, "internal": own}
+        (observer,) = exported(run_of(CHAIN, block, {"sampling": {"period": 0.1}}))
+        assert ("The start of P is so large" in header(Source(observer, Real(single)))) == said
 
 
 def test_the_cost_of_a_step_is_that_of_its_stages() -> None:

@@ -52,6 +52,24 @@ def test_every_family(tmp_path: Path) -> None:
     compiled = load_all(tmp_path, observers, "-O1", "-march=native")
     worst = {name: difference(run, compiled[identifier(name)], name) for name, run in runs.items()}
     assert max(worst.values()) <= 1e-12, worst
+    again = {name for name, run in runs.items() if counts_again(run, compiled[identifier(name)])}
+    assert again == {"ekf", "impulsive_riccati", "spline", "ukf"}  # as by repeated: keep
+
+
+def counts_again(run: PreparedRun, one: Compiled) -> bool:
+    """Whether samples that are sent a second time change the estimate; nothing else may come of them."""
+    once, twice = (Compiled(one.library, one.observer) for _ in range(2))
+    found, q = driven(run), len(one.observer.outputs)
+    for t, samples in zip(found.events, found.samples, strict=True):
+        assert once.predict(t) == twice.predict(t) == 0
+        values = {i: y for i, _, y, _ in samples}
+        y, which = [values.get(i, 0.0) for i in range(q)], sum(1 << i for i in values)
+        if values:
+            assert once.update(t, y, which) == twice.update(t, y, which) == 0
+            before, status = twice.memory.raw, twice.update(t, y, which)
+            assert status == 0 or (status == 1 and twice.memory.raw == before)
+    assert np.isfinite(twice.estimate).all()
+    return not np.allclose(once.estimate, twice.estimate, rtol=1e-9, atol=1e-9)
 
 
 def test_powers_of_one_base_share_its_logarithm() -> None:

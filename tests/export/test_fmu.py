@@ -83,11 +83,11 @@ def test_numbers(name: str, version: Version, tmp_path: Path) -> None:
 
 @pytest.mark.costly
 @pytest.mark.parametrize("version", VERSIONS)
-def test_a_sample_that_is_older_than_the_memory_is_left_out(version: Version, tmp_path: Path) -> None:
-    """And one within it is not."""
+def test_ages(version: Version, tmp_path: Path) -> None:
+    """And one within it is not; one of later than now counts as now, and an age that is no number is an error."""
     (observer,) = exported(run_of("late"))
     content, found = fmu(observer, version, GCC[:1]), []
-    for age in (None, 0.1, 2 * observer.pieces * observer.step):
+    for age in (None, 0.1, 2 * observer.pieces * observer.step, 0.0, -1e9):
         (tmp_path / f"{age}.fmu").write_bytes(content)
         unit = Unit(tmp_path / f"{age}.fmu", version)
         unit.tell(new_x1=0.0)
@@ -96,6 +96,12 @@ def test_a_sample_that_is_older_than_the_memory_is_left_out(version: Version, tm
         unit.unit.doStep(6.0, 0.5)
         found.append(unit.get([unit.number["xhat.x1"]]))
     assert found[2] == found[0] != found[1]
+    assert found[4] == found[3] != found[0]
+    for age in (np.nan, np.inf, -np.inf):
+        unit.tell(new_x1=1.0, y_x1=2.0, age_x1=age)
+        with pytest.raises(FMICallException):
+            unit.unit.doStep(6.5, 0.5)
+        assert unit.get([unit.number["time"]]) == [6.5]
 
 
 @pytest.mark.costly

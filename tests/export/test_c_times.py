@@ -1,0 +1,82 @@
+"""What an exported observer does at times that are none, later than now, or those of the sample before."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+import numpy as np
+import pytest
+from examples import Block, chain, experiment, inline
+from exported_c import Compiled, load_all
+
+from hgorun.export.prepared import Wanted, exported
+from hgorun.simulation.preparation import prepare
+from hgorun.simulation.prepared import PreparedRun
+
+OK, OLD, NOT_FINITE, BAD_TIME = range(4)
+CHAIN = chain(2, "-x1", 1.0)
+SAMPLED: Block = {"sampling": {"period": 0.1}}
+STEPPING: dict[str, Block] = {
+    "levant": {"type": "levant", "G": 2, "discretisation": "implicit"},
+    "reduced_sampled": {"type": "reduced_sampled", "H": 2},
+    "deadbeat": {"type": "deadbeat"},
+    "hgo_fd": {"type": "hgo_fd", "eps": 0.4},
+    "hgo_sa": {"type": "hgo_sa", "eps": 0.4},
+}
+
+
+def run_of(plant: Block, blocks: Mapping[str, Block], measurement: Block) -> PreparedRun:
+    return prepare(experiment(plant, dict(blocks), measurement=measurement, step=0.01, end=3.0))
+
+
+def started(one: Compiled) -> Compiled:
+    return Compiled(one.library, one.observer, one.single)
+
+
+@pytest.mark.parametrize("late", [0.0, 0.25])
+def test_a_sample_of_later_than_now_counts_as_now(late: float, tmp_path: Path) -> None:
+    """With a history and without one: what comes after it is taken as ever."""
+    run = run_of(CHAIN, {"O": {"type": "shgo", "theta": 2}}, SAMPLED)
+    one = load_all(tmp_path, exported(run, Wanted(late=late)), "-O0")["O"]
+    other = started(one)
+    for k in range(1, 8):
+        for each, ahead in ((one, 0.0), (other, 1e9 if k == 3 else 1e-9)):
+            assert each.predict(k / 10) == OK
+            assert each.update(k / 10 + ahead, [0.5], 1) == OK
+        assert one.memory.raw == other.memory.raw
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("single", [False, True])
+def test_no_step_leads_to_a_second_sample_of_one_time(single: bool, tmp_path: Path) -> None:
+    """Also to one of the start; an infinite time leaves an observer that stands still where it is."""
+    for one in load_all(tmp_path, exported(run_of(CHAIN, STEPPING, SAMPLED)), "-O0", single=single).values():
+        other = started(one)
+        for t in np.arange(8) / 10:
+            for each in (one, other):
+                assert each.predict(t) == each.update(t, [np.cos(t)], 1) == OK
+            before = one.memory.raw
+            assert one.update(t, [np.cos(t)], 1) == one.update(t + 1, [0.3], 1) == OLD
+            assert one.update(np.inf, [0.3], 1) == one.predict(np.inf) == BAD_TIME
+            assert one.memory.raw == before == other.memory.raw
+        assert np.isfinite(one.estimate).all()
+
+
+@pytest.mark.costly
+def test_times_of_what_is_continuous(tmp_path: Path) -> None:
+    """One that is none changes nothing, nor does a number that is none; an earlier one is now."""
+    plant = inline({"a": "b", "b": "-a + u - v"}, ["a", "b"], inputs={"u": "0", "v": "0"})
+    run = run_of(plant, {"O": {"type": "shgo_riccati", "theta": 2}}, {})
+    one = load_all(tmp_path, exported(run, Wanted(inputs_given=True)), "-O0")["O"]
+    other = started(one)
+    for each in (one, other):
+        assert each.measure(0.0, [1.0, 0.5], 3) == each.input(0.0, [1.0, 2.0]) == each.predict(0.5) == OK
+    before = one.memory.raw
+    for t in (np.nan, -1.0, np.inf, -np.inf):
+        assert one.measure(t, [7.0, 7.0], 3) == one.input(t, [7.0, 7.0]) == BAD_TIME
+    assert one.measure(0.6, [7.0, np.nan], 3) == one.input(0.6, [7.0, np.inf]) == NOT_FINITE
+    assert one.memory.raw == before
+    for each, t in ((one, 0.2), (other, 0.5)):
+        assert each.measure(t, [0.9, 0.4], 3) == each.input(t, [0.3, 0.1]) == OK
+    assert before != one.memory.raw == other.memory.raw
