@@ -66,7 +66,7 @@ class CsvFile:
         """What the row of units says of a column; empty without one."""
         units = self.dialect.units
         place = self.dialect.names.index(column)
-        return units[place].strip("[]() -") if place < len(units) else ""
+        return _without_brackets(units[place]) if place < len(units) else ""
 
     def counts_from_a_date(self, column: str) -> bool:
         """Text has dates as dates."""
@@ -175,6 +175,12 @@ def _cells_of(parts: Iterator[Block], dialect: Dialect) -> Iterator[Sequence[str
             line = raw.decode("utf-8", "replace")
             if line.strip() and not is_comment(line, dialect.comment, dialect.missing, dialect.separator):
                 yield cells(line, dialect.separator)
+
+
+def _without_brackets(unit: str) -> str:
+    """A unit without brackets around all of it: of mbar(a) they are a part."""
+    unit = unit.strip(" -")
+    return unit[1:-1].strip(" -") if (unit[:1], unit[-1:]) in (("[", "]"), ("(", ")")) else unit
 
 
 def _beginning(parts: Iterator[Block], skip: int) -> Block:

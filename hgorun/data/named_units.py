@@ -11,10 +11,25 @@ import numpy as np
 import yaml
 
 from hgorun.data.recording import Note
-from hgorun.data.units import alike_times, are_usual, converted, foreign, is_time, is_unit, meant_for
+from hgorun.data.units import (
+    NO_UNIT,
+    alike,
+    alike_times,
+    are_usual,
+    converted,
+    foreign,
+    is_time,
+    is_unit,
+    meant_for,
+)
+from hgorun.data.written_units import is_misread, with_temperatures
 from hgorun.errors import KeyPath, Problem
 
-_IN_NAME = re.compile(r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60}(?:\([^()]{1,60}\))?)\)|\sin\s+(\S{1,60}))\s*")
+_IN_NAME = re.compile(
+    r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60}(?:\([^()]{1,60}\))?)\)|\sin\s+(\S{1,60}(?:\s\S{1,20})?))\s*"
+)
+_BETWEEN = re.compile(r"\s*[\s/,_]\s*")
+_ALSO_WORDS = ("in", "min", "at")  # at the end of a name
 _PER = re.compile(r"/\s*\(?\s*([^\W\d_]+)|([^\W\d_]+)\s*(?:\^|\*\*)?\s*\(?[-⁻][1-9¹²³]")
 _PER_SEVERAL = re.compile(r"/\s*\(([^()]*)\)")  # as in g/(L h)
 _FACTOR = re.compile(r"[^\W\d_]+(?!\s*(?:\^|\*\*)?\s*[-⁻])")
@@ -25,7 +40,10 @@ def unit_in_name(name: str) -> str:
     """What the name of a column ends with as its unit: ``[unit]``, ``(unit)`` or `` in unit``; empty without one."""
     end = _bracket(name) or name.rfind(" in ")
     match = _IN_NAME.fullmatch(name, max(len(name[:end].rstrip()) - 1, 0)) if end > 0 else None
-    return "" if match is None else next(part for part in match.groups() if part).strip()
+    said = "" if match is None else next(part for part in match.groups() if part).strip()
+    if match is None or match[3] is None or not re.search(r"\s", said):
+        return said
+    return said if with_temperatures(said) != said or is_misread(said) else ""  # level in tank 3
 
 
 def _bracket(name: str) -> int:
@@ -70,6 +88,56 @@ def of_another_kind_in_name(name: str, wanted: str) -> str:
     if not said or said.isdigit() or (len(said) == 1 and not name.rstrip().endswith("]")):
         return ""
     return said if is_unit(said) and is_unit(wanted) and _convertible(said, wanted) is None else ""
+
+
+def said_in_name(name: str, wanted: str, stated: bool) -> str:
+    """The unit in the name of a column that is compared with the one that is taken; empty without one.
+
+    Parameters
+    ----------
+    wanted : str
+        The unit that is taken.
+    stated : bool
+        Whether the configuration says it: then what is no unit to anybody is a remark.
+    """
+    said = convertible_in_name(name, wanted) or foreign_in_name(name, wanted)
+    return said or ("" if stated else _unread_in_name(name, wanted))
+
+
+def remark_on_name(name: str, wanted: str) -> str:
+    """What is told of a unit in the name of a column that may be none, or of something else; empty of others."""
+    if other := of_another_kind_in_name(name, wanted):
+        return f"column {name!r}: its name says {other}, the model has {wanted}, of another kind: taken as they are"
+    if other := loose_in_name(name, wanted):
+        return f"column {name!r}: its name may say {other}, the model has {wanted}: taken as they are"
+    return ""
+
+
+def _unread_in_name(name: str, wanted: str) -> str:
+    """What stands in the name of a column as its unit, with more than a unit behind it; else empty.
+
+    ``[bar(a)]`` and ``[mm below top]`` are such, ``[raw]`` and ``[TI101]`` are remarks.
+    """
+    said = unit_in_name(name)
+    if said in (*NO_UNIT, wanted) or is_unit(said):
+        return ""
+    first = re.split(r"[\s(,;]", said)[0]
+    more = name.rstrip().endswith("]") and first != said and not alike(first, wanted)
+    return said if is_misread(said) or (more and _convertible(first, wanted)) else ""
+
+
+def loose_in_name(name: str, wanted: str) -> str:
+    """The unit with which a name ends without brackets, where numbers of it would be others; else empty.
+
+    ``level_mm``, ``T / °C`` and ``T, deg C`` may be such names.
+    """
+    if unit_in_name(name):
+        return ""
+    for between in list(_BETWEEN.finditer(name.rstrip(), 1))[-2:]:
+        said = name[between.end() :].strip()
+        if len(said) > 1 and said not in _ALSO_WORDS and _convertible(said, wanted) and not alike(said, wanted):
+            return said
+    return ""
 
 
 def _convertible(said: str, wanted: str) -> str | None:

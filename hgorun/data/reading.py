@@ -13,11 +13,10 @@ from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.named_units import (
     AnotherUnit,
-    convertible_in_name,
-    foreign_in_name,
     note_of,
-    of_another_kind_in_name,
     per_unit_of,
+    remark_on_name,
+    said_in_name,
     unit_in_name,
 )
 from hgorun.data.one_clock import OneClock
@@ -165,11 +164,8 @@ class Reader:
         taken = said or self._units.get(signal.name, "")
         found, source = file.table.unit(column), "the file"
         if not found and taken:
-            found, source = convertible_in_name(column, taken) or foreign_in_name(column, taken), "its name"
-        if taken and not found and said is None and (other := of_another_kind_in_name(column, taken)):
-            message = (
-                f"column {column!r}: its name says {other}, the model has {taken}, of another kind: taken as they are"
-            )
+            found, source = said_in_name(column, taken, said is not None), "its name"
+        if taken and not found and said is None and (message := remark_on_name(column, taken)):
             self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
         if not (found and taken) or alike(found, taken):
             return

@@ -8,9 +8,10 @@ import numpy as np
 
 from hgorun.config.time_units import SHORT
 from hgorun.data.units import NO_UNIT, are_usual, converted, is_time
+from hgorun.data.written_units import with_temperatures
 from hgorun.errors import Problem
 
-_OFFSET = re.compile(r"(?:°|(?<!\w)deg)([CF])(?!\w)")  # of a rate only differences count
+_OFFSET = re.compile(r"(?<!\w)deg([CF])(?!\w)")  # of a rate only differences count
 _NEAR = 1e-6
 
 
@@ -36,7 +37,9 @@ def unlike_rate(unit: str, time: str, rate: str) -> str:
     right = per_time(unit, time)
     if rate == right or not is_time(time) or {unit, rate} & set(NO_UNIT) or not are_usual(unit, rate):
         return ""
-    back, state = (_OFFSET.sub(r"delta_deg\1", one) for one in (f"{rate}*{SHORT.get(time, time)}", unit))
+    back, state = (
+        _OFFSET.sub(r"delta_deg\1", with_temperatures(one)) for one in (f"{rate}*{SHORT.get(time, time)}", unit)
+    )
     try:
         (size,) = converted(np.ones(1), back, state, ()).tolist()
     except Problem as problem:

@@ -14,6 +14,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.time_units import SECONDS, SHORT, meant_unit
 from hgorun.data.readable_units import DEFINED, may_be_read
 from hgorun.data.usual_units import in_other_letters, is_usual, unusual
+from hgorun.data.written_units import is_misread, temperature_in, with_temperatures, without_reference
 from hgorun.errors import KeyPath, Problem
 
 if TYPE_CHECKING:
@@ -49,13 +50,8 @@ _NOT_NUMBERS = re.compile(r"[^\W\d]|[%‰°]")
 NO_UNIT = ("-", "1", "")
 """How it is written that numbers have no unit."""
 _NAMES = {
-    "°C": "degC",
-    "°F": "degF",
     "rev": "turn",
-    "Celsius": "degC",
     "Torr": "torr",
-    "degrees_C": "degC",
-    "Fahrenheit": "degF",
     **{"Nm": "(N*m)", "kNm": "(kN*m)", "mNm": "(mN*m)"},
 }
 _TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
@@ -67,10 +63,7 @@ _BITS = ("bit", "byte")
 _ABBREVIATIONS = {
     **dict.fromkeys(("mil", "mils"), "thou"),
     "mD": "millidarcy",
-    **dict.fromkeys(("psia", "psig"), "psi"),
-    **dict.fromkeys(("bara", "barg"), "bar"),
-    **{"cfm": "ft^3/min", "cfs": "ft^3/s", "gpm": "gal/min", "lpm": "L/min", "slpm": "L/min", "sccm": "mL/min"},
-    **{"fpm": "ft/min", "lbm": "lb", "sqft": "ft^2", "kp": "kgf", "PS": "metric_horsepower"},
+    **{"gpm": "gal/min", "fpm": "ft/min", "lbm": "lb", "sqft": "ft^2", "kp": "kgf", "PS": "metric_horsepower"},
     **dict.fromkeys(("ft-lb", "lb-ft", "ft.lb", "ft·lb"), "ft_lb"),
     **dict.fromkeys(("in-lb", "lb-in", "in.lb", "in·lb"), "in*lbf"),
 }
@@ -155,7 +148,12 @@ def are_usual(*units: str) -> bool:
 
     To import it takes longer than many a run takes.
     """
-    return all(unit in NO_UNIT or unusual(_usual(unit)) is None for unit in units)
+    return all(unit in NO_UNIT or _is_read(_usual(unit)) for unit in units)
+
+
+def _is_read(written: str) -> bool:
+    """Whether all factors of a unit, in usual notation, are units of engineering, and their product is meant."""
+    return unusual(written) is None and not is_misread(written)
 
 
 def not_known(unit: str) -> str:
@@ -163,7 +161,7 @@ def not_known(unit: str) -> str:
     if unit in NO_UNIT:
         return ""
     if are_usual(unit) and _UNIT.fullmatch(_usual(unit)):
-        return "" if _NOT_NUMBERS.search(unit) else f"{unit!r} is a number, not a unit."
+        return "" if _NOT_NUMBERS.search(_usual(unit)) else f"{unit!r} is a number, not a unit."
     try:
         _parsed(_registry(), unit, ())
     except Problem:
@@ -208,11 +206,17 @@ def foreign(unit: str, wanted: str) -> bool:
 
     What is not converted may be read by accident, but taken as it is it may as well be silently wrong.
     """
-    readings = [_ABBREVIATIONS.get(unit, unit)]
-    if len(unit) > 1:  # RPM, KPA, M/S
-        readings += in_other_letters(unit) or [low for low in [unit.lower()] if unusual(_usual(low)) is None]
-    seen = [factor for factor in (_read_as(one, wanted) for one in readings) if factor is not None]
+    meant, of = _meant_alone(unit), _meant_alone(wanted)
+    readings = [meant]
+    if len(meant) > 1:  # RPM, KPA, M/S
+        readings += in_other_letters(meant) or [low for low in [meant.lower()] if _is_read(_usual(low))]
+    seen = [factor for factor in (_read_as(one, of) for one in readings) if factor is not None]
     return bool(seen) and not any(seen)
+
+
+def _meant_alone(unit: str) -> str:
+    """The unit that an abbreviation stands for, without what is told of a zero of pressure or of conditions."""
+    return _ABBREVIATIONS.get(unit) or without_reference(unit) or unit
 
 
 def _read_as(unit: str, wanted: str) -> bool | None:
@@ -252,7 +256,7 @@ def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted
     written = _usual(text)
     if not _UNIT.fullmatch(written):
         raise Problem(path, f"{text!r} cannot be a unit{_meant(text, wanted, '.')}")
-    if unusual(written) is None:
+    if _is_read(written):
         with suppress(Exception):  # whatever its parser stumbles over
             return registry.Unit(written)
     meant = _meant(text, wanted)
@@ -267,6 +271,9 @@ def _usual(text: str) -> str:
         name, power = match.groups()
         return f"{name}^{power.translate(_RAISED)}" if is_usual(name) else match[0]
 
+    if without_reference(text) is not None:
+        return text  # Nm^3 is no power of N m
+    text = with_temperatures(text)
     for name, meant in _NAMES.items():
         text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", meant, text)
     return _POWER.sub(raised, text.translate(_TIMES))
@@ -276,7 +283,8 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     """The most similar of common units of a kind, as a question; empty where none is."""
     if wanted is None:
         return ""
-    if text in ("Grad", "grad"):  # German; to others 0.9 of that
-        return f"{before} Did you mean `deg`?"
+    meant = "deg" if text in ("Grad", "grad") else temperature_in(text)  # German; to others 0.9 of that
+    if meant:
+        return f"{before} Did you mean `{meant}`?"
     close = nearest(text, [unit for unit in _COMMON if _registry().Unit(unit).is_compatible_with(wanted)])
     return before + close if close else ""

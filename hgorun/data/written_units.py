@@ -1,0 +1,83 @@
+"""Units as people write them: degrees of temperature, and what is told of a pressure or a volume behind its unit.
+
+To a library of units ``deg C`` is an angle times a charge, ``deg K`` an angle times a temperature, ``bar g`` a bar
+times a gram and ``Nm^3`` a cubed newton metre. None of these is what was meant.
+"""
+
+from __future__ import annotations
+
+import re
+
+_SCALES = {"c": "degC", "f": "degF", "k": "K", "r": "degR"}
+_SCALE = r"(C(?:elsius)?|centigrade|F(?:ahrenheit)?|K(?:elvin)?|R(?:ankine)?)"
+_SIGN = r"(?:Â?[°º]|[˚∘◦⁰ᵒ])"  # of degrees, also its likenesses, and UTF-8 read as Latin-1
+_DEGREES = re.compile(
+    rf"(?<!\w)(?:(?:deg(?:ree)?s?\.?|{_SIGN})[\s_-]*|gra?d?\.?\s+){_SCALE}(?![^\W\d_]|\w)", re.IGNORECASE
+)
+_WORD = re.compile(r"(?<!\w)(Celsius|Centigrade|Fahrenheit|Kelvin)(?!\w)", re.IGNORECASE)
+_LETTER_O = re.compile(r"(?<!\w)o([CFK])(?!\w)")
+_ONE_SIGN = str.maketrans({"℃": "°C", "℉": "°F", "\N{KELVIN SIGN}": "K"})
+_ANGLE = r"(?:[munkµμ]|milli|micro)?(?:deg(?:ree)?s?|°)"
+_TEMPERATURE = r"(?:[munµμ]|milli|micro)?(?:(?:delta_)?deg[CFR]|K|kelvins?|C|coulombs?|F|farads?)"
+_BOTH = rf"(?:{_ANGLE}(?:SIGN){_TEMPERATURE}|{_TEMPERATURE}(?:SIGN){_ANGLE})"
+_SIDE_BY_SIDE = re.compile(rf"(?<!\w){_BOTH.replace('SIGN', '[ ]+')}(?!\w)")
+_PRODUCT = re.compile(_BOTH.replace("SIGN", r"\s*[*]\s*"))
+
+_PRESSURE = (
+    r"(?:[numµμkMGhcd]?Pa|[numµμkd]?bar|k?psi|ksi|atm|torr|[mc]mHg|inHg|[mc]?mH2O|inH2O|N/mm(?:2|\^2|²)|"
+    r"kgf?/cm(?:2|\^2|²)|at)"
+)
+_TOLD = r"(?:a|g|e|ü|ga|abs|absolute?|gauge|rel|relative?)\.?"
+_OF_PRESSURE = re.compile(
+    rf"({_PRESSURE})(?:[\s_.-]*{_TOLD}|d|[\s_]*[(\[]\s*(?:{_TOLD}|d|diff\.?)\s*[)\]]|[\s_]*diff\.?)", re.IGNORECASE
+)
+_CUBED = r"(?:[cdm]?m\s?(?:3|\^3|\*\*3|³)|(?:cu\.?\s?)?ft(?:3|\^3|\*\*3|³)|[mc]?[lL]|liters?|litres?)"
+_REST = r"((?![\w^*])(?:\s*/.*|\s+per\s.*|[\s*·]+\w+(?:\^|\*\*)?\(?[-⁻].*)?)"  # per a unit of time
+_AT = r"(?:N|n|S|std\.?|STP|NTP|norm(?:al)?\.?|standard|i\.?\s?N\.?)"
+_BEFORE = re.compile(rf"(?:[NSs]|(?:std|norm(?:al)?|standard)\.?[\s_]*)({_CUBED}){_REST}")
+_BEHIND = re.compile(rf"({_CUBED})(?:[\s_]*\(\s*(?:{_AT}|s)\s*\)|[\s_]*{_AT}){_REST}")
+_WITHIN = re.compile(rf"([cd]?m)_?[nN]_?((?:\^|\*\*)?3|³){_REST}")
+_AT_THE_END = re.compile(rf"({_CUBED})(\s*/\s*[^\W\d_]+)(?:\s*\(\s*(?:{_AT}|s)\s*\)|\s+{_AT})")
+_FLOWS = {
+    **{"cfm": "ft^3/min", "scfm": "ft^3/min", "cfs": "ft^3/s", "scfh": "ft^3/h", "scfd": "ft^3/d", "scf": "ft^3"},
+    **{"lpm": "L/min", "slpm": "L/min", "nlpm": "L/min", "slm": "L/min", "sccm": "mL/min", "sccs": "mL/s"},
+}
+
+
+def with_temperatures(text: str) -> str:
+    """A unit in which degrees of temperature are ``degC``, ``degF``, ``degR`` and ``K``, however they were written."""
+
+    def scale(match: re.Match[str]) -> str:
+        return _SCALES["c" if match[1][0] in "cC" else match[1][0].lower()]
+
+    for pattern in (_DEGREES, _WORD, _LETTER_O):
+        text = pattern.sub(scale, text.translate(_ONE_SIGN))
+    return text
+
+
+def is_misread(text: str) -> bool:
+    """Whether a library of units reads a product in a text that means none; temperatures are written as above."""
+    return bool(_SIDE_BY_SIDE.search(text) or _PRODUCT.fullmatch(text)) or without_reference(text) is not None
+
+
+def temperature_in(text: str) -> str:
+    """The temperature in a text in which one is read as a factor beside an angle; empty where none is."""
+    found = _SIDE_BY_SIDE.search(text) or _PRODUCT.fullmatch(text)
+    of = found and re.search(rf"(?<!\w){_TEMPERATURE}(?!\w)", found[0])
+    return {"C": "degC", "F": "degF"}.get(of[0], of[0]) if of else ""
+
+
+def without_reference(text: str) -> str | None:
+    """The unit of a gauge or absolute pressure, or of a volume at normal conditions, by itself; None of any other.
+
+    So it is of flows by their abbreviations. What zero of pressure or what conditions are meant is told by
+    ``mbar(a)``, ``kPag``, ``bar abs``, ``Nm3/h``, ``m3(n)/h`` and ``slpm``, and no conversion knows it.
+    """
+    if text.lower() in _FLOWS:
+        return _FLOWS[text.lower()]
+    if match := _OF_PRESSURE.fullmatch(text):
+        return re.sub(r"^kg(?=/)", "kgf", match[1])
+    for pattern in (_BEFORE, _BEHIND, _WITHIN, _AT_THE_END):
+        if match := pattern.fullmatch(text):
+            return "".join(part or "" for part in match.groups()).strip()
+    return None
