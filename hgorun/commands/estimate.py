@@ -45,7 +45,7 @@ def estimate(options: Estimate) -> int:
     refuse_no_csv("--export-csv", options.export_csv)
     refuse_no_csv("--export-samples", options.export_samples, or_stdout=True)
     if options.checkpoint is not None:
-        refuse_unwritable(options.checkpoint, "--checkpoint")
+        refuse_unwritable(options.checkpoint, "--checkpoint", "file")
     _refuse_with_samples(options)
     page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config, "estimate"))

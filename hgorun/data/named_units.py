@@ -199,6 +199,9 @@ class AnotherUnit:
         The unit of the configuration.
     who : str
         Who has the unit ``wanted``: "the model has".
+    beside : tuple of str, optional
+        Where ``said`` is that of a log and the file is beside it: what is written before and behind the column and its
+        unit in a key of this file alone.
     """
 
     column: str
@@ -208,6 +211,7 @@ class AnotherUnit:
     wanted: str
     said: str | None
     who: str
+    beside: tuple[str, str] | None = None
 
     def told(self) -> str:
         """What is told where the numbers are taken as the configuration says, or where nobody knows the unit.
@@ -219,9 +223,13 @@ class AnotherUnit:
         """
         found, wanted = self.found, self.wanted
         says = f"column {self.column!r}: {self.source} says {found}"
+        if self.said is not None and self.beside is not None and is_unit(found):
+            of_log = f"unit: {self.said} is that of the log; {self._key(wanted)} takes it here, too"
+            raise ValueError(f"{says} in {self.file}: {self._key(found)} converts; {of_log}")
         if self.said is not None:
             return f"{says}, the configuration unit: {self.said}, which is taken; is it {found}?"
-        as_they_are = f"unit: {_plain(wanted)} takes the numbers as they are"
+        key = f"unit: {_plain(wanted)}" if self.beside is None else self._key(wanted)
+        as_they_are = f"{key} takes the numbers as they are"
         if foreign(found, wanted) and _convertible(found, wanted) is None:
             none = f"{found} is not among the units that are converted; {as_they_are}.{meant_for(found, wanted)}"
             raise ValueError(f"{says} in {self.file}, {self.who} {wanted}: {none}")
@@ -233,8 +241,13 @@ class AnotherUnit:
         elif meant is None or (is_time(found) and not is_time(wanted)):
             converts = "which is of another kind"
         else:
-            converts = f"{{column: {json.dumps(self.column, ensure_ascii=False)}, unit: {_plain(meant)}}} converts"
+            converts = f"{self._key(meant)} converts"
         raise ValueError(f"{says} in {self.file}, {self.who} {wanted}: {converts}, {as_they_are}")
+
+    def _key(self, unit: str) -> str:
+        """What is written for numbers in a unit."""
+        before, behind = self.beside or ("{", "}")
+        return f"{before}column: {json.dumps(self.column, ensure_ascii=False)}, unit: {_plain(unit)}{behind}"
 
 
 def note_of(another: AnotherUnit, kind: str, signal: str, path: KeyPath, otherwise: str = "") -> Note:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 import numpy as np
@@ -13,6 +14,7 @@ from hgorun.data.date_hints import clock_key, with_exchanged
 from hgorun.data.date_order import a_day_too_early, days_counted, exchanged, known_after, passes_midnight, unlike_others
 from hgorun.data.day_counts import four_years_apart, span_of
 from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
+from hgorun.data.parts import require_one_time_unit
 from hgorun.data.recording import Note, Origin
 from hgorun.data.sources import LogFile, Wanted
 from hgorun.data.table import Table
@@ -33,6 +35,8 @@ class OneClock:
         Of the run.
     beside : Origin, optional
         That of another recording, from which these times are counted, too.
+    reference : str
+        As of :func:`hgorun.data.reading.read`.
 
     Attributes
     ----------
@@ -54,7 +58,10 @@ class OneClock:
         tables: Mapping[LogFile, Table],
         unit: str,
         beside: Origin | None,
+        reference: str = "",
     ) -> None:
+        column = json.dumps(signals[0].block.column, ensure_ascii=False) if signals else ""
+        self._around = (f"{reference}, column: {column}, time: {{", "}}}") if reference else None
         self._block, self._tables, self._unit, self._beside = block, tables, unit, beside
         self._stamps: dict[tuple[LogFile, ClockColumn], np.ndarray] = {}
         self.notes: list[Note] = []
@@ -79,6 +86,7 @@ class OneClock:
         """
         clocks = list(self._clocks(signals))
         absolute = [(file, clock) for file, clock in clocks if clock.absolute]
+        require_one_time_unit((file, clock) for file, clock in clocks if not clock.absolute)
         for file, clock in dict.fromkeys(clocks):
             self.notes += self._unit_of_clock(file, clock)
             self._stamps[file, clock] = stamps(clock, self._tables[file], self._unit)
@@ -250,6 +258,7 @@ class OneClock:
             wanted=taken,
             said=clock.clock.unit,
             who="the run counts in",
+            beside=self._around,
         )
         key = ".".join(map(str, clock.path))
         yield note_of(another, "clock", key, clock.path, f", and time.unit: {said} is right for a model in {said}")

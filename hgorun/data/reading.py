@@ -20,6 +20,7 @@ from hgorun.data.named_units import (
     unit_in_name,
 )
 from hgorun.data.one_clock import OneClock
+from hgorun.data.parts import but_silent, lacking_columns, require_one_unit, silent_parts
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
@@ -38,6 +39,7 @@ def read(
     units: Mapping[str, str] | None = None,
     files: Sequence[Path] = (),
     beside: Origin | None = None,
+    reference: str = "",
 ) -> Recording:
     """Measurements in the units of a model.
 
@@ -54,6 +56,8 @@ def read(
         In place of those that the block names for all signals.
     beside : Origin, optional
         That of another recording, from which the times of this one are counted, too.
+    reference : str
+        How a key begins that is of what is read alone, where the keys of the block are those of a log.
 
     Raises
     ------
@@ -62,7 +66,7 @@ def read(
     Problem
         When a key names what is not there.
     """
-    return Reader(block, folder, files).recording(time_unit, units or {}, beside)
+    return Reader(block, folder, files).recording(time_unit, units or {}, beside, reference)
 
 
 class Reader:
@@ -82,26 +86,30 @@ class Reader:
             group: [sources.wanted(name, column, ("data", group, name)) for name, column in columns.items()]
             for group, columns in groups.items()
         }
+        every = [signal for some in self._wanted.values() for signal in some]
+        self._found: list[Note] = list(lacking_columns(every, *sources.shared))
         self._tables = sources.tables()
-        self._notes: list[Note] = []
 
-    def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
+    def recording(
+        self, unit: str, units: Mapping[str, str], beside: Origin | None = None, reference: str = ""
+    ) -> Recording:
         """All signals; arguments as of :func:`read`."""
-        self._units, self._time_unit = units, unit
+        self._around = (f"{reference}, ", "}}") if reference else None
+        self._units, self._time_unit, self._notes = units, unit, list(self._found)
         signals = [signal for some in self._wanted.values() for signal in some]
-        clock = OneClock(self._block, signals, self._tables, unit, beside)
+        clock = OneClock(self._block, signals, self._tables, unit, beside, reference)
         self._times, self._origin = clock.times, clock.origin
         self._notes += clock.notes
         sorted_out = self._all_sorted(signals)
         outputs = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["outputs"]}
         inputs = {one.name: self._input(one, sorted_out[one]) for one in self._wanted["inputs"]}
-        reference = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
+        compared = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
         self._notes += inputs_beyond(inputs, outputs, self._origin)
         self._notes += given_references(self._wanted["outputs"], self._wanted["reference"])
         return Recording(
             outputs=outputs,
             inputs=inputs,
-            reference=reference,
+            reference=compared,
             notes=tuple(told_once(self._notes)),
             origin=self._origin,
             first_samples=self._block.first_samples,
@@ -140,6 +148,7 @@ class Reader:
         """Values in the unit of the model."""
         said, wanted = signal.block.unit, self._units.get(signal.name, "")
         file = signal.parts[0].file
+        self._require_one_unit(signal)
         for part in dict.fromkeys(part.file for part in signal.parts):
             self._require_unit(signal, part)
             if said is None and not wanted:
@@ -151,6 +160,20 @@ class Reader:
             self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
             return values
         return converted(values, said, wanted, (*signal.path, "unit"))
+
+    def _require_one_unit(self, signal: Wanted) -> None:
+        """Tell where files of a log say no unit, and others do.
+
+        Raises
+        ------
+        Problem
+            When they say different ones.
+        """
+        column, taken = signal.block.column, signal.block.unit
+        said = {str(part.file.path): part.file.table.unit(column) for part in signal.parts}
+        require_one_unit(column, said, alike, signal.path)
+        if taken is not None and not alike(taken, self._units.get(signal.name, "")):
+            self._notes += silent_parts(column, said, taken, signal.key)
 
     def _require_unit(self, signal: Wanted, file: LogFile) -> None:
         """Tell that a file has another unit than the one that is taken.
@@ -177,8 +200,10 @@ class Reader:
             wanted=taken,
             said=said,
             who="the model has",
+            beside=self._around,
         )
-        self._notes.append(note_of(another, "units", signal.key, signal.path))
+        says = {str(part.file.path): part.file.table.unit(column) for part in signal.parts}
+        self._notes.append(note_of(another, "units", signal.key, signal.path, but_silent(says)))
 
     def _tell_rate(self, signal: Wanted, file: LogFile) -> None:
         """Tell that numbers are per another unit of time than the model's, which has no unit for them."""

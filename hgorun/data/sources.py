@@ -83,6 +83,12 @@ class Sources:
         self._given = list(files) or [folder / name for name in block.file]
         self._files: dict[tuple[Path, Csv], LogFile] = {}
 
+    @property
+    def shared(self) -> tuple[list[LogFile], KeyPath]:
+        """The files of all signals that name none of their own, as far as they are opened, and the key that does."""
+        files = [file for (path, _), file in self._files.items() if path in self._given]
+        return files, self._key or ("data",)
+
     def wanted(self, name: str, column: Column, path: KeyPath) -> Wanted:
         """Where a signal stands.
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +17,7 @@ from hgorun.config.reading import mapping
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.data.reading import Reader, read
-from hgorun.data.recording import Origin, Recording, Signal
+from hgorun.data.recording import Note, Origin, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.holdout import part
 
@@ -83,7 +84,8 @@ class Log:
         out = np.zeros(0, dtype=bool) if signal is None else signal.stands_in(file)
         if signal is None or not out.any():
             self._refuse_used(output, file)
-            return recording, self.from_file(output, file, recording.origin)
+            held, notes = self._from_file(output, file, recording.origin)
+            return replace(recording, notes=(*recording.notes, *notes)), held
         if out.all():
             raise ConfigError(
                 f"--holdout {output}={file}: all samples of the output {output} stand there, and observers would get "
@@ -103,23 +105,28 @@ class Log:
                     f"some of its samples, --holdout {output}=5"
                 )
 
-    def from_file(self, output: str, file: Path, origin: Origin) -> Signal:
-        """An output as it stands in another file, at times that count from the origin of the log.
+    def _from_file(self, output: str, file: Path, origin: Origin) -> tuple[Signal, Sequence[Note]]:
+        """An output as it stands in another file, at times that count from the origin of the log, and what was found.
 
         What is held out is compared at the time it was taken: when it was known is not asked for. As of samples that
         are known late, the rows may stand in any order.
         """
         columns = self._columns(output, file)
+        own = columns.get("file") is not None and (self.folder / columns["file"]).resolve() == file.resolve()
         if columns.pop("available", None) is not None and self.block.faults.backwards is None:
             columns["faults"] = {"backwards": "sort", **columns.get("faults", {})}
         other = Measured(**{**columns, "file": str(file.absolute())})
-        return read(
+        near = file.absolute().is_relative_to(self.folder.absolute())
+        name = str(file.absolute().relative_to(self.folder.absolute()) if near else file.absolute())
+        found = read(
             self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
             self.folder,
             time_unit=self.unit,
             units=self.units,
             beside=origin,
-        ).outputs[output]
+            reference="" if own else f"data.reference: {{{output}: {{file: {json.dumps(name, ensure_ascii=False)}",
+        )
+        return found.outputs[output], [note for note in found.notes if note.kind in ("units", "clock")]
 
 
 def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:

@@ -119,6 +119,28 @@ def test_units_limits_and_quality_of_a_reference_are_those_of_an_output(shell: S
     assert f"{key}.a" in err
 
 
+@pytest.mark.parametrize("stated", [(), ("--set", "data.outputs.a.unit=deg")])
+def test_the_unit_of_a_file_that_is_held_out_is_stated_for_it_alone(shell: Shell, stated: tuple[str, ...]) -> None:
+    """What a key of the output converts is the log."""
+    rows = [f"{t},{1000 * y}" for t, y in zip(T + 0.05, Y, strict=True)]
+    (shell.folder / "lab.csv").write_text("t,angle\ns,mrad\n" + "\n".join(rows[:-1]) + "\n")
+    words = ("estimate", "pendulum.yaml", "--holdout", "a=lab.csv", *QUIET)
+    code, out, err = shell(*words, *stated)
+    assert (code, out) == (2, "")
+    advised = 'data.reference: {a: {file: "lab.csv", column: "angle", unit: mrad}}'
+    assert f"the file says mrad in {shell.folder / 'lab.csv'}" in err
+    assert f"{advised} converts" in err
+    held = scores_of(shell, *words[2:4], "--set", advised.replace(": ", "=", 1))
+    assert held["holdout_rmse"] == held["reference_rmse"]
+    assert held["holdout_rmse"]["a"] < 0.1
+    (shell.folder / "lab.csv").write_text("t,angle\ns,Skt\n" + "\n".join(rows[:-1]) + "\n")
+    code, _, err = shell(*words)
+    assert (code, "the file says Skt, which is not a known unit, the model has rad: taken as they are" in err) == (
+        0,
+        True,
+    )
+
+
 TWO = "observers={S: {type: shgo, theta: 2, poles: -1}, E: {type: ekf, Q: {b: 0.1}, R: 0.01}}"
 MESSAGE = (
     "in a stream all observers treat late samples alike, and these do not (S: innovation, E: replay): "

@@ -53,6 +53,7 @@ def test_it_is_told_before_the_configuration_is_read(shell: Shell, command: str)
         ("simulate a.yaml --export-csv file/x.csv", "--export-csv: file/x.csv cannot be written"),
         ("estimate a.yaml --export-csv there.h5", "--export-csv: expected a file .csv, .dat, .txt, found the folder"),
         ("estimate a.yaml - --checkpoint file/x", "--checkpoint: file/x cannot be written"),
+        ("estimate a.yaml - --checkpoint there.h5", "--checkpoint: there.h5 cannot be written: it is a folder"),
         ("estimate a.yaml --export-samples file/x", "--export-samples: file/x cannot be written"),
         ("cite a.yaml -o file/x.bib", "--output: file/x.bib cannot be written"),
         ("report a.h5 -o file/x.html", "--output: file/x.html cannot be written"),

@@ -262,7 +262,7 @@ def test_each_part_of_a_log_has_its_unit(tmp_path: Path) -> None:
     """The second logger writes mg/L."""
     first, second = PLAIN.replace("glucose\n", "glucose\ns,g/L\n"), "t,glucose\ns,mg/L\n100,20000\n101,21000\n"
     (tmp_path / "later.csv").write_text(second)
-    with pytest.raises(Problem, match=r"says mg/L in .*later\.csv, the model has g/L"):
+    with pytest.raises(Problem, match=r"log\.csv says g/L and .*later\.csv mg/L, and a unit is that of all files"):
         recorded(tmp_path, first, {"file": ["log.csv", "later.csv"]}, units={"S": "g/L"})
 
 
