@@ -22,7 +22,7 @@ from hgorun.data.units import (
     is_unit,
     meant_for,
 )
-from hgorun.data.written_units import is_misread, with_temperatures
+from hgorun.data.written_units import is_misread, with_temperatures, without_reference
 from hgorun.errors import KeyPath, Problem
 
 _IN_NAME = re.compile(
@@ -38,6 +38,9 @@ _TEMPERATURES = {"C": "degC", "F": "degF"}  # to pint coulomb and farad
 
 def unit_in_name(name: str) -> str:
     """What the name of a column ends with as its unit: ``[unit]``, ``(unit)`` or `` in unit``; empty without one."""
+    behind = name.rpartition(" in ")[2].strip()
+    if behind != name.strip() and without_reference(behind) is not None:
+        return behind  # p in mbar(a)
     end = _bracket(name) or name.rfind(" in ")
     match = _IN_NAME.fullmatch(name, max(len(name[:end].rstrip()) - 1, 0)) if end > 0 else None
     said = "" if match is None else next(part for part in match.groups() if part).strip()
@@ -129,12 +132,14 @@ def _unread_in_name(name: str, wanted: str) -> str:
 def loose_in_name(name: str, wanted: str) -> str:
     """The unit with which a name ends without brackets, where numbers of it would be others; else empty.
 
-    ``level_mm``, ``T / °C`` and ``T, deg C`` may be such names.
+    ``level_mm``, ``T / °C``, ``T, deg C`` and ``p_mbar(a)`` may be such names.
     """
-    if unit_in_name(name):
-        return ""
     for between in list(_BETWEEN.finditer(name.rstrip(), 1))[-2:]:
         said = name[between.end() :].strip()
+        if without_reference(said) is not None and (foreign(said, wanted) or without_reference(said) == wanted):
+            return said
+        if unit_in_name(name):
+            continue
         if len(said) > 1 and said not in _ALSO_WORDS and _convertible(said, wanted) and not alike(said, wanted):
             return said
     return ""

@@ -174,6 +174,8 @@ def test_units_that_tell_nothing_of_it(unit: str) -> None:
         ("p [mbar(a)]", "bar", "mbar(a)"),
         ("p (mbar(a))", "bar", "mbar(a)"),
         ("p in mbar abs", "bar", "mbar abs"),
+        ("p in mbar(a)", "bar", "mbar(a)"),
+        ("p in bar (g)", "bar", "bar (g)"),
         ("p [barg]", "bar", "barg"),
         ("p (bara)", "bar", "bara"),
         ("p [KPAG]", "kPa", "KPAG"),
@@ -210,6 +212,12 @@ def test_who_states_a_unit_is_not_told_of_remarks() -> None:
         ("T, deg C", "K", "deg C"),
         ("level_mm", "m", "mm"),
         ("level mm", "m", "mm"),
+        ("p_mbara", "bar", "mbara"),
+        ("p mbar(a)", "bar", "mbar(a)"),
+        ("p_barg", "bar", "barg"),
+        ("p_barg", "barg", ""),
+        ("p_barg", "m", ""),
+        ("q_Nm3/h", "m^3/s", "Nm3/h"),
         ("T_K", "K", ""),
         ("level_mm", "mm", ""),
         ("T_min", "h", ""),
@@ -261,3 +269,9 @@ def test_what_is_advised_of_degrees_converts_them(tmp_path: Path, unit: str) -> 
 def test_rates_of_temperatures_are_those_of_their_differences(unit: str, rate: str) -> None:
     assert unlike_rate(unit, "s", rate) == ""
     assert unlike_rate(unit, "min", rate).endswith(f"is 0.0166667 {rate}")
+
+
+def test_a_unit_of_another_kind_in_a_name_is_told(tmp_path: Path) -> None:
+    log = PLAIN.replace("glucose", "level [V]")
+    (note,) = recorded(tmp_path, log, {"outputs": {"S": "level [V]"}}, units={"S": "m"}).notes
+    assert note.message == "column 'level [V]': its name says V, the model has m, of another kind: taken as they are"
