@@ -172,8 +172,9 @@ class Reader:
         column, taken = signal.block.column, signal.block.unit
         said = {str(part.file.path): part.file.table.unit(column) for part in signal.parts}
         require_one_unit(column, said, alike, signal.path)
-        if taken is not None and not alike(taken, self._units.get(signal.name, "")):
-            self._notes += silent_parts(column, said, taken, signal.key)
+        silent = list(silent_parts(column, said, taken or "", signal.key))
+        if silent and taken is not None and not alike(taken, self._units.get(signal.name, "")):
+            self._notes += silent  # compared last: that may take the library of units
 
     def _require_unit(self, signal: Wanted, file: LogFile) -> None:
         """Tell that a file has another unit than the one that is taken.

@@ -130,3 +130,9 @@ def test_advice_of_a_file_beside_a_log_is_of_that_file(tmp_path: Path, unit: str
     in_time, in_level = (row == "min,m", row == "s,mm")
     np.testing.assert_allclose(found.values, np.array([2000, 3000]) / (1000 if in_level else 1), rtol=1e-15)
     np.testing.assert_allclose(found.taken, np.array([1, 2]) * (60 if in_time else 1), rtol=1e-15)
+
+
+@pytest.mark.parametrize(("unit", "notes"), [("m", 0), ("metre", 0), ("mm", 1)])
+def test_who_states_the_unit_of_the_model_is_told_of_no_silent_file(tmp_path: Path, unit: str, notes: int) -> None:
+    contents = {"a.csv": FIRST, "b.csv": with_units(SECOND, "s", unit)}
+    assert len(parts(tmp_path, contents, {"h": {"column": "level", "unit": unit}}).notes) == notes
