@@ -108,7 +108,8 @@ class Observer(Keys, Generic[FormT, CopyT]):
         ``signal``
             It estimates something of the plant beside the state, such as derivatives of the output.
 
-        By default symmetric matrices are gains, and all other states are filters.
+        By default symmetric matrices are gains, and all other states are filters: of a gain that is a number or a
+        vector its class has to say so.
         """
         return {name: "gain" if isinstance(value, Symmetric) else "filter" for name, value in self.states(form).items()}
 

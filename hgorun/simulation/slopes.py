@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
 
+from hgorun.simulation.filters_at_rest import rates_and_sizes
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.states import StateBlock
 
 
 def slopes(run: PreparedRun, block: ObserverBlock) -> ca.Function:
@@ -36,6 +40,15 @@ def slopes(run: PreparedRun, block: ObserverBlock) -> ca.Function:
         ca.jacobian(correction, e),
     ]
     return ca.Function("linear", [t, run.structure.p, z, e], [ca.densify(part) for part in parts])
+
+
+def filter_rates(run: PreparedRun, block: ObserverBlock, filters: Mapping[str, StateBlock]) -> ca.Function:
+    """From (t, p, z) to how fast filters move without innovation, and the size of what they move by."""
+    model = run.plant.model
+    z, still = ca.SX.sym("z", run.structure.system.states), ca.SX.zeros(len(model.outputs))
+    copy = block.copy(model.t, inputs_of(run), run.structure.plant)
+    derivatives, _ = block.equations(copy, block.symbols(z), still)
+    return ca.Function("filters", [model.t, run.structure.p, z], rates_and_sizes(derivatives, filters, z))
 
 
 def inputs_of(run: PreparedRun) -> ca.SX:

@@ -45,6 +45,8 @@ class Equations:
     design : dict of str to ndarray
     states : dict of str to StateBlock
         xhat and the observer's own, one after the other in the vector z.
+    z : casadi.SX
+        The symbols of all of them.
     """
 
     def __init__(self, observer: AnyObserver, plant: BuiltPlant, form: Form) -> None:
@@ -67,8 +69,8 @@ class Equations:
         self._parameters = Parameters()
         self._p = self._parameters.add("plant", plant.parameters)
         self._k = Symbols({name: self._parameters.add(name, value) for name, value in self.design.items()})
-        self._t, self._z, self._e = ca.SX.sym("t"), ca.SX.sym("z", end), ca.SX.sym("e", self.outputs)
-        self._s = Symbols({name: block.symbol(self._z) for name, block in self.states.items()})
+        self._t, self.z, self._e = ca.SX.sym("t"), ca.SX.sym("z", end), ca.SX.sym("e", self.outputs)
+        self._s = Symbols({name: block.symbol(self.z) for name, block in self.states.items()})
 
     @property
     def where(self) -> str:
@@ -124,9 +126,9 @@ class Equations:
     def flow(self) -> ca.Function:
         """(t, parameters, z, e) -> (z', its Jacobian with e = C xhat - y)."""
         rate = ca.vertcat(*[block.flat(self.rates[name]) for name, block in self.states.items()])
-        slope = ca.jacobian(rate, self._z)
+        slope = ca.jacobian(rate, self.z)
         guess = self.copy(self._t).output(self.estimate)
-        closed = slope + ca.jacobian(rate, self._e) @ ca.jacobian(guess, self._z)
+        closed = slope + ca.jacobian(rate, self._e) @ ca.jacobian(guess, self.z)
         return self.function("flow", rate, closed)
 
     @cached_property
@@ -141,8 +143,8 @@ class Equations:
         y = ca.SX.sym("y", self.outputs)
         after = self.corrected(Arrival(y, ca.SX.ones(self.outputs)))
         flat = ca.vertcat(*[block.flat(after.get(name, vars(self._s)[name])) for name, block in self.states.items()])
-        inputs = [self._t, self._parameters.symbol, self._z, self._e, y]
-        return _closed("correct", inputs, [flat, ca.jacobian(flat, self._z)])
+        inputs = [self._t, self._parameters.symbol, self.z, self._e, y]
+        return _closed("correct", inputs, [flat, ca.jacobian(flat, self.z)])
 
     def corrected(self, arrival: Arrival) -> dict[str, ca.SX]:
         """What the observer returns for samples that arrive."""
@@ -163,8 +165,8 @@ class Equations:
         y, previous, T = ca.SX.sym("y", self.outputs), ca.SX.sym("previous", self.outputs), ca.SX.sym("T")
         after = self.jump(Sample(y, previous, T))
         flat = ca.vertcat(*[block.flat(after.get(name, vars(self._s)[name])) for name, block in self.states.items()])
-        inputs = [self._t, self._parameters.symbol, self._z, self._e, y, previous, T]
-        return _closed("leap", inputs, [flat, ca.jacobian(flat, self._z)])
+        inputs = [self._t, self._parameters.symbol, self.z, self._e, y, previous, T]
+        return _closed("leap", inputs, [flat, ca.jacobian(flat, self.z)])
 
     def jump(self, sample: Sample) -> dict[str, ca.SX]:
         """What the observer returns for a sample."""
@@ -189,7 +191,7 @@ class Equations:
 
     def function(self, name: str, *expressions: ca.SX) -> ca.Function:
         """(t, parameters, z, e) -> expressions; Broken where they hold other symbols."""
-        return _closed(name, [self._t, self._parameters.symbol, self._z, self._e], list(expressions))
+        return _closed(name, [self._t, self._parameters.symbol, self.z, self._e], list(expressions))
 
     def evaluate(self, function: ca.Function, t: float, z: np.ndarray, *more: object) -> list[np.ndarray]:
         """The values of a function at numbers."""

@@ -27,6 +27,7 @@ from hgorun.testing.cases import CHAINS, WRONG_PLANTS, Case, Keys, Subject, as_t
 from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to
 from hgorun.testing.decay import decays
 from hgorun.testing.equations import Equations, numbers_of, points, shaped
+from hgorun.testing.roles import filters_rest_at_zero
 from hgorun.testing.runs import RUN_LAWS
 
 CORRECTION = 1e-9  # relative difference of two ways to the same number
@@ -277,6 +278,7 @@ LAWS: tuple[Law[Subject], ...] = (
     Law("equations", "its equations fit its states and are finite near the start", _equations),
     Law("numbers are arguments", "its equations read numbers from its design", _arguments),
     Law("repeatable", "built again it is the same", _repeatable),
+    Law("roles", "its filters come to rest at zero while the estimate is right", filters_rest_at_zero),
     Law("correction", "the correction is what the output of the estimate feels", _correction),
     Law("refusal", "a plant that is not for it is refused by an HgorunError", _refuses),
     *RUN_LAWS,

@@ -129,7 +129,7 @@ def test_analysis_says_how_well_parameters_were_excited() -> None:
     expected = min(0.5 / 13**2, 1 / 81) * 5 * np.pi
     assert found["seen"].values["parameter_excitation"] == pytest.approx(expected, rel=2e-3)
     assert found["not"].values["parameter_excitation"] == pytest.approx(0, abs=1e-9)
-    assert "comes to rest on no chain" in found["seen"].reasons["poles"]
+    assert "declares no rest of it on chains" in found["seen"].reasons["poles"]
 
 
 @pytest.mark.parametrize(

@@ -302,6 +302,17 @@ class RoleForgotten(MissingDerivative):
         return {}
 
 
+class GainCalledAFilter(StandardObserver):
+    """A gain that fades to theta, without a role of its own."""
+
+    def states(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        return {"th": np.array(3 * self.theta)}
+
+    def equations(self, plant: PlantCopy, s: Symbols, e: ca.SX, k: Symbols) -> Flow:
+        flow = super().equations(plant, s, e, Symbols(vars(k) | {"theta": s.th}))
+        return Flow({**flow.derivatives, "th": k.theta - s.th}, flow.correction)
+
+
 class Deciding(StandardObserver):
     """Decides on a symbol."""
 
@@ -399,6 +410,7 @@ class KeyWithoutAWord(StandardObserver):
         ),
         pytest.param(WrongOnOneSide, "the error decays", "real parts up to 7.6", marks=pytest.mark.costly),
         (UnknownRole, "states", "the roles ['integrator']; expected roles among ['filter', 'gain', 'signal']"),
+        (GainCalledAFilter, "roles", "th, a filter, that does not come to rest at 0 while the estimate is right"),
         (CompiledNumber, "numbers are arguments", "equations that read self.theta, a number; expected k.theta"),
         (RaisingDesign, "takes a plant", "found design() raised IndexError: list index out of range; expected no"),
         (DesignOfTheWrongType, "takes a plant", "design returned int 3; expected Mapping[str, ndarray]"),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import NamedTuple
 
 import casadi as ca
@@ -17,11 +18,13 @@ from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import HighGain, SettlingGain
 from hgorun.observers.riccati import RiccatiGain
 from hgorun.simulation.design import Design
+from hgorun.simulation.filters_at_rest import not_at_zero, rates_and_sizes, values_of
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.plant import PlantModel
+from hgorun.symbolic.states import StateBlock
 from hgorun.symbolic.triangular import TriangularForm
 
 _ELSEWHERE = 2.0  # another theta, whose powers are read off
@@ -113,7 +116,7 @@ def _linear(plain: AnyObserver, chains: tuple[int, ...]) -> tuple[np.ndarray, np
         equations = _derived(design, form, len(chains))
         known.append(equations)
         del known[:-_BUCKET]
-    found = equations.derivatives(design.numbers, _settled(plain, equations), np.zeros(len(chains)))
+    found = equations.derivatives(design.numbers, _at_rest(design, equations), np.zeros(len(chains)))
     A0, E, H, F0, F1 = (np.asarray(v.full()) for v in found)
     return A0 + E @ H, E, F0 + F1 @ H
 
@@ -154,7 +157,9 @@ class _Equations:
     form: Form
     reads: Reads[AnyObserver]
     block: ObserverBlock
+    filters: dict[str, StateBlock]
     derivatives: ca.Function
+    rates: ca.Function
 
 
 def _derived(design: Design, form: Form, outputs: int) -> _Equations:
@@ -173,15 +178,32 @@ def _derived(design: Design, form: Form, outputs: int) -> _Equations:
     flux = H @ rate + correction
     parts = [ca.jacobian(rate, xi), ca.jacobian(rate, e), H, ca.jacobian(flux, xi), ca.jacobian(flux, e)]
     values = ca.Function("linear", [parameters.symbol, z, e], [ca.densify(part) for part in parts])
-    return _Equations(form, reads, block, values)
+    filters = {name: state for name, state in block.states.items() if roles.get(name) == "filter" and state.size}
+    still, _ = block.equations(copy, s, ca.SX.zeros(outputs))
+    rates = ca.Function("filters", [parameters.symbol, z], rates_and_sizes(still, filters, z))
+    return _Equations(form, reads, block, filters, values, rates)
 
 
-def _settled(observer: AnyObserver, equations: _Equations) -> np.ndarray:
-    """No error, and the matrices of a time-varying gain where they settle on chains of integrators."""
-    z = np.zeros(equations.block.end)
+def _at_rest(design: Design, equations: _Equations) -> np.ndarray:
+    """No error, and the matrices of a time-varying gain where they settle on chains of integrators.
+
+    Raises
+    ------
+    NoValue
+        Where a filter does not rest at zero, so that it is none.
+    """
+    observer, z = design.observer, np.zeros(equations.block.end)
     matrices = observer.settled(equations.form) if isinstance(observer, SettlingGain) else {}
     for name, values in matrices.items():
         if name in equations.block.states:
             state = equations.block.states[name]
             z[state.start : state.start + state.size] = state.numbers(values)
+    if equations.filters:
+        evaluate = partial(values_of, equations.rates, design.numbers)
+        wrong = not_at_zero(equations.filters, design.defaults, z, evaluate)
+        if wrong:
+            raise NoValue(
+                f"its state {', '.join(wrong)} does not come to rest at 0 while the estimate is right, as a filter "
+                "does: its class has to declare the role (roles), and of a gain where it comes to rest (SettlingGain)"
+            )
     return z

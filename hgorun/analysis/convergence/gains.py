@@ -105,7 +105,10 @@ def error_dynamics(observer: AnyObserver, form: Form) -> ErrorDynamics:
     if isinstance(observer, ForwardDifferences):
         return _differences(observer, form)
     if "gain" in observer.roles(form).values() and not isinstance(observer, SettlingGain):
-        raise NoValue("its gain follows the plant and comes to rest on no chain: there is no constant matrix")
+        raise NoValue(
+            "its gain follows a differential equation, and its class declares no rest of it on chains (SettlingGain): "
+            "there is no constant matrix"
+        )
     observer = on_chains(observer, form.plant.outputs)
     A, E, flux, powers = chain_matrices(observer, chains)
     return ErrorDynamics(A, -E, flux, powers, sum(chains), _asked_for(observer, A))

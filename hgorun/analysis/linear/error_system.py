@@ -14,8 +14,9 @@ e is left of it.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -26,7 +27,10 @@ from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
+from hgorun.simulation.filters_at_rest import not_at_zero, values_of
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.slopes import filter_rates
+from hgorun.symbolic.states import StateBlock
 
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one
 _MAX_TIMES = 4000  # along a run, at which it is linearised
@@ -130,7 +134,7 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
         raise NoValue(f"in the nominal run, {why_lost(found)}")
     linearisation = Linearisation(run, label)
     times = result.time[chosen]
-    xi = _states(linearisation, found, chosen)
+    xi = _states(linearisation, found, chosen, times)
     linear = linearisation.systems(times, xi)
     A0, E, H, L, K0, K = linear.A0, linear.E, linear.H, linear.L, linear.K0, linear.K
     kept = _that_matter(linearisation, A0, H, L, K0)
@@ -161,15 +165,36 @@ def _row(result: ObserverResult, i: int) -> ObserverResult:
     )
 
 
-def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndarray) -> np.ndarray:
-    """The observer's states at points of a run, filters empty, shape (M, N)."""
+def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """The observer's states at points of a run, shape (M, N), filters empty.
+
+    A state that rests elsewhere than at zero is no filter, whatever its role: it is what it is along the run.
+    """
     b = linearisation.block
     xi = linearisation.states(found, chosen)
-    for name, role in b.observer.roles(b.form).items():
-        if role == "filter":
-            place = b.states[name]
+    roles = b.observer.roles(b.form)
+    filters = {name: place for name, place in b.states.items() if roles.get(name) == "filter" and place.size}
+    if not filters:
+        return xi
+    kept = _not_filters(linearisation, filters, times, xi)
+    for name, place in filters.items():
+        if name not in kept:
             xi[:, place.start - b.start :][:, : place.size] = 0.0
     return xi
+
+
+def _not_filters(
+    linearisation: Linearisation, filters: Mapping[str, StateBlock], times: np.ndarray, xi: np.ndarray
+) -> set[str]:
+    """Of filters those that are none, as the first, the middle and the last point tell."""
+    run, b = linearisation.run, linearisation.block
+    rates, starts = filter_rates(run, b, filters), b.observer.states(b.form)
+    z = np.zeros(run.structure.system.states)
+    found: set[str] = set()
+    for i in sorted({0, times.size // 2, times.size - 1}):
+        z[b.start : b.stop] = xi[i]
+        found.update(not_at_zero(filters, starts, z, partial(values_of, rates, float(times[i]), run.numbers.p)))
+    return found
 
 
 def _that_matter(
