@@ -20,10 +20,9 @@ from hgorun.tables.typeset import printable
 _NEAR = 2.0  # times what there is: a limit that is nearer leaves little room
 _MOST = 0.5  # of the mean square of an error: then noise is most of it
 _PROVED = "bounds of a theorem hold for"
-_UNPROVED = (
-    "no theorem bounds the error of this run: proofs usually ask for 1e2 to 1e6 times more than is needed; the limits "
-    "above are those of the linear error"
-)
+_UNPROVED = "no theorem bounds the error of this run: proofs usually ask for 1e2 to 1e6 times more than is needed"
+_LINEAR = "; the limits above are those of the linear error"
+_LIMITS = "period_critical", "delay_critical"
 
 
 def advice(analysis: Analysis) -> list[str]:
@@ -56,8 +55,7 @@ def _of_observer(analysis: Analysis, label: str, found: Findings, timing: Timing
     if rate is not None:
         decays = f"without nonlinearity its error decays like exp(-{number(rate)} t), t in {unit}" if rate > 0 else ""
         yield decays or "without nonlinearity its error grows: choose poles with negative real parts"
-    if timing is not None:
-        yield from _limits(found, timing, unit)
+    yield from _limits(found, timing, unit)
     yield from _errors(analysis, label, found)
     yield from _change(analysis, label, found, timing)
 
@@ -70,17 +68,24 @@ def _rate(found: Findings) -> float | None:
     return float(-np.max(poles.real)) * (float(theta) if isinstance(theta, (int, float)) else 1.0)
 
 
-def _limits(found: Findings, timing: Timing, unit: str) -> Iterator[str]:
-    """How long period and delay may become, beside what they are."""
-    keys = "period_critical", "delay_critical"
-    why = {found.reasons.get(key) for key in keys}
-    if len(why) == 1 and not any(found.values.get(k) is not None for key in keys for k in (key, f"{key}_chain")):
+def _limits(found: Findings, timing: Timing | None, unit: str) -> Iterator[str]:
+    """How long period and delay may become, beside what they are where there is one of each."""
+    why = {found.reasons.get(key) for key in _LIMITS}
+    if len(why) == 1 and not _has_limits(found):
         yield f"no limit of the period or the delay is computed, since {why.pop() or 'none is known'}"
+        return
+    if timing is None:
+        for key in _LIMITS:
+            yield f"{key.removesuffix('_critical')}: {_limit(found, key, None, unit)}"
         return
     period = "no sampling" if timing.period is None else f"period {_time(timing.period, unit)}"
     yield f"{period}: {_limit(found, 'period_critical', timing.period, unit)}"
     delay = f"delay {_time(timing.delay, unit)}" if timing.delay else "no delay"
     yield f"{delay}: {_limit(found, 'delay_critical', timing.delay, unit)}"
+
+
+def _has_limits(found: Findings) -> bool:
+    return any(found.values.get(k) is not None for key in _LIMITS for k in (key, f"{key}_chain"))
 
 
 def _time(value: float, unit: str) -> str:
@@ -209,4 +214,7 @@ def _compared(analysis: Analysis) -> Iterator[str]:
 def _proved(observers: Mapping[str, Findings]) -> Iterator[str]:
     """Whose error a theorem bounds."""
     held: Sequence[str] = [label for label, found in observers.items() if found.values.get("peaking_bound")]
-    yield f"{_PROVED} {', '.join(map(printable, held))}" if held else _UNPROVED
+    if held:
+        yield f"{_PROVED} {', '.join(map(printable, held))}"
+    else:
+        yield _UNPROVED + (_LINEAR if any(map(_has_limits, observers.values())) else "")

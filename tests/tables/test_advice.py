@@ -136,6 +136,40 @@ def test_of_an_observer_corrected_by_samples_no_limit_is_said_once() -> None:
     assert "no limit of the period or the delay is computed, since all observers here jump" in together
 
 
+@pytest.mark.parametrize("recalls", [False, True])
+def test_outputs_of_different_periods_have_a_limit_only_where_the_observer_knows_one(recalls: bool) -> None:
+    """Of q nothing is known, and no limit is referred to; p declares the delay that it stands."""
+    observers = {"q": {"type": "shgo", "theta": 2}, "p": {"type": "predictor_chain", "theta": 2, "m": 1}}
+    analysis = hgorun.analyze(
+        Experiment(
+            {
+                "time": {"end": 1, "output_step": 0.1},
+                "plant": {
+                    "states": ["a", "b", "c"],
+                    "dynamics": {"a": "b", "b": "-a - b", "c": "a - c"},
+                    "output": {"y": "a", "z": "c"},
+                    "initial": {"a": 1, "b": 0, "c": 1},
+                },
+                "measurement": {
+                    "delay": 0.1,
+                    "outputs": {"y": {"sampling": {"period": 0.1}}, "z": {"sampling": {"period": 0.2}}},
+                },
+                "observers": observers if recalls else {"q": observers["q"]},
+                "solver": {"method": "rk4", "step": 0.01},
+            },
+            name="two",
+        )
+    )
+    together = " ".join("\n".join(advice(analysis)).split())
+    assert "no limit of the period or the delay is computed, since the outputs differ in their sampling" in together
+    assert together.endswith("the limits above are those of the linear error" if recalls else "more than is needed")
+    if recalls:
+        declared = analysis.observers["p"].values["delay_critical"]
+        assert isinstance(declared, float)
+        assert "period: late samples do not enter the innovation" in together
+        assert f"delay: the linear error loses stability at {number(declared)} s" in together
+
+
 def test_no_larger_gain_is_recommended_to_an_observer_that_is_lost() -> None:
     """Near 0 the plant is stable, and the limits of its linear error are far; its cube drives a wrong start off."""
     analysis = hgorun.analyze(
