@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from hgorun.analysis.excitation.branches import on_another_branch
-from hgorun.analysis.reasons import NoValue
+from hgorun.analysis.findings.stability import on_chain
+from hgorun.analysis.reasons import NoValue, outcome
 from hgorun.analysis.report import Analysis, Findings
-from hgorun.analysis.stability.critical import Timing, timing_of
+from hgorun.analysis.stability.critical import Timing, critical_together, timing_of
+from hgorun.analysis.subject import Subject
 from hgorun.observers.capabilities import FilterOrder, HighGain
 from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.kalman import KalmanFilter
@@ -149,7 +151,7 @@ def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | No
         return
     shares = _shares(analysis, label, noise) if isinstance(noise, Mapping) else {}
     follow = isinstance(subject.observer, HighGain) and subject.observer.poles_follow
-    room = None if follow else _room(found, timing)
+    room = None if follow else _room(subject, found, timing)
     filtered = "; a larger r may" if isinstance(subject.observer, FilterOrder) else ""
     if shares and min(shares.values()) >= _MOST:
         yield f"to change: most of its error is noise: a smaller {key} lowers it{filtered}"
@@ -183,13 +185,16 @@ def _unstable(found: Findings, timing: Timing | None) -> bool:
     return any(isinstance(limit, (int, float)) and now is not None and limit <= now for limit, now in pairs)
 
 
-def _room(found: Findings, timing: Timing | None) -> float | None:
-    """How many times theta may grow: the limits of chains are proportional to 1/theta."""
+def _room(subject: Subject, found: Findings, timing: Timing | None) -> float | None:
+    """How many times theta may grow: of chains, the limit of all times together is in proportion to 1/theta."""
     if timing is None:
         return None
     pairs = ((timing.period, "period_critical_chain"), (timing.delay, "delay_critical_chain"))
     limits = ((now, found.values.get(key)) for now, key in pairs)
     rooms = [limit / now for now, limit in limits if now and isinstance(limit, (int, float))]
+    if rooms and timing.period and timing.delay:  # each of the two limits is that beside the other time as it is
+        together = outcome(lambda: critical_together(timing, on_chain(subject))).found
+        return None if together is None else together.value / timing.period
     return min(rooms, default=None)
 
 

@@ -76,6 +76,15 @@ def test_how_far_theta_may_grow_is_not_said_where_poles_follow_from_it() -> None
     assert "limit: a chain" not in said(0.1, end=3.0, poles_for_period=0.1)[0]
 
 
+def test_a_period_and_a_delay_are_a_limit_of_theta_together() -> None:
+    """From theta = 18.88 on the error grows: 25.48 is the limit by the delay with the period as it is."""
+    text, analysis = said(0.1, theta=4.0, delay=0.1, end=3.0)
+    alone = analysis.observers["SHGO"].values["delay_critical_chain"]
+    assert isinstance(alone, float)
+    assert number(4.0 * alone / 0.1) == "25.48"
+    assert "stable up to theta = 18.88, 4.720 times the present one" in " ".join(text.split())
+
+
 @pytest.mark.parametrize(
     ("room", "told"),
     [

@@ -43,7 +43,8 @@ def _along_run(observer: Subject) -> ErrorSystem:
 
 
 @once
-def _on_chain(observer: Subject) -> ErrorSystem:
+def on_chain(observer: Subject) -> ErrorSystem:
+    """The error on chains of integrators, found once; NoValue where there is none."""
     return chain_system(observer.run, observer.label)
 
 
@@ -95,11 +96,11 @@ def delay_critical(observer: Subject) -> Remarked:
 def period_critical_chain(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue("the observer's own limit does not depend on phi")
-    return _limit(observer, "period_critical_chain", critical_period, _on_chain)
+    return _limit(observer, "period_critical_chain", critical_period, on_chain)
 
 
 @finding("the exact `delay_critical` for chains of integrators", unit="time", group="delay")
 def delay_critical_chain(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(_UNDELAYED)
-    return _limit(observer, "delay_critical_chain", critical_delay, _on_chain)
+    return _limit(observer, "delay_critical_chain", critical_delay, on_chain)

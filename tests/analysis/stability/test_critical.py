@@ -9,7 +9,7 @@ import pytest
 from examples import ACADEMIC, VAN_DER_POL, Block, chain, experiment, inline
 
 import hgorun
-from hgorun.analysis.linear.error_system import error_system
+from hgorun.analysis.linear.error_system import ErrorSystem, error_system
 from hgorun.analysis.linear.nominal import nominal
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.critical import (
@@ -17,6 +17,7 @@ from hgorun.analysis.stability.critical import (
     chain_system,
     critical_delay,
     critical_period,
+    critical_together,
     declared_limit,
     timing_of,
 )
@@ -241,6 +242,22 @@ def test_reasons() -> None:
     stepped = prepared({"o": SHGO}, CHAIN | {"discretise": "euler"}, measurement={"sampling": {"period": 0.1}})
     with pytest.raises(NoValue, match="stepped at the samples"):
         nominal(stepped)
+
+
+@pytest.mark.parametrize(("period", "delay"), [(0.1, 0.1), (0.05, 0.17)])
+def test_how_large_theta_may_be_with_a_period_and_a_delay(period: float, delay: float) -> None:
+    """Observers with theta a little below and above: neither of the two limits alone says it."""
+    measurement = {"sampling": {"period": period}, "delay": delay}
+
+    def at(theta: float) -> tuple[PreparedRun, ErrorSystem]:
+        run = prepared({"it": {"type": "shgo", "theta": theta}}, chain(2, start=0), measurement=measurement)
+        return run, chain_system(run, "it")
+
+    run, system = at(4.0)
+    largest = 4.0 * critical_together(timing_of(run), system).value / period
+    assert growth(at(0.99 * largest)[1], period, delay) < 0 < growth(at(1.01 * largest)[1], period, delay)
+    apart = min(chain_period(run, "it") / period, chain_delay(run, "it") / delay)
+    assert largest < 0.95 * 4.0 * apart
 
 
 class DeadZone(StandardObserver):
