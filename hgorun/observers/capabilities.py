@@ -81,7 +81,10 @@ class HighGain(Speed):
 
     @property
     def settling_rate(self) -> float:
-        """The rate at which the slowest of error and gain come to rest on chains of integrators (1/time)."""
+        """The rate at which the slowest of error and gain come to rest on chains of integrators (1/time).
+
+        A gain that takes longer than the error has to say so here, for limits on chains.
+        """
         return self.theta
 
 

@@ -13,6 +13,7 @@ import hgorun
 from hgorun.analysis.finding import FINDINGS
 from hgorun.analysis.linear.error_system import error_system
 from hgorun.analysis.linear.nominal import nominal
+from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.report import Findings
 from hgorun.analysis.stability.critical import chain_system
 from hgorun.config.types import Positive
@@ -45,6 +46,14 @@ class Fading(StandardObserver):
         return Flow({**flow.derivatives, "th": k.a * (k.theta - s.th)}, flow.correction)
 
 
+class Slow(Fading):
+    """Its gain takes longer than its error, as it says."""
+
+    @property
+    def settling_rate(self) -> float:
+        return min(self.theta, self.a)
+
+
 class Growing(Fading):
     """th' = a |e|^2, which is still where the error is zero."""
 
@@ -74,6 +83,7 @@ class RestUnknown(Fading):
 def own() -> Iterator[None]:
     with (
         OBSERVERS.replaced("fading", Fading),
+        OBSERVERS.replaced("slow", Slow),
         OBSERVERS.replaced("growing", Growing),
         OBSERVERS.replaced("declared", Declared),
         OBSERVERS.replaced("rest_unknown", RestUnknown),
@@ -96,6 +106,16 @@ def test_a_gain_that_is_called_a_filter_is_what_it_is_along_the_run(label: str, 
     np.testing.assert_allclose(own.A[-1], known.A[-1], atol=1e-8)
     own, known = (chain_system(run, name) for name in ("own", "known"))
     np.testing.assert_allclose(own.A, known.A, atol=1e-6)
+
+
+@pytest.mark.usefixtures("own")
+def test_limits_on_chains_are_of_a_gain_at_rest() -> None:
+    """Half-way to its rest it is another gain."""
+    blocks = {name: {"type": name, "theta": 2, "a": 0.1} for name in ("fading", "slow")}
+    run = prepare(experiment(PLANT, blocks, end=0.5))
+    with pytest.raises(NoValue, match=r"its gain has not come to rest on chains of integrators by t = 20: its class"):
+        chain_system(run, "fading")
+    np.testing.assert_allclose(chain_system(run, "slow").A[0], [[-4, 1], [-4, 0]], atol=1e-6)
 
 
 @pytest.mark.usefixtures("own")

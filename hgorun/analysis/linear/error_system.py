@@ -148,21 +148,19 @@ def error_system(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
 
 def at_end(run: PreparedRun, label: str, result: Result) -> ErrorSystem:
     """The error's linear system at the last point of a run; NoValue as for :func:`error_system`."""
-    last = len(result.time) - 1
-    short = replace(
-        result,
-        time=result.time[last:],
-        observers={name: _row(o, last) for name, o in result.observers.items()},
-    )
-    return replace(error_system(run, label, short), where=f"at the point of t = {run.origin + result.time[-1]:.4g}")
+    where = f"at the point of t = {run.origin + result.time[-1]:.4g}"
+    return replace(error_system(run, label, last_points(result, 1)), where=where)
 
 
-def _row(result: ObserverResult, i: int) -> ObserverResult:
-    return replace(
-        result,
-        xhat=result.xhat[i : i + 1],
-        internal={name: np.asarray(value)[i : i + 1] for name, value in result.internal.items()},
-    )
+def last_points(result: Result, count: int) -> Result:
+    """The observers of a run at its last output points, as far as linearisations ask for them."""
+    observers = {name: _last(found, count) for name, found in result.observers.items()}
+    return replace(result, time=result.time[-count:], observers=observers)
+
+
+def _last(found: ObserverResult, count: int) -> ObserverResult:
+    internal = {name: np.asarray(value)[-count:] for name, value in found.internal.items()}
+    return replace(found, xhat=found.xhat[-count:], internal=internal)
 
 
 def _states(linearisation: Linearisation, found: ObserverResult, chosen: np.ndarray, times: np.ndarray) -> np.ndarray:

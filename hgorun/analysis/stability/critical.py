@@ -16,6 +16,7 @@ import numpy as np
 
 from hgorun.analysis.linear.delay_margin import delay_margin
 from hgorun.analysis.linear.error_system import ErrorSystem, at_end
+from hgorun.analysis.linear.gain_at_rest import require_rest
 from hgorun.analysis.linear.nominal import chain
 from hgorun.analysis.reasons import NoValue
 from hgorun.analysis.stability.growth import MAX_PERIODS, growth
@@ -79,9 +80,10 @@ def chain_system(run: PreparedRun, label: str) -> ErrorSystem:
     Raises
     ------
     NoValue
-        For observers and plants without such chains.
+        For observers and plants without such chains, and gains that do not come to rest.
     """
     alone, result = chain(run, label)
+    require_rest(alone, label, result)
     return replace(at_end(alone, label, result), where="chains of integrators, phi = 0")
 
 
