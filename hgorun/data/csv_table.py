@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from itertools import accumulate, chain, islice
 from pathlib import Path
@@ -40,15 +40,17 @@ class CsvFile:
     ----------
     path : Path
     told : Csv
+    clocks : mapping of str to collection of str, optional
+        The formats of the columns of time stamps, None for numbers.
 
     Raises
     ------
     ConfigError
     """
 
-    def __init__(self, path: Path, told: Csv) -> None:
+    def __init__(self, path: Path, told: Csv, clocks: Mapping[str, Collection[str | None]] | None = None) -> None:
         self._path, self._told = path, told
-        self.dialect: Dialect = dialect_of(_beginning(blocks(path, told.encoding), told.skip), path, told)
+        self.dialect: Dialect = dialect_of(_beginning(blocks(path, told.encoding), told.skip), path, told, clocks)
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
 from hgorun.config.data import Csv
-from hgorun.data.cells import looks_like_iso
 from hgorun.data.comments import is_comment
 from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
+from hgorun.data.units_row import is_value, may_state_units, states_units
 from hgorun.errors import ConfigError
 
 _SEPARATORS = ("\t", ";", "|", ",")
@@ -56,6 +56,8 @@ class Dialect:
         The row of units; empty without one.
     sample : tuple of str
         The first row of values.
+    doubtful : bool
+        Whether that row has neither numbers nor dates, and nothing is told of a row of units.
     """
 
     separator: str
@@ -69,6 +71,7 @@ class Dialect:
     sample: tuple[str, ...]
     missing_numbers: tuple[float, ...] = ()
     thousands: str | None = None
+    doubtful: bool = False
 
 
 @dataclass(frozen=True)
@@ -77,8 +80,18 @@ class _Line:
     text: str
 
 
-def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
+def dialect_of(
+    block: Block, path: Path, told: Csv, clocks: Mapping[str, Collection[str | None]] | None = None
+) -> Dialect:
     """How the file is written that begins with a block.
+
+    Parameters
+    ----------
+    block : Block
+    path : Path
+    told : Csv
+    clocks : mapping of str to collection of str, optional
+        The formats of the columns of time stamps, see :func:`hgorun.data.units_row.states_units`.
 
     Raises
     ------
@@ -93,7 +106,7 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
     rows = [(line, cells(line.text, separator)) for line in lines]
     header, names = rows[0]
     body = rows[1:]
-    if all(_is_value(name) for name in names):
+    if all(is_value(name) for name in names):
         above = _in_comment(comments, header.number, separator, len(names), told.comment)
         if above is None:
             message = (
@@ -104,18 +117,20 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
         names, body = above, rows
     missing = missing_texts(told)
     units: tuple[str, ...] = ()
-    if told.units_row or (told.units_row is None and body and _are_units(body[0][1], missing)):
+    known = clocks or {}
+    doubtful = told.units_row is None and bool(body) and may_state_units(body[0][1], names, missing, known)
+    if told.units_row or (doubtful and states_units(body[0][1], names, known)):
         units = tuple(text.strip() for text in body[0][1]) if body else ()
-        if any(unit != "1" and _is_value(unit) for unit in units):
+        if any(unit != "1" and is_value(unit) for unit in units):
             message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
             raise ConfigError(message, file=str(path), line=body[0][0].number)
-        body = body[1:]
+        body, doubtful = body[1:], False
     if not body:
         raise ConfigError("a header without values below it", file=str(path), line=header.number)
     first, sample = body[0]
     ends = len(sample) == len(names) + 1 and not sample[-1].strip()
-    known = [["" if text.strip().lower() in missing else text for text in row] for _, row in body]
-    decimal = told.decimal or _OTHER.get(told.thousands or "") or _decimal(known, path, first.number)
+    shown = [["" if text.strip().lower() in missing else text for text in row] for _, row in body]
+    decimal = told.decimal or _OTHER.get(told.thousands or "") or _decimal(shown, path, first.number)
     return Dialect(
         separator=separator,
         decimal=decimal,
@@ -128,6 +143,7 @@ def dialect_of(block: Block, path: Path, told: Csv) -> Dialect:
         sample=tuple(sample),
         missing_numbers=missing_numbers(told, decimal),
         thousands=told.thousands,
+        doubtful=doubtful,
     )
 
 
@@ -178,24 +194,13 @@ def _separator(lines: Sequence[_Line]) -> str:
     return SPACES if width > 1 and len(below.split()) == width else ","
 
 
-def _is_value(text: str) -> bool:
-    text = text.strip()
-    return bool(_NUMBER.fullmatch(text)) or looks_like_iso(text)
-
-
 def _in_comment(comments: Sequence[_Line], line: int, separator: str, width: int, sign: str) -> list[str] | None:
     """The names of the columns in the comment directly above the numbers."""
     above = next((c for c in reversed(comments) if c.number == line - 1), None)
     if above is None:
         return None
     names = cells(above.text.lstrip().removeprefix(sign).strip(), separator)
-    return names if len(names) == width and not any(map(_is_value, names)) else None
-
-
-def _are_units(row: Sequence[str], missing: frozenset[str]) -> bool:
-    """Whether a row below the header holds units: no number, no date, and not only missing values."""
-    texts = [text.strip() for text in row]
-    return not any(map(_is_value, texts)) and any(text.lower() not in missing for text in texts)
+    return names if len(names) == width and not any(map(is_value, names)) else None
 
 
 def _decimal(rows: Sequence[Sequence[str]], path: Path, line: int) -> str:

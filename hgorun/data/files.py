@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Collection, Mapping
 from pathlib import Path
 
 from hgorun.config.data import Csv
@@ -15,8 +16,19 @@ from hgorun.errors import ConfigError, KeyPath, Problem
 _CONFIGURATIONS = (".yaml", ".yml")
 
 
-def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
+def open_table(path: Path, told: Csv, key: KeyPath | None, clocks: Mapping[str, Collection[str | None]]) -> TableFile:
     """A file whose columns are known and not yet read.
+
+    Parameters
+    ----------
+    path : Path
+    told : Csv
+        How a text is written.
+    key : tuple or None
+        That names the file.
+    clocks : mapping of str to collection of str
+        Of columns of time stamps, the formats in which they are read, None for numbers: what tells a row of units
+        from one of data.
 
     Raises
     ------
@@ -45,7 +57,7 @@ def open_table(path: Path, told: Csv, key: KeyPath | None) -> TableFile:
             file=str(path),
         )
     if kind is None:
-        return CsvFile(path, told)
+        return CsvFile(path, told, clocks)
     if kind not in (HDF5, PARQUET):
         raise ConfigError(f"this is {kind.what}: {kind.instead}", file=str(path), line=1)
     # what texts do not need

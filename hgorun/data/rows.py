@@ -82,7 +82,11 @@ class Rows:
                 read(row[place])
             except ValueError as error:
                 when = not isinstance(cells, Flags) and cells.key == "time"
-                return self._error(line, str(error) + (self._no_sample(row[place]) if when else ""), cells.column)
+                if line == self._dialect.first and self._dialect.doubtful:
+                    hint = "; if this line states the units of the columns: csv: {units_row: true}"
+                else:
+                    hint = self._no_sample(row[place]) if when else ""
+                return self._error(line, f"{error}{hint}", cells.column)
         raise AssertionError("a row was refused and read")
 
     def _cells(self, blocks: Iterator[Block]) -> Iterator[tuple[int, list[str]]]:

@@ -82,6 +82,7 @@ class Sources:
         self._key: KeyPath | None = None if files else ("data", "file")  # that names the files of all signals
         self._given = list(files) or [folder / name for name in block.file]
         self._files: dict[tuple[Path, Csv], LogFile] = {}
+        self._clocks = _clocks_of(block)
 
     @property
     def shared(self) -> tuple[list[LogFile], KeyPath]:
@@ -147,7 +148,7 @@ class Sources:
         known = self._files.get((path, csv))
         if known is None:
             with _told_with_place(owner):
-                table = open_table(path, csv, key)
+                table = open_table(path, csv, key, self._clocks)
             known = self._files[path, csv] = LogFile(path, table, owner)
         return known
 
@@ -185,6 +186,19 @@ class Sources:
                 budget -= table.lines.nbytes + sum(column.nbytes for column in table.columns.values())
                 found[file] = table
         return found
+
+
+def _clocks_of(block: Data) -> dict[str, set[str | None]]:
+    """The formats of all columns of time stamps that a block names."""
+    found: dict[str, set[str | None]] = {}
+    for column in (*block.outputs.values(), *block.inputs.values(), *block.reference.values()):
+        time = column.time or block.time
+        known = column.available if isinstance(column, Measured) else None
+        for clock in (time, known):
+            if clock is not None:
+                form = clock.format or (time.format if time is not None else None)
+                found.setdefault(clock.column, set()).add(form)
+    return found
 
 
 @contextmanager

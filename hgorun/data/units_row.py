@@ -1,0 +1,91 @@
+"""Whether the row below the names of the columns states their units, or is the first row of data.
+
+A row of data that is taken for one of units is lost without a word. So it is one of units only where it looks like
+one; of any other row that is no data the reading says so.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from datetime import datetime
+
+from hgorun.data.cells import looks_like_iso
+from hgorun.data.units import are_usual, is_time, is_unit
+
+_NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_BEGINS_AS_NUMBER = re.compile(r"[-+\u2010-\u2015\u2212<>=~\u2248\u2264\u2265\u00b1.,'\s]*\d")
+_NOTHING = re.compile(r"[-\u2010-\u2015=_:\s]*")  # also a ruler
+_IN_BRACKETS = re.compile(r"\[.*\]|\(.*\)|\{.*\}|<.*>")
+_OF_DATES = re.compile(r"(?i)(?:utc|gmt)(?:\s?[-+][\d:]+)?|(?=.*(?:yy|jj|hh))[ymdhsfztj:./,\s-]+")  # dd.mm.yyyy hh:mm
+
+
+def is_value(text: str) -> bool:
+    """Whether a cell is a number, with a decimal point or a comma, or a date of ISO 8601."""
+    text = text.strip()
+    return bool(_NUMBER.fullmatch(text)) or looks_like_iso(text)
+
+
+def may_state_units(
+    row: Sequence[str], names: Sequence[str], missing: frozenset[str], clocks: Mapping[str, Collection[str | None]]
+) -> bool:
+    """Whether no cell of a row is a number, a date, or begins as one and is no unit.
+
+    Parameters
+    ----------
+    row, names : sequence of str
+        Its cells, and the names of the columns.
+    missing : frozenset of str
+        Texts for a missing value, in small letters.
+    clocks : mapping of str to collection of str
+        Of the columns of time stamps, the formats in which they are read; None for numbers.
+    """
+    texts = [text.strip() for text in row]
+    if all(text.lower() in missing for text in texts) or any(map(_may_be_value, texts)):
+        return False
+    return not any(_reads(text, form) for text, forms in _stamps(texts, names, clocks) for form in forms)
+
+
+def states_units(row: Sequence[str], names: Sequence[str], clocks: Mapping[str, Collection[str | None]]) -> bool:
+    """Whether a row that may state units looks like one that does.
+
+    If the cells of the time stamps say what these are in, other cells may hold any word: also units that nobody else
+    knows. Else they are units, in brackets, or empty. Parameters as of :func:`may_state_units`.
+    """
+    texts = [text.strip() for text in row]
+    if all(_of_stamps(text) for text, _ in _stamps(texts, names, clocks)):
+        return True
+    values = [text for text, name in zip(texts, map(str.strip, names), strict=False) if name not in clocks]
+    return any(values) and all(map(_of_values, values))
+
+
+def _stamps(
+    texts: Sequence[str], names: Sequence[str], clocks: Mapping[str, Collection[str | None]]
+) -> list[tuple[str, Collection[str | None]]]:
+    """The cells in columns of time stamps, with the formats of these."""
+    return [(text, clocks[name]) for text, name in zip(texts, map(str.strip, names), strict=False) if name in clocks]
+
+
+def _may_be_value(text: str) -> bool:
+    """Whether a cell is no unit, and is a number, a date, or something that begins as one does."""
+    return is_value(text) or (_BEGINS_AS_NUMBER.match(text) is not None and not is_unit(text))
+
+
+def _reads(text: str, form: str | None) -> bool:
+    """Whether a text is a date of a pattern."""
+    if form is None or "%" not in form:
+        return False  # numbers and ISO 8601 are known as such
+    try:
+        datetime.strptime(text, form)
+    except ValueError:
+        return False
+    return True
+
+
+def _of_stamps(text: str) -> bool:
+    """Whether a text can be what a file says of the unit of time stamps."""
+    return is_time(text) or any(form.fullmatch(text) for form in (_NOTHING, _IN_BRACKETS, _OF_DATES))
+
+
+def _of_values(text: str) -> bool:
+    return are_usual(text) or is_time(text) or any(form.fullmatch(text) for form in (_NOTHING, _IN_BRACKETS))
