@@ -150,6 +150,9 @@ class Clock(Block):
         if not has_date(form) and any(sign in form for sign in _WEEKDAYS):
             remedy = "write dates, or the time since the start, into the file"
             raise ValueError(f"format {form} has days of the week but no date, so that days would be lost: {remedy}")
+        if ("%I" in form) != ("%p" in form):
+            rule = "hours to 12 are %I with %p (AM, PM), those to 24 are %H without"
+            raise ValueError(f"format {form} leaves open which half of the day it is: {rule}")
         if self.next_day and has_date(form or "iso"):
             raise ValueError("next_day is for patterns that have no date, such as %H:%M:%S: leave it out")
         if self.unit is not None and self.format is not None and self.format != "unix":

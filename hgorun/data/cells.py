@@ -24,7 +24,9 @@ _DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}
 _BETWEEN = {".": r"\.", ",": ",", " ": "[ \u00a0\u202f]", "'": "['\u2019]"}  # what may stand between thousands
 _ISO = re.compile(
-    r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?)?\s?(Z|[-+]\d\d:?\d\d)?", re.ASCII
+    r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?)?"
+    r"\s?(Z|[-+]\d\d:?\d\d|(?(4)[-+]\d\d|(?!)))?",  # behind a date alone two digits are none of a zone
+    re.ASCII,
 )
 _BEGINS_AS_NUMBER = re.compile(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
 _LETTERS = re.compile(r"[^\W\d_]{2}")
@@ -236,7 +238,7 @@ def _offset(zone: str | None) -> int:
     """Seconds ahead of UTC."""
     if zone is None or zone == "Z":
         return 0
-    hours, minutes = int(zone[1:3]), int(zone[-2:])
+    hours, minutes = int(zone[1:3]), int(zone[3:].lstrip(":") or 0)
     if hours > 23 or minutes > 59:
         raise ValueError(f"{describe(zone)} is not a time zone")
     size = hours * 3600 + minutes * 60
@@ -247,8 +249,9 @@ def _patterned(text: str, pattern: str) -> tuple[int, bool]:
     try:
         moment = datetime.strptime(text, pattern)
     except ValueError:
-        number = "; leave out format where stamps are numbers" if _NUMBER["."].fullmatch(text) else ""
-        raise ValueError(f"expected a date of the form {pattern}, found {describe(text)}{number}") from None
+        hint = "; leave out format where stamps are numbers" if _NUMBER["."].fullmatch(text) else ""
+        hint = "; this one is read with format: iso" if looks_like_iso(text) else hint
+        raise ValueError(f"expected a date of the form {pattern}, found {describe(text)}{hint}") from None
     offset = moment.utcoffset()
     past = moment.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
     return _in_range((past // timedelta(microseconds=1)) * 1000, text), offset is not None

@@ -17,11 +17,12 @@ _DATES = {
     "%Y/%m/%d": "",
     "%d-%m-%Y": "the day is first",
     "%m-%d-%Y": "the month is",
-    "%Y-%d-%m": "",  # the other order is ISO 8601
+    "%Y-%m-%d": "",  # not quite ISO 8601: 2024-1-31
+    "%Y-%d-%m": "",  # what cannot be that
     "%Y%m%d": "",
 }
 """Patterns of dates, and in which order day and month stand in those that others may read, too."""
-_TIMES = ("", "%H:%M", "%H:%M:%S", "%H:%M:%S.%f", "%H%M", "%H%M%S")
+_TIMES = ("", "%H:%M", "%H:%M:%S", "%H:%M:%S.%f", "%H%M", "%H%M%S", "%I:%M %p", "%I:%M:%S %p", "%I:%M:%S.%f %p")
 _EXAMPLE = "%d.%m.%Y %H:%M:%S"
 _PLAIN = re.compile(r"[^\W\d]\w*")
 
@@ -56,8 +57,11 @@ def with_exchanged(form: str) -> str:
 
 
 def _patterns_of(text: str) -> Iterator[str]:
-    """Those that read a text."""
+    """Those that read a text; a year in front is followed by the month, unless that cannot be."""
+    month_first = any(_reads(text, f"%Y-%m-%d{between}{time}") for time in _TIMES for between in ("", " ", "T"))
     for date in ("", *_DATES):
+        if date == "%Y-%d-%m" and month_first:
+            continue
         for time in _TIMES:
             for between in " T" if date and time else "":
                 if _reads(text, form := date + between + time):

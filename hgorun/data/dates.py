@@ -73,8 +73,10 @@ def counted(values: np.ndarray, unit: int, start: int) -> tuple[np.ndarray, int 
 def _of_one_length(cells: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
     """Stamps of cells of one length, which of them are dates of the form of the first, and whether that has a zone."""
     first = bytes(cells[0])
-    signed = len(first) > 16 and first[-6:-5] in (b"+", b"-") and first[-3:-2] == b":"
-    plain = len(first) - (6 if signed else 1 if first.endswith(b"Z") else 0)
+    signs = (b"+", b"-")
+    zone = 6 if first[-6:-5] in signs and first[-3:-2] == b":" else 3 if first[-3:-2] in signs else 0  # +02:00, +02
+    signed = zone > 0 and len(first) > 16
+    plain = len(first) - (zone if signed else 1 if first.endswith(b"Z") else 0)
     form = _form(plain)
     if not form:
         return np.zeros(len(cells), dtype=np.int64), np.zeros(len(cells), dtype=bool), False
@@ -128,11 +130,15 @@ def _stamps(cells: np.ndarray, length: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _offset(behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Nanoseconds ahead of UTC of ``+02:00``, and which cells have this form."""
-    sign, digits = behind[:, 0], behind[:, [1, 2, 4, 5]]
-    fits = np.isin(sign, np.frombuffer(b"+-", dtype=np.uint8)) & (behind[:, 3] == ord(":"))
+    """Nanoseconds ahead of UTC of ``+02:00`` or ``+02``, and which cells have this form."""
+    whole = behind.shape[1] > 3
+    sign, digits = behind[:, 0], behind[:, [1, 2, 4, 5] if whole else [1, 2]]
+    fits = np.isin(sign, np.frombuffer(b"+-", dtype=np.uint8))
     fits &= np.all((digits >= ord("0")) & (digits <= ord("9")), axis=1)
-    hours, minutes = _number(behind, 1, 3), _number(behind, 4, 6)
+    hours, minutes = _number(behind, 1, 3), np.zeros(len(behind), dtype=np.int64)
+    if whole:
+        fits &= behind[:, 3] == ord(":")
+        minutes = _number(behind, 4, 6)
     fits &= (hours < 24) & (minutes < 60)
     size = (hours * 3600 + minutes * 60) * _SECOND
     return np.where(sign == ord("-"), -size, size), fits

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from logs import noisy, recorded
 
+from hgorun.config.data import Clock
 from hgorun.errors import ConfigError, Problem
 
 TIMES, VALUES = noisy(30)
@@ -188,3 +189,26 @@ def test_days_of_the_week_without_a_date_are_refused(tmp_path: Path, form: str) 
     """They would be read and forgotten: Tuesday's 1 o'clock as Monday's."""
     with pytest.raises(ValueError, match="has days of the week but no date, so that days would be lost"):
         recorded(tmp_path, log(["Mon 22:59", "Tue 23:01"] * 15), {"time": {"column": "t", "format": form}})
+
+
+@pytest.mark.parametrize("form", ["%m/%d/%Y %H:%M:%S %p", "%d.%m.%Y %I:%M", "%H:%M %p"])
+def test_a_pattern_that_leaves_the_half_of_the_day_open_is_refused(form: str) -> None:
+    with pytest.raises(ValueError, match=r"leaves open which half of the day it is: hours to 12 are %I with %p"):
+        Clock(column="t", format=form)
+
+
+def test_the_halves_of_a_day(tmp_path: Path) -> None:
+    stamps = ["02/28/2024 11:00:00 PM", "02/29/2024 12:30:00 AM", "02/29/2024 01:00:00 AM", "02/29/2024 12:00:00 PM"]
+    content = "t,glucose\n" + "".join(f"{stamp},{k % 3}\n" for k, stamp in enumerate(stamps))
+    signal = recorded(tmp_path, content, {"time": {"column": "t", "format": "%m/%d/%Y %I:%M:%S %p"}}).outputs["S"]
+    assert signal.taken.tolist() == [0, 5400, 7200, 46800]
+
+
+def test_hours_alone_are_a_zone_behind_a_time(tmp_path: Path) -> None:
+    stamps = ["2024-10-27 02:58:00+02", "2024-10-27 02:59:00.5+02", "2024-10-27 02:00:00+01"]
+    content = "t,glucose\n" + "".join(f"{stamp},{k % 2}\n" for k, stamp in enumerate(stamps))
+    recording = recorded(tmp_path, content)
+    assert recording.outputs["S"].taken.tolist() == [0, 60.5, 120]
+    assert recording.origin.zone == "UTC"
+    with pytest.raises(ConfigError, match=r":2: t: expected a date of the form .*; this one is read with format: iso"):
+        recorded(tmp_path, content, {"time": {"column": "t", "format": "%Y-%m-%d %H:%M:%S%z"}})

@@ -22,6 +22,8 @@ FORMS = [
     "%Y/%m/%dT%H:%M",
     "%Y%m%dT%H%M%S",
     "%Y-%d-%m %H:%M",
+    "%m/%d/%Y %I:%M:%S %p",
+    "%m/%d/%Y %I:%M %p",
 ]
 
 
@@ -70,6 +72,27 @@ def test_where_day_and_month_may_be_either_both_are_said(tmp_path: Path) -> None
         'needs its pattern, time: {column: t, format: "%d/%m/%Y %H:%M"} where the day is first, '
         'time: {column: t, format: "%m/%d/%Y %H:%M"} where the month is'
     )
+
+
+@pytest.mark.parametrize(
+    ("stamps", "right"),
+    [
+        (["2024-1-1 0:00:00", "2024-1-1 12:00:00", "2024-1-2 0:00:00", "2024-1-3 0:00:00"], "%Y-%m-%d %H:%M:%S"),
+        (["2024-01-01  00:00:00", "2024-01-01  12:00:00", "2024-01-02  00:00:00"], "%Y-%m-%d %H:%M:%S"),
+        (["2024-1-1", "2024-1-2", "2024-1-3"], "%Y-%m-%d"),
+        (["2024-1-31T8:00", "2024-2-1T8:00"], "%Y-%m-%dT%H:%M"),
+        (["2024-31-1 8:00", "2024-1-2 8:00"], "%Y-%d-%m %H:%M"),
+    ],
+)
+def test_behind_a_year_stands_the_month_unless_that_cannot_be(tmp_path: Path, stamps: list[str], right: str) -> None:
+    columns = {"t": stamps, "y": [f"{k}.5" for k in range(len(stamps))]}
+    for clock in ("t", {"column": "t", "format": "iso"}):
+        told = message_of(tmp_path, columns, {"time": clock, "outputs": {"y": "y"}})
+        assert told.endswith(f'such as time: {{column: t, format: "{right}"}}')
+    clock = {"column": "t", "format": right}
+    block = Data.model_validate({"file": "log.csv", "time": clock, "outputs": {"y": "y"}})
+    moments = [datetime.strptime(stamp, right) for stamp in stamps]
+    assert read(block, tmp_path).outputs["y"].taken.tolist() == [(m - moments[0]).total_seconds() for m in moments]
 
 
 def test_a_date_that_is_no_time_stamp_is_told_where_it_belongs(tmp_path: Path) -> None:

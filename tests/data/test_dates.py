@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,9 @@ FORMS = [
     "2024-05-31T13:45:10.125Z",
     "2024-05-31T13:45:10+02:00",
     "2024-05-31T13:45-11:30",
+    "2024-05-31 13:45:10+02",
+    "2024-05-31 13:45:10.25-05",
+    "2024-05-31T13:45+14",
     "1700-02-28T00:00:00",
     "2000-02-29T23:59:59.999999999",
     "2024-02-28T24:00",
@@ -47,6 +51,10 @@ WRONG = [
     "today",
     "20a4-05-31",
     "2024-05-31T13:45:10+0a:00",
+    "2024-05-31T13:45:10+0a",
+    "2024-05-31T13:45:10+24",
+    "2024-05-31-13",
+    "2024-05-31+02",
     "1000-01-01",
     "9999-01-01",
     "2024-05-31T13:45:10.1234567891234567",
@@ -64,6 +72,23 @@ def test_each_form(form: str) -> None:
     stamps, known, zoned = at_once([form])
     assert (int(stamps[0]), bool(zoned[0])) == iso_stamp(form)
     assert known.all()
+
+
+@pytest.mark.parametrize("text", [f for f in FORMS if "T24" not in f and ",1" not in f])
+def test_each_form_as_numpy_and_python_read_it(text: str) -> None:
+    plain, zone = (text[:-3], text[-3:]) if text[-3] in "+-" and len(text) > 10 else (text, "")
+    moment = datetime.fromisoformat(plain[:26] + (f"{zone}:00" if zone else ""))
+    offset = moment.utcoffset() or timedelta()
+    stamp, zoned = iso_stamp(text)
+    assert zoned is (moment.tzinfo is not None)
+    expected = np.datetime64(moment.replace(tzinfo=None) - offset, "us")
+    assert np.datetime64(stamp, "ns").astype("datetime64[us]") == expected
+
+
+@pytest.mark.parametrize("wrong", ["2024-05-31-13", "2024-05-31+02", "2024-05-31 13"])
+def test_two_digits_behind_a_date_alone_are_no_zone(wrong: str) -> None:
+    with pytest.raises(ValueError, match="expected a date such as"):
+        iso_stamp(wrong)
 
 
 @pytest.mark.parametrize("wrong", WRONG)
