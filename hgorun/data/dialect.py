@@ -25,7 +25,8 @@ _FEW = 8  # columns whose names a message writes
 _NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[-+]?\d*,\d*(?:[eE][-+]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
-
+_SPACED = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # cells between spaces
+_QUOTED = re.compile(r'"[^"]*"')
 
 _OTHER = {".": ",", ",": "."}  # what a sign between thousands leaves for decimals
 
@@ -157,11 +158,16 @@ def _such_as(columns: int, separator: str) -> str:
 def cells(line: str, separator: str) -> list[str]:
     """The cells of a line; one whose quotes are wrong is split at every separator."""
     if separator == SPACES:
-        return line.split()
+        return _between_spaces(line) if '"' in line else line.split()
     try:
         return next(csv.reader([line], delimiter=separator, strict=True, skipinitialspace=True), [])
     except csv.Error:
         return line.split(separator)
+
+
+def _between_spaces(line: str) -> list[str]:
+    """The cells between spaces and tabs; those in quotes may hold some. A quote that is not closed is a sign as others."""
+    return [plain or quoted.replace('""', '"') for quoted, plain in _SPACED.findall(line)]
 
 
 def _lines(block: Block, told: Csv, comments: list[_Line]) -> Iterator[_Line]:
@@ -187,11 +193,12 @@ def _separator(lines: Sequence[_Line]) -> str:
         width = len(cells(header, separator))
         if width > 1 and len(cells(below, separator)) in (width, width + 1):
             return separator
-    found = [separator for separator in _SEPARATORS if separator in header]
+    bare = _QUOTED.sub("", header)
+    found = [separator for separator in _SEPARATORS if separator in bare]
     if found:
-        return max(found, key=header.count)
-    width = len(header.split())
-    return SPACES if width > 1 and len(below.split()) == width else ","
+        return max(found, key=bare.count)
+    width = len(cells(header, SPACES))
+    return SPACES if width > 1 and len(cells(below, SPACES)) == width else ","
 
 
 def _in_comment(comments: Sequence[_Line], line: int, separator: str, width: int, sign: str) -> list[str] | None:

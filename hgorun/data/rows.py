@@ -12,6 +12,7 @@ import numpy as np
 from hgorun.data.cells import Cells, Flags, is_word
 from hgorun.data.comments import is_comment
 from hgorun.data.dialect import SPACES, Dialect
+from hgorun.data.dialect import cells as cells_of
 from hgorun.data.text import Block
 from hgorun.errors import ConfigError
 
@@ -94,7 +95,7 @@ class Rows:
         lines = _Lines(blocks, self._dialect)
         if self._dialect.separator == SPACES:
             for text in lines:
-                yield lines.taken(), text.split()
+                yield lines.taken(), cells_of(text, SPACES)
             return
         reader = csv.reader(lines, delimiter=self._dialect.separator, strict=True, skipinitialspace=True)
         try:

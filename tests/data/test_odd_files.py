@@ -77,6 +77,25 @@ def test_what_is_wrong_is_said(tmp_path: Path, content: str, message: str) -> No
         recorded(tmp_path, content)
 
 
+@pytest.mark.parametrize(
+    ("content", "time", "column"),
+    [
+        ('"t" "glucose"\n0 1.5\n1 2.5\n3 2\n', "t", "glucose"),
+        ('t "glucose in g"\n0 1.5\n1 2.5\n3 2\n', "t", "glucose in g"),
+        ('"a, b"  "t" "said ""so""" note\n"x y" 0 1.5 ""\n"" "1" 2.5 "a""\n"x" 3  "2" b"c"\n', "t", 'said "so"'),
+        (
+            '"t" "glucose"\n"2024-01-01 00:00:00" 1.5\n"2024-01-01 00:00:01"\t2.5\n"2024-01-01 00:00:03" 2\n',
+            "t",
+            "glucose",
+        ),
+    ],
+)
+def test_quotes_between_spaces(tmp_path: Path, content: str, time: str, column: str) -> None:
+    signal = recorded(tmp_path, content, {"time": time, "outputs": {"S": column}}).outputs["S"]
+    assert signal.taken.tolist() == [0, 1, 3]
+    assert signal.values.tolist() == [1.5, 2.5, 2]
+
+
 @pytest.mark.parametrize("zone", ["+24:00", "-05:60", "+99:99"])
 @pytest.mark.parametrize("quote", ["", '"'])  # rows with quotes are read one by one
 def test_what_is_no_time_zone_is_refused(tmp_path: Path, zone: str, quote: str) -> None:
