@@ -166,7 +166,7 @@ def cells(line: str, separator: str) -> list[str]:
 
 
 def _between_spaces(line: str) -> list[str]:
-    """The cells between spaces and tabs; those in quotes may hold some. A quote that is not closed is a sign as others."""
+    """The cells between spaces and tabs; those in quotes may hold some. A quote that does not close is any other sign."""
     return [plain or quoted.replace('""', '"') for quoted, plain in _SPACED.findall(line)]
 
 

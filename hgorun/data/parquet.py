@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 _FIRST = 1_000  # rows in which the first value of a column is looked for
+_AT_ONCE = 1 << 18  # decimals that are held as text
 _DATE = "1970-01-01"  # stands for whatever date comes first
 
 
@@ -115,7 +116,10 @@ def _array(values: pyarrow.ChunkedArray) -> np.ndarray:
     from pyarrow import types
 
     kind = values.type
-    if types.is_integer(kind) or types.is_floating(kind) or types.is_decimal(kind):
+    if types.is_decimal(kind):  # a cast at once multiplies by a power of ten, and is off by a last bit
+        parts = (values.slice(start, _AT_ONCE).cast(pyarrow.string()) for start in range(0, len(values), _AT_ONCE))
+        return np.concatenate([part.cast(pyarrow.float64()).to_numpy() for part in parts])
+    if types.is_integer(kind) or types.is_floating(kind):
         double = values if types.is_float32(kind) else values.cast(pyarrow.float64(), safe=False)
         return np.asarray(double.to_numpy())
     return np.asarray(values.cast(pyarrow.string()).to_numpy(zero_copy_only=False), dtype=object)

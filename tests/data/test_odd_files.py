@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import datetime
+from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
@@ -127,6 +128,17 @@ def array_file(path: Path, columns: Any, column: str = "glucose") -> Any:
     parquet.write_table(columns, path / "log.parquet")
     block = {"file": "log.parquet", "time": "t", "outputs": {"S": column}}
     return read(Data.model_validate(block), path).outputs["S"]
+
+
+@pytest.mark.parametrize("kind", [pyarrow.decimal128(12, 2), pyarrow.decimal128(38, 9), pyarrow.decimal256(60, 30)])
+def test_decimals_of_parquet_are_read_to_the_last_bit(
+    tmp_path: Path, kind: pyarrow.DataType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("hgorun.data.parquet._AT_ONCE", 100)
+    texts = ["3.30", "0.07", *(f"{value:.2f}" for value in np.random.default_rng(0).uniform(1, 9, 998))]
+    values = pyarrow.array([*map(Decimal, texts), None], kind)
+    signal = array_file(tmp_path, {"t": [float(k) for k in range(1001)], "glucose": values})
+    assert signal.values.tolist() == [float(text) for text in texts]
 
 
 FAR = pyarrow.array([0, 10**15, 0], pyarrow.timestamp("ms"))
