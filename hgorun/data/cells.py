@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+import unicodedata
 from calendar import monthrange
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -33,7 +34,10 @@ _LETTERS = re.compile(r"[^\W\d_]{2}")
 _DATE_OR_TIME = re.compile(
     r"\d{1,4}([./-])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d(?::\d\d)?.*|\d{8}T\d{4,6}.*", re.ASCII
 )
-_WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*([^\W\d_][^\s\d]{0,9}|%|°[A-Z])")  # a number, and what follows it
+# a number, and the unit that follows it
+_WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*((?![eE]$)[^\W\d_¹²³][^\s\d]{0,9}|%|°[A-Z])")
+_OF_MICROSOFT = re.compile(r"[-+]?1\.#[A-Z]+\d*")  # 1.#QNAN, -1.#IND: what C once wrote there for no number
+_DASHES = "\u2010\u2011\u2012\u2013\u2212"
 _WORD = 40  # characters of a text that may mean a missing value
 _TRUTH = {"true": 1.0, "false": 0.0}
 _EPOCH = datetime(1970, 1, 1)
@@ -91,10 +95,16 @@ def _no_number(text: str, decimal: str, thousands: str | None, key: str, column:
     said = f"expected a number, found {describe(text)}"
     if _NUMBER[other].fullmatch(text):
         taken, found = ("point", "comma") if other == "," else ("comma", "point")
-        return f'{said}; decimals have a {taken} here; where all have a {found}: csv: {{decimal: "{other}"}}'
+        grouped = thousands is None and _grouped(other, decimal).fullmatch(text)
+        between = f'; for signs between thousands: csv: {{thousands: "{other}"}}' if grouped else ""
+        return f'{said}; decimals have a {taken} here; where all have a {found}: csv: {{decimal: "{other}"}}{between}'
     signs = [sign for sign in _BETWEEN if sign != decimal and _grouped(sign, decimal).fullmatch(text)]
     if signs and thousands is None:
         return f'{said}; for signs between thousands: csv: {{thousands: "{signs[0]}"}}'
+    plain = "".join(map(_as_ascii, text))
+    if _NUMBER[decimal].fullmatch(plain):
+        odd = next(char for char in text if not char.isascii())
+        return f"{said}; {odd!r} is no sign of a number (U+{ord(odd):04X}): write {plain}"
     if looks_like_iso(text):
         return f"{said}; dates are read as time stamps, with {clock_key(key, column, 'iso')}"
     if behind := _WITH_UNIT.fullmatch(text):
@@ -108,11 +118,20 @@ def _no_number(text: str, decimal: str, thousands: str | None, key: str, column:
     return said
 
 
+def _as_ascii(char: str) -> str:
+    """A digit of another script, a minus, or a sign of full width as ASCII has it."""
+    if char in _DASHES:
+        return "-"
+    if char.isdecimal():
+        return str(unicodedata.decimal(char))
+    return unicodedata.normalize("NFKC", char) if "\uff00" < char < "\uff5f" else char
+
+
 def is_word(text: str) -> bool:
     """Whether a text may mean that there is no value: not one that is a number with something else."""
     if len(text) > _WORD or not text.isprintable():
         return False
-    if not any(char.isnumeric() for char in text):
+    if not any(char.isnumeric() for char in text) or _OF_MICROSOFT.fullmatch(text):
         return True
     return _LETTERS.search(text) is not None and not _BEGINS_AS_NUMBER.match(text)
 

@@ -46,6 +46,8 @@ def form_hint(text: str, key: str, column: str) -> str:
     if len(found) > 1:
         which = ", ".join(f"{clock_key(key, column, form)} where {_DATES[form.split()[0]]}" for form in found)
         return f"; a date of another form needs its pattern, {which}"
+    if not found and not key:
+        return ""  # most likely no date: its column is none of time stamps
     form = found[0] if found else _EXAMPLE
     return f"; a date of another form needs its pattern, such as {clock_key(key, column, form)}"
 

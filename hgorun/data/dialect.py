@@ -13,7 +13,7 @@ from hgorun.config.data import Csv
 from hgorun.data.comments import is_comment
 from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
-from hgorun.data.units_row import is_value, may_state_units, states_units
+from hgorun.data.units_row import are_units, is_value, may_state_units, states_units
 from hgorun.errors import ConfigError
 
 _SEPARATORS = ("\t", ";", "|", ",")
@@ -107,6 +107,7 @@ def dialect_of(
     rows = [(line, cells(line.text, separator)) for line in lines]
     header, names = rows[0]
     body = rows[1:]
+    units: list[str] = []
     if all(is_value(name) for name in names):
         above = _in_comment(comments, header.number, separator, len(names), told.comment)
         if above is None:
@@ -115,14 +116,14 @@ def dialect_of(
                 f"above them{_such_as(len(names), separator)}: columns are taken by their names, not by their places"
             )
             raise ConfigError(message, file=str(path), line=header.number)
-        names, body = above, rows
+        (names, units), body = above, rows
     missing = missing_texts(told)
-    units: tuple[str, ...] = ()
     known = clocks or {}
-    doubtful = told.units_row is None and bool(body) and may_state_units(body[0][1], names, missing, known)
+    untold = told.units_row is None and bool(body) and not units
+    doubtful = untold and may_state_units(body[0][1], names, missing, known)
     if told.units_row or (doubtful and states_units(body[0][1], names, known)):
-        units = tuple(text.strip() for text in body[0][1]) if body else ()
-        if any(unit != "1" and is_value(unit) for unit in units):
+        units = list(body[0][1]) if body else []
+        if any(unit.strip() != "1" and is_value(unit) for unit in units):
             message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
             raise ConfigError(message, file=str(path), line=body[0][0].number)
         body, doubtful = body[1:], False
@@ -130,8 +131,8 @@ def dialect_of(
         raise ConfigError("a header without values below it", file=str(path), line=header.number)
     first, sample = body[0]
     ends = len(sample) == len(names) + 1 and not sample[-1].strip()
-    shown = [["" if text.strip().lower() in missing else text for text in row] for _, row in body]
-    decimal = told.decimal or _OTHER.get(told.thousands or "") or _decimal(shown, path, first.number)
+    shown = [(line.number, ["" if text.strip().lower() in missing else text for text in row]) for line, row in body]
+    decimal = told.decimal or _OTHER.get(told.thousands or "") or _decimal(shown, path)
     return Dialect(
         separator=separator,
         decimal=decimal,
@@ -140,7 +141,7 @@ def dialect_of(
         width=len(names) + ends,
         first=first.number,
         missing=missing,
-        units=units,
+        units=tuple(text.strip() for text in units),
         sample=tuple(sample),
         missing_numbers=missing_numbers(told, decimal),
         thousands=told.thousands,
@@ -166,7 +167,7 @@ def cells(line: str, separator: str) -> list[str]:
 
 
 def _between_spaces(line: str) -> list[str]:
-    """The cells between spaces and tabs; those in quotes may hold some. A quote that does not close is any other sign."""
+    """The cells between spaces and tabs; those in quotes may hold some. A quote that is left open is any sign."""
     return [plain or quoted.replace('""', '"') for quoted, plain in _SPACED.findall(line)]
 
 
@@ -201,23 +202,28 @@ def _separator(lines: Sequence[_Line]) -> str:
     return SPACES if width > 1 and len(cells(below, SPACES)) == width else ","
 
 
-def _in_comment(comments: Sequence[_Line], line: int, separator: str, width: int, sign: str) -> list[str] | None:
-    """The names of the columns in the comment directly above the numbers."""
-    above = next((c for c in reversed(comments) if c.number == line - 1), None)
-    if above is None:
+def _in_comment(
+    comments: Sequence[_Line], line: int, separator: str, width: int, sign: str
+) -> tuple[list[str], list[str]] | None:
+    """The names of the columns in the last comment above the numbers, and their units if it states these below them."""
+    rows = [cells(one.text.lstrip().removeprefix(sign).strip(), separator) for one in comments if one.number < line]
+    last, *above = [*reversed(rows[-2:]), [], []][:2]
+    if len(last) != width or any(map(is_value, last)):
         return None
-    names = cells(above.text.lstrip().removeprefix(sign).strip(), separator)
-    return names if len(names) == width and not any(map(is_value, names)) else None
+    if len(above[0]) == width and not any(map(is_value, above[0])) and are_units(last) and not are_units(above[0]):
+        return above[0], last
+    return last, []
 
 
-def _decimal(rows: Sequence[Sequence[str]], path: Path, line: int) -> str:
-    """The sign between the digits of numbers.
+def _decimal(numbered: Sequence[tuple[int, Sequence[str]]], path: Path) -> str:
+    """The sign between the digits of numbers, of rows with their lines.
 
     Raises
     ------
     ConfigError
         When a comma may stand between digits or between thousands.
     """
+    rows = [row for _, row in numbered]
     texts = {text.strip() for row in rows for text in row}
     commas = {text for text in texts if _has_comma(text)}
     if not commas:
@@ -225,9 +231,10 @@ def _decimal(rows: Sequence[Sequence[str]], path: Path, line: int) -> str:
     if any(map(_has_point, texts)):
         return "," if _mostly_commas(rows) else "."
     if all(_THOUSANDS.fullmatch(text) for text in commas):
+        line, found = next((line, text.strip()) for line, row in numbered for text in row if text.strip() in commas)
         message = (
-            f'{min(commas)!r} may be a number with thousands or with decimals: say which, csv: {{decimal: ","}} '
-            'or {decimal: "."}'
+            f'{found!r} may be a number with thousands or with decimals: say which, csv: {{thousands: ","}} '
+            'or {decimal: ","}'
         )
         raise ConfigError(message, file=str(path), line=line)
     return ","

@@ -16,6 +16,7 @@ from hgorun.errors import ConfigError, printable
 
 _DEEP = 5  # groups inside each other
 _MANY = 10_000
+_SHOWN = 8  # names of a record that a message writes
 
 
 class Hdf5:
@@ -91,7 +92,9 @@ def _passed_over(group: h5py.Group, name: str) -> str:
         if why := no_column(group, part):
             return f"in {part}, which {why}"
         if not isinstance(group, h5py.Group):
-            return ""
+            records = isinstance(group, h5py.Dataset) and group.dtype.names
+            said = f"in records of {part}, which are not taken apart: write each of {{}} as a data set of its own"
+            return said.format(", ".join(records[:_SHOWN])) if records else ""
     link = group.get(last, getlink=True) if last else None
     if link is not None and not isinstance(link, h5py.HardLink):
         return "is a link, which is not followed"
@@ -106,6 +109,9 @@ def _passed_over(group: h5py.Group, name: str) -> str:
         return "is empty" if data.shape is None else "is a single value"
     if data.ndim > 2:
         return f"has {data.ndim} dimensions, and a column has one"
+    if data.dtype.names:
+        names = ", ".join(data.dtype.names[:_SHOWN])
+        return f"holds records, which are not taken apart: write each of {names} as a data set of its own"
     return "" if any(_parts(data)) else f"holds neither numbers nor texts ({data.dtype.name})"
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
+from hgorun.data.cells import Cells, Numbers
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.named_units import (
     AnotherUnit,
@@ -25,6 +26,7 @@ from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Part, Sources, Wanted, given_references
+from hgorun.data.table import Table
 from hgorun.data.told_once import told_once
 from hgorun.data.units import alike, converted
 
@@ -137,6 +139,7 @@ class Reader:
             good=_joined(good) if good else None,
             sources=tuple(part.file.path for part in parts),
             time_unit=self._unit_of_times(parts),
+            coarse=any(_above_doubles(part.time.cells, table) for part, table in zip(parts, tables, strict=True)),
         )
 
     def _unit_of_times(self, parts: Sequence[Part]) -> str:
@@ -280,6 +283,12 @@ class Reader:
             lines=samples.lines,
             source=samples.sources[0],
         )
+
+
+def _above_doubles(cells: Cells, table: Table) -> bool:
+    """Whether stamps are numbers so large that doubles hold not all whole ones, as nanoseconds since 1970 are."""
+    ends = table.columns[cells][[0, -1]]
+    return isinstance(cells, Numbers) and bool(np.any(np.abs(ends) >= 2.0**53))
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -25,6 +25,8 @@ class Samples:
     sources : tuple of Path
     time_unit : str
         In which messages say times: that of the files where their times are numbers, else that of the run.
+    coarse : bool
+        Whether stamps are numbers above 2^53, of which different ones may be the same double.
     """
 
     key: str
@@ -36,6 +38,7 @@ class Samples:
     good: np.ndarray | None
     sources: tuple[Path, ...]
     time_unit: str
+    coarse: bool = False
 
     @property
     def late(self) -> bool:

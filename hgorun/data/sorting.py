@@ -112,9 +112,10 @@ class Sorting:
     def _known_after(self, samples: Samples) -> Samples:
         if samples.late and (early := samples.available < samples.taken).any():
             k = int(early.argmax())
-            known, taken = (
-                shown(times[k], self._origin, samples.time_unit) for times in (samples.available, samples.taken)
-            )
+            both = samples.available, samples.taken
+            known, taken = (shown(float(times[k]), self._origin, samples.time_unit) for times in both)
+            if known == taken:
+                known, taken = (repr(float(times[k])) for times in both)
             what = f"known at {known}, before it was taken at {taken}"
             raise self._refused(samples, k, what, "the two columns may have been exchanged")
         return samples
@@ -149,9 +150,14 @@ class Sorting:
         told = self._told.repeated
         if not again.size:
             return samples
-        k = int(again[0])
-        stamp = shown(samples.taken[k], self._origin, samples.time_unit)
-        what = f"the time stamp {stamp} has come before, on line {samples.place(k - 1)[1]}"
+        pair = [int(again[0]) - 1, int(again[0])]
+        before, k = sorted(pair, key=lambda i: (int(samples.part[i]) if samples.part.size else 0, samples.lines[i]))
+        file, line = samples.place(before)
+        stamp = shown(float(samples.taken[k]), self._origin, samples.time_unit)
+        where = f"line {line}" if file == samples.place(k)[0] else f"line {line} of {file}"
+        what = f"the time stamp {stamp} has come before, on {where}"
+        if samples.coarse:
+            what += ", or is the same only as a double: above 2^53 these are more than 1 apart"
         if told is None or told == "refuse":
             raise self._refused(samples, k, what, "faults: {repeated: first}, last, mean or keep if this is known")
         self._note("repeated", samples, k, again.size, f"{_samples(again.size)} ({told}): {what}")

@@ -166,9 +166,9 @@ class Sources:
         if count > 1:
             raise Problem(path, f"{file.path} has {count} columns called {column!r}")
         more = f" and {len(known) - _LISTED} more in its header" if len(known) > _LISTED else ""
-        shown = ", ".join(map(_visible, known[:_LISTED])) + more
+        shown = ": " + ", ".join(map(_visible, known[:_LISTED])) + more if known else " none"
         hint = file.table.hint(column) or _meant(column, known)
-        raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has: {shown}")
+        raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has{shown}")
 
     def tables(self) -> dict[LogFile, Table]:
         """What is wanted of every file.

@@ -135,7 +135,7 @@ def _decoded(path: Path, encoding: str | None, size: int) -> Iterator[bytes]:
         with path.open("rb") as stream:
             first = stream.read(size)
             mark, found = next(((m, name) for m, name in _MARKS if first.startswith(m)), (b"", None))
-            coded = found or ("utf-16-le" if encoding == "utf-16" else encoding) or "utf-8"
+            coded = found or (_utf_16(first) if encoding == "utf-16" else encoding) or "utf-8"
             while mark and first.startswith(mark):  # more than one where programs have added theirs
                 first = first[len(mark) :]
             if coded == "utf-8":
@@ -156,3 +156,9 @@ def _decoded(path: Path, encoding: str | None, size: int) -> Iterator[bytes]:
                 first = stream.read(size)
     except OSError as error:
         raise ConfigError(f"cannot be read: {error.strerror}", file=str(path)) from None
+
+
+def _utf_16(first: bytes) -> str:
+    """The order of bytes in UTF-16 without a mark: most characters of a table are ASCII, whose upper byte is zero."""
+    zeros = first[::2].count(0), first[1::2].count(0)
+    return "utf-16-be" if zeros[0] > zeros[1] else "utf-16-le"

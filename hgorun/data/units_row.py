@@ -56,7 +56,7 @@ def states_units(row: Sequence[str], names: Sequence[str], clocks: Mapping[str, 
     if all(_of_stamps(text) for text, _ in _stamps(texts, names, clocks)):
         return True
     values = [text for text, name in zip(texts, map(str.strip, names), strict=False) if name not in clocks]
-    return any(values) and all(map(_of_values, values))
+    return are_units(values)
 
 
 def _stamps(
@@ -85,6 +85,12 @@ def _reads(text: str, form: str | None) -> bool:
 def _of_stamps(text: str) -> bool:
     """Whether a text can be what a file says of the unit of time stamps."""
     return is_time(text) or any(form.fullmatch(text) for form in (_NOTHING, _IN_BRACKETS, _OF_DATES))
+
+
+def are_units(texts: Sequence[str]) -> bool:
+    """Whether some cells are nothing but units, in brackets, or empty, and not all of them empty."""
+    stripped = [text.strip() for text in texts]
+    return any(stripped) and all(map(_of_values, stripped))
 
 
 def _of_values(text: str) -> bool:

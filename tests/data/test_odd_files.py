@@ -209,6 +209,7 @@ def test_what_hdf5_has_under_a_name_is_said_where_it_is_no_column(tmp_path: Path
         file["one"] = 5.0
         file["nothing"] = h5py.Empty("f8")
         file["pairs"] = np.zeros(3, dtype=[("a", "f8"), ("b", "i4")])
+        file["bits"] = np.zeros(3, dtype="V4")
         file["soft"] = h5py.SoftLink("/t")
         file["away"] = h5py.ExternalLink("/nowhere.h5", "/t")
         file["loop"] = h5py.SoftLink("/loop")
@@ -218,7 +219,9 @@ def test_what_hdf5_has_under_a_name_is_said_where_it_is_no_column(tmp_path: Path
         "g/cube": "g/cube is there, but has 3 dimensions, and a column has one",
         "one": "one is there, but is a single value",
         "nothing": "nothing is there, but is empty",
-        "pairs": "pairs is there, but holds neither numbers nor texts",
+        "pairs": "pairs is there, but holds records, which are not taken apart: write each of a, b as a",
+        "pairs/a": "pairs/a is there, but in records of pairs, which are not taken apart: write each of a, b as a",
+        "bits": "bits is there, but holds neither numbers nor texts",
         "soft": "soft is there, but is a link, which is not followed",
         "away": "away is there, but is a link, which is not followed",
         "loop": "loop is there, but is a link, which is not followed",

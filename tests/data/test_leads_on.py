@@ -1,0 +1,141 @@
+"""What is said of an odd log names the right place, and is right when it is followed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pyarrow
+import pytest
+from logs import noisy, recorded, table
+from pyarrow import parquet
+
+from hgorun.config.data import Data
+from hgorun.data.reading import read
+from hgorun.errors import ConfigError, Problem
+
+TIMES, VALUES = noisy()
+
+
+@pytest.mark.parametrize("encoding", ["utf-16-le", "utf-16-be"])
+def test_utf_16_without_a_mark_in_either_order(tmp_path: Path, encoding: str) -> None:
+    content = table(TIMES, VALUES).replace("glucose", "größe").encode(encoding)
+    with pytest.raises(ConfigError, match=r"encoding: utf-16"):
+        recorded(tmp_path, content, {"outputs": {"S": "größe"}})
+    told = {"outputs": {"S": "größe"}, "csv": {"encoding": "utf-16"}}
+    assert recorded(tmp_path, content, told).outputs["S"].values.tolist() == VALUES.tolist()
+
+
+def test_a_comma_that_may_be_either_is_named_with_its_line_and_both_remedies_read_it(tmp_path: Path) -> None:
+    content = "t;glucose\n0;999\n1;1,234\n2;1,235\n3;1,230\n"
+    with pytest.raises(ConfigError, match=r":3: '1,234' may be .*csv: {thousands: \",\"} or {decimal: \",\"}"):
+        recorded(tmp_path, content)
+    told = recorded(tmp_path, content, {"csv": {"thousands": ","}}).outputs["S"].values
+    assert told.tolist() == [999, 1234, 1235, 1230]
+    told = recorded(tmp_path, content, {"csv": {"decimal": ","}, "faults": {"slips": "report"}}).outputs["S"].values
+    assert told.tolist() == [999, 1.234, 1.235, 1.23]
+    with pytest.raises(ConfigError, match=r"decimals have a point here; .*{decimal: \",\"}; for .*{thousands: \",\"}"):
+        recorded(tmp_path, content, {"csv": {"decimal": "."}})
+
+
+@pytest.mark.parametrize("text", ["1.#QNAN", "1.#IND", "-1.#IND00"])
+def test_no_number_as_c_wrote_it_is_missing_once_it_is_told(tmp_path: Path, text: str) -> None:
+    content = f"t,glucose\n0,7\n1,8\n2,{text}\n3,9.5\n"
+    with pytest.raises(ConfigError) as caught:
+        recorded(tmp_path, content)
+    assert f'csv: {{missing: ["{text}"]}}' in caught.value.message
+    recording = recorded(tmp_path, content, {"csv": {"missing": [text]}})
+    assert recording.outputs["S"].taken.tolist() == [0, 1, 3]
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("\u22120.5", "'\u2212' is no sign of a number (U+2212): write -0.5"),
+        ("\uff11\uff0e\uff15", "'\uff11' is no sign of a number (U+FF11): write 1.5"),
+        ("1\u0662", "'\u0662' is no sign of a number (U+0662): write 12"),
+        ("1.5.2", "expected a number, found '1.5.2'"),
+        ("1e", "expected a number, found '1e'"),
+        ("2\u00b2", "expected a number, found '2\u00b2'"),
+    ],
+)
+def test_a_cell_that_is_almost_a_number(tmp_path: Path, text: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        recorded(tmp_path, f"t,glucose\n0,1\n1,{text}\n")
+    assert caught.value.line == 3
+    assert caught.value.message.endswith(said)
+
+
+@pytest.mark.parametrize(
+    ("header", "units"),
+    [("# t,glucose\n# s,g/L\n", "g/L"), ("# t,glucose\n\n", ""), ("# t,glucose\n\n# s,(g/L)\n", "g/L")],
+)
+def test_a_header_in_comments_with_units_or_an_empty_line_below(tmp_path: Path, header: str, units: str) -> None:
+    content = header + table(TIMES, VALUES).partition("\n")[2]
+    recording = recorded(tmp_path, content)
+    assert recording.outputs["S"].values.tolist() == VALUES.tolist()
+    assert recording.outputs["S"].unit == units
+    if units:
+        with pytest.raises(Problem, match="the file says g/L"):
+            recorded(tmp_path, content, units={"S": "mol/L"})
+
+
+@pytest.mark.parametrize("header", ["# of a logger,b\n# t,glucose\n", "# m,s\n# t,glucose\n", "# 1,2\n# t,glucose\n"])
+def test_the_last_comment_is_the_header_unless_it_states_units(tmp_path: Path, header: str) -> None:
+    content = header + table(TIMES, VALUES).partition("\n")[2]
+    assert recorded(tmp_path, content).outputs["S"].values.tolist() == VALUES.tolist()
+
+
+def test_columns_called_as_units_below_a_title(tmp_path: Path) -> None:
+    content = "# made today\n# s,m\n0,1\n1,3\n"
+    recording = recorded(tmp_path, content, {"time": "s", "outputs": {"S": "m"}})
+    assert recording.outputs["S"].values.tolist() == [1, 3]
+
+
+def test_integers_beyond_what_a_double_holds_are_not_called_equal(tmp_path: Path) -> None:
+    stamps = [1714564800000000001, 1714564800000000003, 1714564800000000900]
+    content = "t,glucose\n" + "".join(f"{stamp},{k % 2}\n" for k, stamp in enumerate(stamps))
+    said = r":3: .* has come before, on line 2, or is the same only as a double: above 2\^53"
+    with pytest.raises(ConfigError, match=said):
+        recorded(tmp_path, content, {"time": {"column": "t", "format": "unix", "unit": "ns"}})
+    parquet.write_table(pyarrow.table({"t": [2**53, 2**53 + 1], "glucose": [1.0, 2.0]}), tmp_path / "log.parquet")
+    with pytest.raises(ConfigError, match=r"has come before, on line 2;"):
+        recorded(tmp_path, "t,glucose\n7,1\n7,2\n")
+    block = Data.model_validate({"file": "log.parquet", "time": "t", "outputs": {"S": "glucose"}})
+    with pytest.raises(ConfigError, match=r":2: .* has come before, on line 1, or is the same only as a double"):
+        read(block, tmp_path)
+
+
+def test_of_two_rows_with_one_stamp_the_later_one_has_come_again(tmp_path: Path) -> None:
+    known = {"outputs": {"S": {"column": "glucose", "available": "known"}}}
+    with pytest.raises(ConfigError, match=r"log\.csv:4: .*time stamp 1 has come before, on line 3;"):
+        recorded(tmp_path, "t,known,glucose\n0,0,1\n1,5,2\n1,3,4\n3,3,5\n", known)
+    (tmp_path / "more.csv").write_text("t,glucose\n1,5\n2,7\n")
+    with pytest.raises(ConfigError, match=r"more\.csv:2: .*time stamp 1 has come before, on line 3 of .*log\.csv;"):
+        recorded(tmp_path, "t,glucose\n0,3\n1,4\n", {"file": ["log.csv", "more.csv"]})
+
+
+@pytest.mark.parametrize(
+    ("known", "taken", "said"),
+    [
+        ("1.9999999", "2", "known at 1.9999999, before it was taken at 2"),
+        ("1e9", "1000000000.0000001", "known at 1000000000.0, before it was taken at 1000000000.0000001"),
+    ],
+)
+def test_two_times_that_differ_little_are_told_apart(tmp_path: Path, known: str, taken: str, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        recorded(
+            tmp_path,
+            f"t,known,glucose\n{taken},{known},3\n",
+            {"outputs": {"S": {"column": "glucose", "available": "known"}}},
+        )
+    assert said in caught.value.message
+
+
+def test_a_file_without_columns_has_none(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        file["d"] = np.zeros(3, dtype=[("t", "f8"), ("glucose", "f8")])
+    block = Data.model_validate({"file": "log.h5", "time": "d/t", "outputs": {"S": "d/glucose"}})
+    with pytest.raises(Problem, match=r"has no column 'd/glucose'.* in records of d, .* each of t, glucose .*has none"):
+        read(block, tmp_path)
