@@ -147,6 +147,8 @@ class ArrayFile:
             return np.isin(array, [good for good in cells.good if not isinstance(good, str)]).astype(float)
         if isinstance(cells, Stamps) and kind in "fiu" and self.counts_from_a_date(cells.column):
             return self._counted(cells, array)
+        if isinstance(cells, Stamps) and kind in "fiu" and cells.pattern is not None:
+            return self._read(cells, _in_digits(array))
         if kind == "M" or (isinstance(cells, Stamps) and kind not in "Ob"):
             raise self._error(f"expected {'dates' if isinstance(cells, Stamps) else 'numbers'}", 0, cells.column)
         return self._read(cells, array)
@@ -182,6 +184,12 @@ class ArrayFile:
 
     def _error(self, message: str, row: int | None = None, column: str | None = None) -> ConfigError:
         return ConfigError(message, file=str(self._path), line=None if row is None else row + 1, key=column)
+
+
+def _in_digits(numbers: np.ndarray) -> np.ndarray:
+    """Numbers as texts, since 20240131 may be a date; missing ones are None."""
+    texts = [None if number != number else f"{number:.17g}" for number in numbers.tolist()]
+    return np.array(texts, dtype=object)
 
 
 def _aside(path: Path, work: Callable[[], T], room: int) -> T:

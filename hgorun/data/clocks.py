@@ -10,8 +10,9 @@ import numpy as np
 
 from hgorun.config.data import Clock, has_date
 from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp, looks_like_iso
+from hgorun.data.date_hints import clock_key
 from hgorun.data.dates import counted
-from hgorun.data.day_counts import DAY, WORKBOOKS, Span, odd_days, odd_seconds, out_of_range
+from hgorun.data.day_counts import DAY, WORKBOOKS, Span, dates_in_digits, odd_days, odd_seconds, out_of_range
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile
 from hgorun.data.units import scaled, seconds
@@ -113,6 +114,18 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
     else:
         return None
     return told and f"column {column.cells.column!r}: {told}"
+
+
+def digits_of_dates(column: ClockColumn, table: Table) -> str | None:
+    """What is to be told of numbers that look like dates without signs between their parts; nothing if a unit is."""
+    pattern = None if column.clock.unit is not None else dates_in_digits(table.columns[column.cells])
+    if pattern is None:
+        return None
+    name, key = column.cells.column, str(column.path[-1])
+    return (
+        f"column {name!r}: its numbers look like dates, and are taken as numbers: if they are dates, "
+        f"{clock_key(key, name, pattern)}"
+    )
 
 
 def origin_stamp(said: str | float, clock: ClockColumn) -> int:

@@ -7,6 +7,7 @@ says so, as those of old Macs do. A sheet that was saved as text does not say wh
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from datetime import datetime
 from typing import TypeAlias, TypeVar
 
 import numpy as np
@@ -18,6 +19,9 @@ DAY = 86_400 * 10**9
 WORKBOOKS = {"excel": -25_569 * DAY, "excel1904": -24_107 * DAY}
 """Day 0 of each format, in nanoseconds since 1970."""
 
+_IN_DIGITS = {8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}
+_LOOKED_AT = 1000
+_FEWEST = 3  # numbers that are dates by more than chance
 _OTHER = {"excel": "excel1904", "excel1904": "excel"}
 _UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # that programs count in since 1970
 _USUAL = np.array(["1980-01-01", "2100-01-01"], dtype="datetime64[ns]").astype(np.int64).tolist()
@@ -120,3 +124,24 @@ def _of_our_days(*nanoseconds: float) -> bool:
 
 def _day(nanoseconds: float) -> str:
     return str(np.datetime64(round(nanoseconds), "ns").astype("datetime64[D]"))
+
+
+def dates_in_digits(values: np.ndarray) -> str | None:
+    """The pattern of numbers whose digits are dates, as 20240131 and 20240131235959 are; None of others.
+
+    Of long columns some are looked at. A counter comes to a number that is no date after a few steps.
+    """
+    there = values[~np.isnan(values)]
+    some = there[:: max(1, there.size // _LOOKED_AT)]
+    if some.size < _FEWEST or np.any(some != np.floor(some)) or np.any(np.abs(some) >= 1e14):
+        return None
+    texts = [f"{value:.0f}" for value in some.tolist()]
+    pattern = _IN_DIGITS.get(len(texts[0]))
+    if pattern is None or not all(len(text) == len(texts[0]) and text[:2] in ("19", "20") for text in texts):
+        return None
+    try:
+        for text in texts:
+            datetime.strptime(text, pattern)
+    except ValueError:
+        return None
+    return pattern

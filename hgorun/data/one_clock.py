@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.config.data import Data, has_date
 from hgorun.data.cells import NAT, Stamps
-from hgorun.data.clocks import ClockColumn, odd_dates, origin, origin_stamp, stamps, times_since
+from hgorun.data.clocks import ClockColumn, digits_of_dates, odd_dates, origin, origin_stamp, stamps, times_since
 from hgorun.data.date_hints import clock_key, with_exchanged
 from hgorun.data.date_order import a_day_too_early, days_counted, exchanged, known_after, passes_midnight, unlike_others
 from hgorun.data.day_counts import four_years_apart, span_of
@@ -243,7 +243,9 @@ class OneClock:
         Problem
             When the configuration does not say which of the two is right.
         """
-        column = clock.cells.column
+        column, key = clock.cells.column, ".".join(map(str, clock.path))
+        if not clock.absolute and (told := digits_of_dates(clock, self._tables[file])):
+            yield Note(kind="clock", signal=key, file=str(file.path), message=told)
         said, source = file.table.unit(column).partition(" since ")[0], "the file"
         if not said:
             said, source = time_in_name(column), "its name"
@@ -260,7 +262,6 @@ class OneClock:
             who="the run counts in",
             beside=self._around,
         )
-        key = ".".join(map(str, clock.path))
         yield note_of(another, "clock", key, clock.path, f", and time.unit: {said} is right for a model in {said}")
 
     def _other_clock(self, beside: Origin, clock: ClockColumn) -> tuple[int | None, bool]:

@@ -15,6 +15,7 @@ from hgorun.data.recording import Note, Origin
 from hgorun.data.samples import Samples
 from hgorun.errors import ConfigError
 
+_ALL_DIGITS = 17  # that tell two doubles apart
 _SHOWN = 5  # places of a fault whose lines are named
 _HELD = "an input's last value is held meanwhile, or with hold: linear a straight line goes to the next"
 
@@ -115,7 +116,9 @@ class Sorting:
             both = samples.available, samples.taken
             known, taken = (shown(float(times[k]), self._origin, samples.time_unit) for times in both)
             if known == taken:
-                known, taken = (repr(float(times[k])) for times in both)
+                known, taken = (
+                    duration_shown(float(times[k]), self._origin, samples.time_unit, _ALL_DIGITS) for times in both
+                )
             what = f"known at {known}, before it was taken at {taken}"
             raise self._refused(samples, k, what, "the two columns may have been exchanged")
         return samples

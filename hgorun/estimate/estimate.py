@@ -75,7 +75,8 @@ def estimate_prepared(
     """Carry a prepared estimate out; see :func:`estimate`, and of the error of given steps :func:`evaluate_run`."""
     found = evaluate_run(prepared, held_out, recording.reference, with_error=with_error)
     assessed = [assess(prepared, found, j) for j in range(len(prepared.run.observers))]
-    result = result_of(prepared, recording, found, assessed, _recorded(prepared, found))
+    counts = {name: one.values.size for name, one in held_out.items()}
+    result = result_of(prepared, recording, found, assessed, _recorded(prepared, found), counts)
     if not sensitivity:
         return result
     count = sum(one.values.size for one in prepared.samples)
@@ -98,6 +99,7 @@ def result_of(
     found: Evaluated,
     assessed: Sequence[Assessed],
     recorded: Recorded,
+    set_aside: Mapping[str, int],
 ) -> Result:
     """What is told of a run.
 
@@ -108,6 +110,8 @@ def result_of(
     assessed : sequence of Assessed
         Of every observer.
     recorded : Recorded
+    set_aside : mapping of str to int
+        By output, how many samples were held out, in the run or not.
     """
     run, experiment = prepared.run, prepared.experiment
     model, origin, grid = run.plant.model, run.origin, found.grid
@@ -140,6 +144,7 @@ def result_of(
         measures=model.measures,
         remarks=(
             *_remarks(prepared, recording, found),
+            *_not_scored(found, set_aside),
             *far_off(prepared, found),
         ),
         recorded=recorded,
@@ -170,9 +175,6 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
         if outside:
             why = _shortened_by(prepared.experiment, recording)
             told.append(f"{one.output}: {outside} samples lie outside of the run{why}")
-    for kind, compared in (("held out", found.held_out), ("of the reference", found.reference)):
-        none = [name for name, one in compared.items() if not one.taken.size]
-        told += [f"{name}: no sample {kind} lies in the run, so that it has no score" for name in none]
     return told
 
 
@@ -183,6 +185,17 @@ def _shortened_by(experiment: Experiment, recording: Recording) -> str:
     told = [f"{experiment.source.told(('time', key))} = {value:g}" for key, (value, cuts) in shorter.items() if cuts]
     whole = "for the whole recording leave that out, or write `time: null` where it is inherited"
     return f": {', '.join(told)}; {whole}" if told else ""
+
+
+def _not_scored(found: Evaluated, set_aside: Mapping[str, int]) -> Iterator[str]:
+    """What is told of samples for comparison that have no part in a score: nothing is estimated at their times."""
+    for kind, compared in (("held out", found.held_out), ("of the reference", found.reference)):
+        for name in (name for name, one in compared.items() if not one.taken.size):
+            yield f"{name}: no sample {kind} lies in the run, so that it has no score"
+    for name, one in found.held_out.items():
+        count = set_aside[name]
+        if one.taken.size and (outside := count - one.taken.size):
+            yield f"{name}: {outside} of {count} samples held out lie outside of the run and are not scored"
 
 
 def _shut_out(prepared: PreparedEstimate, recording: Recording, result: Result) -> Iterator[str]:

@@ -109,6 +109,7 @@ class LongLog:
         signals |= {(1, name): one for name, one in recording.reference.items()}
         origin, end = experiment.origin, experiment.time.end
         self._asked = {key: inside(signal, origin, end) for key, signal in signals.items()}
+        self._set_aside = {name: one.values.size for name, one in held_out.items()}
         self._lags = {key: signal.lag for key, signal in signals.items()}
 
     def written(self, path: Path) -> Result:
@@ -260,7 +261,7 @@ class LongLog:
             for i, one in enumerate(prepared.samples)
         }
         recorded = Recorded(outputs, unseen(evaluated.held_out, origin), unseen(evaluated.reference, origin))
-        result = result_of(prepared, self._recording, evaluated, assessed, recorded)
+        result = result_of(prepared, self._recording, evaluated, assessed, recorded, self._set_aside)
         result = replace(result, time=shown("time"), u=shown("plant/u") if result.inputs else result.u)
         if self._sensitivity:
             result = without_sensitivity(result, count)

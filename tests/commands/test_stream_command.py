@@ -163,6 +163,16 @@ def test_a_stamp_that_is_far_ahead_is_refused_before_anything_is_shown(
     assert "standard input:3" in err
 
 
+def test_a_folder_in_place_of_a_checkpoint_is_named(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    (tmp_path / "folder").mkdir()
+    folder = str(tmp_path / "folder")
+    code, out, err = piped(shell, monkeypatch, "t,signal,y\n0,a,1\n", "--checkpoint", folder)
+    assert (code, out) == (2, [])
+    assert f"--checkpoint: {folder} cannot be written: it is a folder; name another place with --checkpoint" in err
+
+
 @pytest.mark.parametrize(
     ("stored", "message"), [(b"x", "not a checkpoint of a stream"), (b"hgorun-stream-1 [0]\n", "is damaged")]
 )

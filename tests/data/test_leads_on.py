@@ -139,3 +139,47 @@ def test_a_file_without_columns_has_none(tmp_path: Path) -> None:
     block = Data.model_validate({"file": "log.h5", "time": "d/t", "outputs": {"S": "d/glucose"}})
     with pytest.raises(Problem, match=r"has no column 'd/glucose'.* in records of d, .* each of t, glucose .*has none"):
         read(block, tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("stamps", "pattern", "right"),
+    [
+        ([20240101000000, 20240101000001, 20240101000100], "%Y%m%d%H%M%S", [0, 1, 60]),
+        ([20240131, 20240201, 20240203], "%Y%m%d", [0, 86400, 259200]),
+        ([202401312300, 202402010000, 202402010030], "%Y%m%d%H%M", [0, 3600, 5400]),
+    ],
+)
+@pytest.mark.parametrize("file", ["log.csv", "log.parquet"])
+def test_dates_in_digits_alone_are_told_and_read_as_advised(
+    tmp_path: Path, file: str, stamps: list[int], pattern: str, right: list[float]
+) -> None:
+    parquet.write_table(pyarrow.table({"t": stamps, "glucose": [1.0, 2, 1]}), tmp_path / "log.parquet")
+    (tmp_path / "log.csv").write_text("t,glucose\n" + "".join(f"{t},{k % 2}\n" for k, t in enumerate(stamps)))
+    block = {"file": file, "time": "t", "outputs": {"S": "glucose"}}
+    recording = read(Data.model_validate(block), tmp_path)
+    assert recording.outputs["S"].taken.tolist() == stamps
+    (told,) = [note.message for note in recording.notes if note.kind == "clock"]
+    assert told.endswith(
+        f'look like dates, and are taken as numbers: if they are dates, time: {{column: t, format: "{pattern}"}}'
+    )
+    dated = read(Data.model_validate({**block, "time": {"column": "t", "format": pattern}}), tmp_path)
+    assert dated.outputs["S"].taken.tolist() == right
+    assert not dated.notes
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        ["20240101", "20240102"],
+        ["20240130", "20240131", "20240132"],
+        ["20240101.5", "20240102.5", "20240103.5"],
+        ["1709078400", "1709078401", "1709078402"],
+        ["0", "20240101", "20240102"],
+        ["1e300", "2e300", "3e300"],
+    ],
+)
+def test_counters_are_not_taken_for_dates(tmp_path: Path, stamps: list[str]) -> None:
+    content = "t,glucose\n" + "".join(f"{stamp},{k % 2}\n" for k, stamp in enumerate(stamps))
+    assert not recorded(tmp_path, content).notes
+    counted = "t,glucose\n20240101,1\n20240102,2\n20240103,1\n"
+    assert not recorded(tmp_path, counted, {"time": {"column": "t", "unit": "ms"}}).notes

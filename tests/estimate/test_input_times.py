@@ -85,3 +85,21 @@ def test_samples_held_out_behind_the_log_are_told() -> None:
     beside = {"x": signal("x", [500.0, 501.0], [0.2, 0.2])}
     result = estimate(source(CONFIG), log(), name="x", text="y", held_out=beside, sensitivity=False)
     assert "x: no sample held out lies in the run, so that it has no score" in result.remarks
+
+
+def test_samples_held_out_of_which_some_lie_outside_of_the_run_are_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = "x: 1 of 3 samples held out lie outside of the run and are not scored"
+    beside = {"x": signal("x", [0.65, 0.75, 501.0], [0.2, 0.2, 0.2])}
+    result = estimate(source(CONFIG), log(), name="x", text="y", held_out=beside, sensitivity=False)
+    assert told in result.remarks
+    inside = {"x": signal("x", [0.65, 0.75], [0.2, 0.2])}
+    result = estimate(source(CONFIG), log(), name="x", text="y", held_out=inside, sensitivity=False)
+    assert not any("held out" in remark for remark in result.remarks)
+    monkeypatch.setattr(long_log, "LONG", 10)
+    found = estimate_into(
+        source(CONFIG), log(), tmp_path / "a.h5", name="x", text="y", held_out=beside, sensitivity=False
+    )
+    assert found is not None
+    assert told in found.remarks
