@@ -117,6 +117,10 @@ def dialect_of(
             )
             raise ConfigError(message, file=str(path), line=header.number)
         (names, units), body = above, rows
+    elif told.units_row is None and body:
+        between = [one for one in comments if header.number < one.number < body[0][0].number]
+        of_units = [_bare(one, told.comment, separator) for one in between]
+        units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
     missing = missing_texts(told)
     known = clocks or {}
     untold = told.units_row is None and bool(body) and not units
@@ -202,11 +206,16 @@ def _separator(lines: Sequence[_Line]) -> str:
     return SPACES if width > 1 and len(cells(below, SPACES)) == width else ","
 
 
+def _bare(comment: _Line, sign: str, separator: str) -> list[str]:
+    """The cells of a comment without its sign."""
+    return cells(comment.text.lstrip().removeprefix(sign).strip(), separator)
+
+
 def _in_comment(
     comments: Sequence[_Line], line: int, separator: str, width: int, sign: str
 ) -> tuple[list[str], list[str]] | None:
     """The names of the columns in the last comment above the numbers, and their units if it states these below them."""
-    rows = [cells(one.text.lstrip().removeprefix(sign).strip(), separator) for one in comments if one.number < line]
+    rows = [_bare(one, sign, separator) for one in comments if one.number < line]
     last, *above = [*reversed(rows[-2:]), [], []][:2]
     if len(last) != width or any(map(is_value, last)):
         return None

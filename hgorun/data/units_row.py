@@ -88,9 +88,9 @@ def _of_stamps(text: str) -> bool:
 
 
 def are_units(texts: Sequence[str]) -> bool:
-    """Whether some cells are nothing but units, in brackets, or empty, and not all of them empty."""
+    """Whether some cells are nothing but units, in brackets, or empty: not all of them empty, and none a number."""
     stripped = [text.strip() for text in texts]
-    return any(stripped) and all(map(_of_values, stripped))
+    return any(stripped) and all(_of_values(text) and not is_value(text) for text in stripped)
 
 
 def _of_values(text: str) -> bool:

@@ -87,6 +87,21 @@ def test_the_last_comment_is_the_header_unless_it_states_units(tmp_path: Path, h
     assert recorded(tmp_path, content).outputs["S"].values.tolist() == VALUES.tolist()
 
 
+@pytest.mark.parametrize("comment", ["# s,g/L", "#[s],[g/L]", "# a remark\n# s,g/L"])
+def test_a_comment_below_the_header_may_state_units(tmp_path: Path, comment: str) -> None:
+    content = table(TIMES, VALUES).replace("glucose\n", f"glucose\n{comment}\n")
+    recording = recorded(tmp_path, content, units={"S": "g/L"})
+    assert recording.outputs["S"].values.tolist() == VALUES.tolist()
+    with pytest.raises(Problem, match="the file says g/L"):
+        recorded(tmp_path, content, units={"S": "mol/L"})
+
+
+@pytest.mark.parametrize("comment", ["# s,no unit", "# s", "# s,g/L,m", "# , ", "# 1,2"])
+def test_another_comment_below_the_header_states_none(tmp_path: Path, comment: str) -> None:
+    content = table(TIMES, VALUES).replace("glucose\n", f"glucose\n{comment}\n")
+    assert recorded(tmp_path, content, units={"S": "mol/L"}).outputs["S"].values.tolist() == VALUES.tolist()
+
+
 def test_columns_called_as_units_below_a_title(tmp_path: Path) -> None:
     content = "# made today\n# s,m\n0,1\n1,3\n"
     recording = recorded(tmp_path, content, {"time": "s", "outputs": {"S": "m"}})
@@ -109,18 +124,18 @@ def test_integers_beyond_what_a_double_holds_are_not_called_equal(tmp_path: Path
 
 def test_of_two_rows_with_one_stamp_the_later_one_has_come_again(tmp_path: Path) -> None:
     known = {"outputs": {"S": {"column": "glucose", "available": "known"}}}
-    with pytest.raises(ConfigError, match=r"log\.csv:4: .*time stamp 1 has come before, on line 3;"):
+    with pytest.raises(ConfigError, match=r"log\.csv:4: .*time stamp 1 s has come before, on line 3;"):
         recorded(tmp_path, "t,known,glucose\n0,0,1\n1,5,2\n1,3,4\n3,3,5\n", known)
     (tmp_path / "more.csv").write_text("t,glucose\n1,5\n2,7\n")
-    with pytest.raises(ConfigError, match=r"more\.csv:2: .*time stamp 1 has come before, on line 3 of .*log\.csv;"):
+    with pytest.raises(ConfigError, match=r"more\.csv:2: .*time stamp 1 s has come before, on line 3 of .*log\.csv;"):
         recorded(tmp_path, "t,glucose\n0,3\n1,4\n", {"file": ["log.csv", "more.csv"]})
 
 
 @pytest.mark.parametrize(
     ("known", "taken", "said"),
     [
-        ("1.9999999", "2", "known at 1.9999999, before it was taken at 2"),
-        ("1e9", "1000000000.0000001", "known at 1000000000.0, before it was taken at 1000000000.0000001"),
+        ("1.9999999", "2", "known at 1.9999999 s, before it was taken at 2 s"),
+        ("1e9", "1000000000.0000001", "known at 1000000000 s, before it was taken at 1000000000.0000001 s"),
     ],
 )
 def test_two_times_that_differ_little_are_told_apart(tmp_path: Path, known: str, taken: str, said: str) -> None:
