@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -188,8 +189,7 @@ class ArrayFile:
 
 def _in_digits(numbers: np.ndarray) -> np.ndarray:
     """Numbers as texts, since 20240131 may be a date; missing ones are None."""
-    texts = [None if number != number else f"{number:.17g}" for number in numbers.tolist()]
-    return np.array(texts, dtype=object)
+    return np.array([None if math.isnan(number) else f"{number:.15g}" for number in numbers.tolist()], dtype=object)
 
 
 def _aside(path: Path, work: Callable[[], T], room: int) -> T:

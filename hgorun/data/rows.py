@@ -84,7 +84,7 @@ class Rows:
             except ValueError as error:
                 when = not isinstance(cells, Flags) and cells.key == "time"
                 if line == self._dialect.first and self._dialect.doubtful:
-                    hint = "; if this line states the units of the columns: csv: {units_row: true}"
+                    hint = "; if this line belongs to the header, as one of units does: csv: {units_row: true}"
                 else:
                     hint = self._no_sample(row[place]) if when else ""
                 return self._error(line, f"{error}{hint}", cells.column)

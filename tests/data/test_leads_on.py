@@ -198,3 +198,18 @@ def test_counters_are_not_taken_for_dates(tmp_path: Path, stamps: list[str]) -> 
     assert not recorded(tmp_path, content).notes
     counted = "t,glucose\n20240101,1\n20240102,2\n20240103,1\n"
     assert not recorded(tmp_path, counted, {"time": {"column": "t", "unit": "ms"}}).notes
+
+
+@pytest.mark.parametrize(
+    ("form", "said"),
+    [
+        ("iso", "log.parquet:1: t: expected dates"),
+        ("%H:%M", "log.parquet:1: t: expected a date of the form %H:%M, found '0.1'; leave out format where stamps"),
+    ],
+)
+def test_numbers_in_place_of_dates_of_a_form(tmp_path: Path, form: str, said: str) -> None:
+    parquet.write_table(pyarrow.table({"t": [0.1, None, 2.0], "glucose": [1.0, 2, 1]}), tmp_path / "log.parquet")
+    block = {"file": "log.parquet", "time": {"column": "t", "format": form}, "outputs": {"S": "glucose"}}
+    with pytest.raises(ConfigError) as caught:
+        read(Data.model_validate(block), tmp_path)
+    assert said in str(caught.value)

@@ -89,6 +89,20 @@ def test_what_does_not_look_like_units_is_refused_unless_it_is_told(tmp_path: Pa
         if told:
             assert recorded(tmp_path, content, {**PATTERN, "csv": told}).outputs["S"].lines.tolist() == [3, 4, 5]
             continue
-        hint = r"; if this line states the units of the columns: csv: {units_row: true}; csv goes below data"
+        hint = (
+            r"; if this line belongs to the header, as one of units does: csv: {units_row: true}; csv goes below data"
+        )
         with pytest.raises(ConfigError, match=rf"log\.csv:2: {wrong}.*{hint}"):
             recorded(tmp_path, content, PATTERN)
+
+
+@pytest.mark.parametrize("value", ["OFF", "1,5", "mg/L"])
+def test_a_stamp_that_begins_with_a_word_is_read_in_its_format(tmp_path: Path, value: str) -> None:
+    content = log(value, "1,5", "2", stamps=("Jan 16 2024", "Jan 17 2024", "Feb 1 2024"))
+    block = {"time": {"column": "t", "format": "%b %d %Y"}}
+    if value == "1,5":
+        assert recorded(tmp_path, content, block).outputs["S"].taken.tolist() == [0, 86400, 16 * 86400]
+        return
+    with pytest.raises(ConfigError, match=r"log\.csv:2: glucose: expected a number") as caught:
+        recorded(tmp_path, content, block)
+    assert "header" not in caught.value.message
