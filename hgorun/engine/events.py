@@ -34,6 +34,25 @@ def add_channels(m: Module) -> None:
     m.finish(f)
 
 
+def add_spreads(m: Module) -> None:
+    """``spreads(ctx, t, output, to)``: those of an output at the state of the context; what is there already stays."""
+    s, lanes = m.system, m.lanes
+    if s.spreads is None:
+        return
+    emitted = m.emit(s.spreads, "spreads_of")
+    f = m.function("spreads", "ptr %ctx, double %t, i64 %output, ptr %to", attributes="nounwind noinline")
+    p, z, w = (f.word("%ctx", WORD[name], "ptr") for name in ("p", "z", "w"))
+    c = m.constants_of(f, emitted)
+    tau, all_of = f.slot("double", emitted.clocked * lanes), f.slot("double", s.outputs * s.observers * lanes)
+    emitted.clock(f, f.splat("%t") if m.loose else "%t", p, c, tau)
+    emitted.main(f, p, c, tau, z, w, all_of)
+    own = f.at(all_of, f.scalar("mul", "%output", str(s.observers * lanes)))
+    with f.count(0, s.observers * lanes) as i:
+        _keep_first(m, f, f.load(f.at(own, i)), f.at("%to", i))
+    f.do("ret void")
+    m.finish(f)
+
+
 def add_jumps(m: Module) -> None:
     """``jump<number>(ctx, t, from, to)``: a part of the state, in some lanes, becomes what its jump says."""
     for number in range(len(m.system.jumps)):
@@ -91,7 +110,7 @@ def add_actions(m: Module) -> None:
             y = f.mul(f.load(gain, f.real), f.load(here, f.real))
             f.store(f.add(y, f.load(bias, f.real)), measured, f.real)
             if s.innovations:
-                _keep_innovations(m, f, output, slot, here, measured)
+                _keep_innovations(m, f, output, slot, here, measured, t)
             with f.when(arrives):
                 copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), 1)
                 copy(f, measured, f.at(held, Held.OUTPUT * lanes), 1)
@@ -137,10 +156,12 @@ def _add_snapshots(m: Module, f: Function, op: str, number: str) -> None:
                         f.store(hexadecimal(float("nan")), f.at(z, state))
 
 
-def _keep_innovations(m: Module, f: Function, output: str, slot: str, here: str, measured: str) -> None:
+def _keep_innovations(m: Module, f: Function, output: str, slot: str, here: str, measured: str, t: str) -> None:
     """C xhat - y of every observer as it is compared when a sample arrives, before anything follows from it."""
     s, lanes = m.system, m.lanes
-    kept = f.at(f.word("%ctx", WORD["innovations"], "ptr"), f.scalar("mul", slot, str(s.observers * lanes)))
+    kept = f.at(f.word("%ctx", WORD["innovations"], "ptr"), f.scalar("mul", slot, str(s.noted * lanes)))
+    if s.spreads is not None:
+        f.call("spreads", f"ptr %ctx, double {t}, i64 {output}, ptr {f.at(kept, s.observers * lanes)}")
     z = f.word("%ctx", WORD["z"], "ptr")
     with f.count(0, s.observers) as j, f.count(0, lanes) as lane:
         i = f.scalar("add", f.scalar("mul", j, str(lanes)), lane)
@@ -148,11 +169,15 @@ def _keep_innovations(m: Module, f: Function, output: str, slot: str, here: str,
         if s.alpha:
             place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
             guess = f.scalar("fadd", guess, f.load(f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))))
-        found = f.scalar("fsub", guess, f.load(f.at(measured, lane)))
-        if s.replayed is not None:  # what was thought at first, and not when it was carried out again
-            first = f.load(f.at(kept, i))
-            found = f.let(f"select i1 {f.test('uno', first, first)}, double {found}, double {first}")
-        f.store(found, f.at(kept, i))
+        _keep_first(m, f, f.scalar("fsub", guess, f.load(f.at(measured, lane))), f.at(kept, i))
+
+
+def _keep_first(m: Module, f: Function, found: str, place: str) -> None:
+    """Keep a number of a sample: what was thought at first, and not when it was carried out again."""
+    if m.system.replayed is not None:
+        first = f.load(place)
+        found = f.let(f"select i1 {f.test('uno', first, first)}, double {found}, double {first}")
+    f.store(found, place)
 
 
 def _add_jump(m: Module, number: int) -> None:

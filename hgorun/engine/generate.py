@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from hgorun.engine.emit import Emitted
-from hgorun.engine.events import add_actions, add_channels, add_jumps
+from hgorun.engine.events import add_actions, add_channels, add_jumps, add_spreads
 from hgorun.engine.fixed import add_fixed
 from hgorun.engine.flag import add_flag
 from hgorun.engine.history import History
@@ -38,6 +38,7 @@ def generate(
     implicit = isinstance(chosen, Rosenbrock)
     flows = [m.emit(regime.flow, f"flow{i}", inlined=not implicit) for i, regime in enumerate(system.regimes)]
     add_channels(m)
+    add_spreads(m)
     add_jumps(m)
     add_actions(m)
     add_flag(m, alone=adaptive or (lanes == 1 and not many))

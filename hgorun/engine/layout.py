@@ -169,6 +169,9 @@ class HybridSystem:
         The channels, then their time derivatives, from (t, p, z, z'); used where something is delayed.
     innovations : bool
         Whether every observer's innovation is kept of every sample that arrives.
+    spreads : casadi.Function or None
+        Of every output, for each observer, what is kept beside its innovation, from (t, p, z, w): the variance of what
+        it says of the output.
     recalled : int
         How many of the outputs, the last ones, are none: they stand for signals of observers that look back at their
         own past, which are their first channel.
@@ -189,6 +192,7 @@ class HybridSystem:
     corrections: tuple[tuple[int, int, int], ...] = ()
     replayed: tuple[int, int] | None = None
     innovations: bool = False
+    spreads: ca.Function | None = None
     recalled: int = 0
 
     @property
@@ -200,6 +204,11 @@ class HybridSystem:
     def observers(self) -> int:
         """Number of observers."""
         return len(self.blocks)
+
+    @property
+    def noted(self) -> int:
+        """How many numbers are kept of a sample that arrives."""
+        return self.observers * (2 if self.spreads else 1)
 
     @property
     def width(self) -> int:

@@ -76,8 +76,9 @@ class Raw:
         The vector w at the end.
     tries : int
         Steps made, and, where they are controlled, those that were rejected.
-    innovations : ndarray, shape (slots, observers, lanes)
-        C xhat - y of every sample when it arrived, where the system keeps them; empty otherwise.
+    innovations : ndarray, shape (slots, noted, lanes)
+        Of every sample when it arrived C xhat - y of each observer, where the system keeps them; empty otherwise.
+        Behind them the variance of each one's C xhat, where it keeps these as well.
     """
 
     rows: Floats
@@ -177,7 +178,7 @@ class Memory:
             "snapshots": np.zeros(max(plan.snapshots * s.snapshot, 1) * lanes),
             "size": _sizes(start.z),
             "own": np.zeros(own_words * lanes, dtype=np.int64),
-            "innovations": np.full((plan.slots if s.innovations else 1, max(s.observers, 1), lanes), np.nan),
+            "innovations": np.full((plan.slots if s.innovations else 1, max(s.noted, 1), lanes), np.nan),
         }
         self.slots, self.observers, self._width = plan.slots, s.observers, s.width
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)

@@ -93,7 +93,7 @@ class Session:
 
     @property
     def innovations(self) -> Floats:
-        """C xhat - y of every sample that has arrived, shape (slots, observers): a view."""
+        """What is kept of samples that have arrived, shape (slots, noted), first each C xhat - y: a view."""
         found: Floats = self._memory.arrays["innovations"][:, :, 0]
         return found
 

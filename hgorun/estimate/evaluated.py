@@ -3,42 +3,28 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 
 from hgorun.data.recording import Signal
 from hgorun.estimate.carrying import Carried, carry_out, estimates
+from hgorun.estimate.compared import (
+    Compared,
+    compared_with,
+    felt_at,
+    inside,
+    instruments_of,
+    see,
+    with_lag,
+)
 from hgorun.estimate.covariance import Covariance
-from hgorun.estimate.lag import behind
 from hgorun.estimate.prepared import PreparedEstimate
-from hgorun.estimate.samples import Sampled
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 
 _PIECE = 1 << 15  # samples at a time: there may be many
-_LITTLE = 1e-6  # of the shortest time between samples
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Compared:
-    """A measured quantity beside what every observer says of it.
-
-    Attributes
-    ----------
-    name : str
-        A state or an output.
-    taken, values : ndarray, shape (k,)
-        Times counted from the start of the run.
-    residuals : ndarray, shape (m, k)
-        Measured minus estimated, without whole periods.
-    """
-
-    name: str
-    taken: Floats
-    values: Floats
-    residuals: Floats
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,8 +130,9 @@ def evaluate_run(
     shown = grid[::every]
     late = [one.taken for one in prepared.samples if one.taken is not one.available]
     covariances = prepared.covariances()
-    before = [_judged(one) for one in prepared.samples] if any(covariances) else []
-    times = distinct(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *before]))
+    instruments = instruments_of(prepared, asked, chosen)
+    felt = felt_at(prepared, list(instruments.values()))
+    times = distinct(np.concatenate([shown, *(taken for taken, _ in chosen.values()), *late, *felt]))
     carried = carry_out(prepared, times, with_error=with_error)
     everywhere = estimates(prepared, times, carried.raw) if carried.xhat is None else carried.xhat
     # where nothing is compared in between, no copies are made
@@ -154,12 +141,12 @@ def evaluate_run(
         key: compared_with(prepared, key[1], taken, values, [x[np.searchsorted(times, taken)] for x in everywhere])
         for key, (taken, values) in chosen.items()
     }
-    compared = {key: with_lag(prepared, one, asked[key].lag) for key, one in compared.items()}
+    see(prepared, instruments, times, everywhere)
+    compared = {key: with_lag(one, instruments.get(key)) for key, one in compared.items()}
     predicted = [innovations_of(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
     aside = {name: one for (which, name), one in compared.items() if which == 0}
-    rows = carried.raw.rows[:, :, 0]
     normal = [
-        None if one is None else _normal(prepared, one, rows, times, shown, before, predicted, aside, j)
+        None if one is None else _normal(prepared, one, carried, times, shown, predicted, aside, j)
         for j, one in enumerate(covariances)
     ]
     return Evaluated(
@@ -184,30 +171,19 @@ def first_undefined(grid: Floats, xhat: Floats) -> float:
     return float(grid[bad[0]]) if bad.size else np.inf
 
 
-def _judged(one: Sampled) -> Floats:
-    """Of which moments the estimates are that samples are compared with: before each arrives, and nothing has jumped.
-
-    A late one is compared with what had been estimated when it was taken.
-    """
-    available = one.available
-    gaps = np.diff(distinct(available))
-    little = _LITTLE * (float(gaps.min()) if gaps.size else 1.0)
-    return np.where(available > one.taken, one.taken, np.maximum(available - little, 0.0))
-
-
 def _normal(
     prepared: PreparedEstimate,
     covariance: Covariance,
-    rows: Floats,
+    carried: Carried,
     times: Floats,
     shown: Floats,
-    before: Sequence[Floats],
     predicted: Sequence[Floats],
     aside: Mapping[str, Compared],
     j: int,
 ) -> Normal:
     """What observer j knows of its errors, and what its innovations and held-out residuals are in its own eyes."""
     model, layout = prepared.run.plant.model, prepared.run.structure.system.held
+    rows, kept = carried.raw.rows[:, :, 0], carried.raw.innovations[:, len(prepared.run.observers) + j, 0]
 
     def variance(moments: Floats, i: int) -> Floats:
         """Of samples of output i."""
@@ -225,38 +201,15 @@ def _normal(
         of_states = covariance.deviation(rows[np.searchsorted(times, one.taken)])
         return np.asarray(of_states[:, model.states.index(one.name)])
 
-    nis = [predicted[i][j] ** 2 / variance(moments, i) for i, moments in enumerate(before)]
+    def of_innovations(i: int) -> Floats:
+        found = kept[prepared.own_slots(i, j)] + covariance.noise[i]
+        taken, late = prepared.samples[i].taken, prepared.samples[i].available > prepared.samples[i].taken
+        found[late] = variance(taken[late], i)  # which are compared with what had been estimated then
+        return np.asarray(found)
+
+    nis = [predicted[i][j] ** 2 / of_innovations(i) for i in range(len(predicted))]
     known = {name: deviation(one) for name, one in aside.items()}
     return Normal(covariance.deviation(rows[np.searchsorted(times, shown)]), nis, known)
-
-
-def inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
-    """Times and values of a signal in a run."""
-    taken = signal.taken - origin
-    inside = (taken >= 0.0) & (taken <= end)
-    return taken[inside], signal.values[inside]
-
-
-def compared_with(
-    prepared: PreparedEstimate, name: str, taken: Floats, values: Floats, xhat: Sequence[Floats]
-) -> Compared:
-    model = prepared.run.plant.model
-    if name in model.outputs:
-        i = model.outputs.index(name)
-        residuals = [model.wrapped(i, values - prepared.outputs(taken, x)[:, i]) for x in xhat]
-    else:
-        k = model.states.index(name)
-        residuals = [values - x[:, k] for x in xhat]
-    return Compared(name, taken, values, np.array(residuals).reshape(len(xhat), taken.size))
-
-
-def with_lag(prepared: PreparedEstimate, one: Compared, lag: float | None) -> Compared:
-    """A measured quantity beside what its instrument would have shown of the estimates; itself without a lag."""
-    if lag is None:
-        return one
-    model = prepared.run.plant.model
-    periods = dict(zip(model.outputs, model.periods, strict=False))
-    return replace(one, residuals=behind(one.taken, one.values, one.residuals, lag, periods.get(one.name)))
 
 
 def innovations_of(

@@ -9,13 +9,11 @@ import numpy as np
 
 from hgorun.engine.methods import METHODS
 from hgorun.estimate.carrying import ORDER, UNEVEN, note_difference, relative_error
-from hgorun.estimate.evaluated import Compared
+from hgorun.estimate.compared import Compared, Key
+from hgorun.estimate.lag import Instrument
 from hgorun.result.recorded import RecordedOutput
 from hgorun.simulation.steps import part_of_difference
 from hgorun.symbolic.evaluate import Floats
-
-Key = tuple[int, str]
-"""What is compared: 0 and an output of which samples were held out, 1 and what was recorded for reference."""
 
 _SHOWN = 10_000  # points, and samples of an output, that are kept for a picture
 
@@ -63,6 +61,7 @@ class Found:
     """
 
     compared: dict[Key, list[Compared]]
+    instruments: dict[Key, Instrument]
     sizes: Floats
     gaps: Floats
     undefined: Floats
@@ -76,10 +75,11 @@ class Found:
         return np.concatenate(self.shown[path])
 
     @classmethod
-    def begin(cls, m: int, n: int, keys: Iterable[Key]) -> Found:
+    def begin(cls, m: int, n: int, keys: Iterable[Key], instruments: dict[Key, Instrument]) -> Found:
         """Nothing has been seen yet, of m observers and n states."""
         return cls(
             compared={key: [] for key in keys},
+            instruments=instruments,
             sizes=np.zeros((m, n)),
             gaps=np.zeros((m, n)),
             undefined=np.full(m, np.inf),

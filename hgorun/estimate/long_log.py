@@ -23,16 +23,10 @@ from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
 from hgorun.estimate.assessed import Widths, widths_of
 from hgorun.estimate.carrying import HALVINGS, Carried, estimates
+from hgorun.estimate.compared import between_shown, compared_with, inside, instruments_of, see, with_lag
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import result_of, unseen, without_sensitivity
-from hgorun.estimate.evaluated import (
-    Evaluated,
-    compared_with,
-    first_undefined,
-    innovations_of,
-    inside,
-    with_lag,
-)
+from hgorun.estimate.evaluated import Evaluated, first_undefined, innovations_of
 from hgorun.estimate.long_found import Found, Sweep, together
 from hgorun.estimate.passed import Passed, carried_on, passed
 from hgorun.estimate.planned import planned
@@ -108,9 +102,9 @@ class LongLog:
         signals = {(0, name): one for name, one in held_out.items()}
         signals |= {(1, name): one for name, one in recording.reference.items()}
         origin, end = experiment.origin, experiment.time.end
+        self._signals = signals
         self._asked = {key: inside(signal, origin, end) for key, signal in signals.items()}
         self._set_aside = {name: one.values.size for name, one in held_out.items()}
-        self._lags = {key: signal.lag for key, signal in signals.items()}
 
     def written(self, path: Path) -> Result:
         """Carry it out, with steps that are halved until they are short enough, and write the result."""
@@ -137,8 +131,10 @@ class LongLog:
     def _go_through(self, own: Sweep, step: float, found: Found, file: ResultInParts) -> Generator[int]:
         """Carry out, tell and write stretch by stretch; after each the evaluations so far."""
         other, evaluations = self._begin(), len(METHODS[self._prepared.method].c)
+        instruments = list(found.instruments.values())
+        between = between_shown(self._prepared, instruments)
         with (
-            ahead(planned(self._stretches, self._grid, self._asked, step)) as stretches,
+            ahead(planned(self._stretches, self._grid, self._asked, step, instruments, between)) as stretches,
             # two, since some stretches take longer to tell of than to carry out
             ahead(passed(stretches, own, self._bound), 2) as passes,
         ):
@@ -174,7 +170,8 @@ class LongLog:
 
     def _nothing_yet(self) -> Found:
         run = self._prepared.run
-        return Found.begin(len(run.observers), len(run.plant.model.states), self._asked)
+        instruments = instruments_of(self._prepared, self._signals, self._asked)
+        return Found.begin(len(run.observers), len(run.plant.model.states), self._asked, instruments)
 
     def _tell(self, one: Passed, step: float, other: Sweep, found: Found, file: ResultInParts) -> None:
         """Tell and write what a stretch gives, with ``other`` steps as well where that is planned."""
@@ -189,6 +186,7 @@ class LongLog:
         for key, (taken, values) in stretch.aside.items():
             at = np.searchsorted(times, taken)
             found.compared[key].append(compared_with(prepared, key[1], taken, values, [x[at] for x in everywhere]))
+        see(prepared, found.instruments, times, everywhere)
         on_grid = slice(None) if times is grid else np.searchsorted(times, grid)
         shown = [in_one_piece(x[on_grid]) for x in everywhere]
         for j, x in enumerate(shown):
@@ -238,7 +236,7 @@ class LongLog:
         nothing, count = np.zeros((0, 1)), sum(one.values.size for one in prepared.samples)
         raw = Raw(np.zeros((0, own.z.size, 1)), nothing, own.diverged[:, None], nothing, nothing)
         used = np.broadcast_to(np.True_, (count, m))
-        whole = {key: with_lag(prepared, together(parts), self._lags[key]) for key, parts in found.compared.items()}
+        whole = {key: with_lag(together(parts), found.instruments.get(key)) for key, parts in found.compared.items()}
         shown = found.all_shown
         predicted = [
             WrittenInnovations(file.whole(f"measurement/{one.output}/innovation"), one.values.size)

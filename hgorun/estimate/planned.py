@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hgorun.engine.plan import Plan
 from hgorun.estimate.carrying import UNEVEN
-from hgorun.estimate.long_found import Key
+from hgorun.estimate.compared import Key
+from hgorun.estimate.lag import Instrument, felt_of
 from hgorun.estimate.stretches import Stretch, Stretches, points_before
 from hgorun.simulation.grid import EvenPoints
 from hgorun.simulation.steps import steps_between
@@ -46,7 +47,12 @@ class Planned:
 
 
 def planned(
-    stretches: Stretches, grid: EvenPoints, asked: Mapping[Key, tuple[Floats, Floats]], step: float
+    stretches: Stretches,
+    grid: EvenPoints,
+    asked: Mapping[Key, tuple[Floats, Floats]],
+    step: float,
+    instruments: Sequence[Instrument],
+    between: Floats,
 ) -> Iterator[tuple[Planned, Plan]]:
     """All stretches, one after the other, each with its plan: that is let go before the stretch is told of.
 
@@ -59,16 +65,25 @@ def planned(
         Times and values of all that is compared.
     step : float
         The longest.
+    instruments : sequence of Instrument
+        Those that lag.
+    between : ndarray
+        When they are to see estimates, beside the samples and the times at which they have shown something.
     """
     shared = Stretchwise()
-    at, done = 0, dict.fromkeys(asked, 0)
+    at, seen, done = 0, 0, dict.fromkeys(asked, 0)
     for number, stretch in enumerate(stretches):
         before, at = at, points_before(grid, stretch, step)
         own, aside = grid[before:at], {}
         for key, (taken, values) in asked.items():
             some = slice(done[key], points_before(taken, stretch, step))
             aside[key], done[key] = (taken[some], values[some]), some.stop
-        times = distinct(np.concatenate([own, *(taken for taken, _ in aside.values())])) if aside else own
+        felt = [
+            felt_of(samples.taken, one.taken, one.lag) for one in instruments for samples in stretch.prepared.samples
+        ]
+        first, seen = seen, points_before(between, stretch, step)
+        wanted = [between[first:seen], *felt, *(taken for taken, _ in aside.values())]
+        times = distinct(np.concatenate([own, *wanted])) if aside else own
         judged = number < _FIRST or number % _EVERY == 0
         plan = _plan(stretch, times, step, None, shared)
         found = Planned(

@@ -223,7 +223,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         truth = Recording(plant.symbolic, recorded)
         truths: list[Truth] = [truth, *(SameTruth(truth, treatment == "replay") for treatment in treatments)]
         stretches, variants, everything = experiment.stretches, schedule.variants, plant.everything
-        structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True)
+        structure = structure_of(truths, of_groups, stretches, variants, everything, innovations=True, variances=True)
         require_used(plant.model, recorded, structure)
         at_start = () if inputs is None else inputs.first(recorded)
         numbers = numbers_of(structure, plant, experiment, designs, at_start)

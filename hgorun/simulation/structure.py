@@ -7,7 +7,7 @@ classes and on how the outputs reach them; not on numbers. Two experiments of on
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import chain
 from typing import TYPE_CHECKING
@@ -150,6 +150,7 @@ def structure_of(
     parameters: np.ndarray,
     *,
     innovations: bool = False,
+    variances: bool = False,
 ) -> Structure:
     """The structure of a run, built where none is known.
 
@@ -167,12 +168,15 @@ def structure_of(
         The plant's, with the numbers of its expressions.
     innovations : bool
         Whether every observer's innovation is kept of every sample that arrives.
+    variances : bool
+        Whether the variance of what it says of the output is kept as well, where it knows that.
     """
     key = (
         tuple((truth.structure, *(d.structure for d in of)) for truth, of in zip(truths, designs, strict=True)),
         tuple(tuple(map(signal_structure, one)) for one in stretches),
         tuple(variants),
         innovations,
+        variances,
     )
     bucket = _STRUCTURES.get(key, list)
     observers = [d.observer for d in chain(*designs)]
@@ -181,7 +185,7 @@ def structure_of(
             bucket[:] = [*(other for other in bucket if other is not structure), structure]
             return structure
     reads = [Reads(observer) for observer in observers]
-    structure = _build(truths, designs, reads, stretches, variants, parameters, innovations)
+    structure = _build(truths, designs, reads, stretches, variants, parameters, innovations, variances)
     bucket.append(structure)
     del bucket[:-_BUCKET]
     return structure
@@ -201,6 +205,7 @@ def _build(
     variants: Sequence[Variant],
     values: np.ndarray,
     innovations: bool,
+    variances: bool,
 ) -> Structure:
     plant, parameters = truths[0].plant, Parameters()
     t = plant.model.t
@@ -251,6 +256,8 @@ def _build(
                     outputs=y,
                 )
             )
+    if variances and any(spreads):
+        system = replace(system, spreads=_spreads(symbolic, groups, spreads))
     return Structure(
         tuple(groups),
         system,
@@ -264,6 +271,13 @@ def _build(
         tuple(spreads),
         tuple(loops),
     )
+
+
+def _spreads(symbolic: Sequence[ca.SX], groups: Sequence[Group], spreads: Sequence[Readout | None]) -> ca.Function:
+    """Those of all outputs of all groups, for each observer, which are zero where nothing is known."""
+    q = len(groups[0].truth.plant.model.outputs)
+    known = ca.horzcat(*(ca.SX(q, 1) if one is None else one.function(*symbolic) for one in spreads))
+    return ca.Function("spreads", list(symbolic), [ca.densify(ca.vec(ca.repmat(known, len(groups), 1).T))])
 
 
 def _places(states: slice) -> list[int]:

@@ -1,13 +1,15 @@
-"""The normalised innovation of late samples: innovation and variance are of one moment."""
+"""The normalised innovation, also where several samples correct at one moment: innovation and variance are of one."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
-from examples import inline
+from examples import Block, inline
 from recordings import recorded_of, recording, signal, source
 
+from hgorun.data.recording import Signal
 from hgorun.estimate.estimate import estimate
+from hgorun.result.recorded import Recorded
 
 Q, R = 0.2, 0.01
 
@@ -38,3 +40,43 @@ def test_late_samples_are_judged_by_the_variance_of_when_they_were_taken(order: 
             assert one.nis[k, j] == pytest.approx(expected, rel=1e-4)
             if takes:
                 x, P = x + P / (P + R) * (y[k] - x), P * R / (P + R)
+
+
+def found(config: Block, *outputs: Signal) -> Recorded:
+    """What an ekf of x, in which two outputs are measured, makes of them."""
+    block = {"type": "ekf", "Q": {"x": Q}, "R": R, "initial": {"x": 0.0}, "internal": {"P": 1.0}}
+    plant = {key: value for key, value in inline({"x": "0"}, {"a": "x", "b": "x"}).items() if key != "initial"}
+    whole = {"plant": plant, "observers": {"K": block | config}, "solver": {"step": 0.1}, "time": {"start": 0.0}}
+    return recorded_of(estimate(source(whole), recording(*outputs), sensitivity=False))
+
+
+def test_samples_of_one_time_are_judged_one_after_the_other() -> None:
+    """The second of an output at one time meets what the first has left of P; two outputs are judged together."""
+    taken = np.repeat(np.arange(1.0, 8.0), 2)
+    y, z = np.random.default_rng(1).standard_normal((2, taken.size))
+    one = found({}, signal("a", taken, y), signal("b", taken[::2], z[::2]))
+    P, x, last, judged = 1.0, 0.0, 0.0, []
+    for k in range(0, taken.size, 2):
+        P, last = P + Q * (taken[k] - last), taken[k]
+        for first, values in (True, [y[k], z[k]]), (False, [y[k + 1]]):
+            judged.append(((values[0] - x) ** 2 / (P + R), (z[k] - x) ** 2 / (P + R) if first else None))
+            S = P + R / len(values)  # as one sample of their mean
+            x, P = x + P / S * (np.mean(values) - x), P - P * P / S
+    assert one.outputs["a"].nis[:, 0] == pytest.approx([of_a for of_a, _ in judged], rel=1e-7)
+    assert one.outputs["b"].nis[:, 0] == pytest.approx([of_b for _, of_b in judged if of_b is not None], rel=1e-7)
+
+
+@pytest.mark.parametrize("gate", [None, 1e3])
+def test_a_sample_is_judged_behind_a_late_one_that_comes_with_it(gate: float | None) -> None:
+    """Of b every sample comes a second late, when one of a is taken, and is gone back to."""
+    taken = np.arange(1.0, 9.0)
+    y, z = np.random.default_rng(2).standard_normal((2, taken.size))
+    one = found({"late": "replay"}, signal("a", taken, y, gate=gate), signal("b", taken[:-1], z[:-1], taken[1:]))
+    P, x, last = 1.0, 0.0, 0.0
+    for k, t in enumerate(taken):
+        if k:  # at the time of the last sample of a, where both are taken as one
+            S = P + R / 2
+            x, P = x + P / S * ((y[k - 1] + z[k - 1]) / 2 - x), P - P * P / S
+        P, last = P + Q * (t - last), t
+        assert one.outputs["a"].innovation[k, 0] == pytest.approx(y[k] - x, rel=1e-7)
+        assert one.outputs["a"].nis[k, 0] == pytest.approx((y[k] - x) ** 2 / (P + R), rel=1e-7)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -91,6 +92,8 @@ def short(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
         (_log("linear"), {"held_out": ASIDE}),
         (_log(start=1e6, reference={"b": signal("b", OTHERS[::9] + 1e6, np.cos(OTHERS[::9]))}), {}),
         (_log(), FIXED | {"time": {"start": 0.0, "end": 6.0, "output_step": 0.01}}),
+        (_log(reference={**SLOW, "a": replace(ASIDE["a"], lag=0.1)}), {}),
+        (_log(reference={"b": replace(SLOW["b"], lag=0.5)}), FIXED),
         (_log(reference=SLOW), FIXED | {"held_out": ASIDE, "time": {"start": 1.0, "end": 5.0, "output_step": 0.3}}),
     ],
 )
