@@ -23,7 +23,7 @@ from hgorun.commands.stream_samples import (
     Stream,
     Writer,
     refuse_results,
-    tell_outliers,
+    tell_left_out,
 )
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, HgorunError, printable
@@ -64,7 +64,7 @@ def follow_topic(source: Source, name: str, options: Estimate) -> int:
         while True:
             follower.take_some(session)
     finally:
-        tell_outliers(follower.one_by_one.estimator)
+        tell_left_out(follower.one_by_one, stream.experiment)
         with suppress(OSError):
             session.close()
 

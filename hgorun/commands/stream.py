@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_lines import Block, CsvForm, JsonForm, Sample, Samples, read
 from hgorun.commands.stream_progress import InOrder
-from hgorun.commands.stream_samples import REMEMBERED, Grid, OneByOne, Stream, Writer, refuse_results, tell_outliers
+from hgorun.commands.stream_samples import REMEMBERED, Grid, OneByOne, Stream, Writer, refuse_results, tell_left_out
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 from hgorun.process import uninterrupted
@@ -37,10 +37,10 @@ def follow(source: Source, name: str, options: Estimate) -> int:
         _follow(form, blocks, one_by_one, progress)
     except (ConfigError, KeyboardInterrupt, SystemExit):  # between two samples: both are as they should be
         progress.save_what_there_is()
-        tell_outliers(estimator)
+        tell_left_out(one_by_one, stream.experiment)
         raise
     progress.save()
-    tell_outliers(estimator)
+    tell_left_out(one_by_one, stream.experiment)
     return 0
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain, repeat
 from typing import TextIO
 
@@ -22,6 +23,7 @@ from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.observers.treatment import treatment_of
 from hgorun.process import say, uninterrupted
 from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
@@ -133,13 +135,20 @@ def refuse_results(options: Estimate) -> None:
 
 @dataclass(frozen=True)
 class OneByOne:
-    """What becomes of single samples."""
+    """What becomes of single samples.
+
+    Attributes
+    ----------
+    late : Counter
+        By output, how many samples were late.
+    """
 
     estimator: Estimator
     inputs: tuple[str, ...]
     grid: Grid
     progress: Progress
     writer: Writer
+    late: Counter[str] = field(default_factory=Counter)
 
     def take(self, sample: Sample) -> None:
         """Take a sample, and write what is known then."""
@@ -166,11 +175,17 @@ class OneByOne:
             self.estimator.update(sample.t, {}, sample.available, {sample.signal: sample.y})
         else:
             self.estimator.update(sample.t, {sample.signal: sample.y}, sample.available)
+            if sample.available is not None and sample.available > sample.t:
+                self.late[sample.signal] += 1
 
 
-def tell_outliers(estimator: Estimator) -> None:
-    """On stderr, at the end: how many samples gates have left out."""
-    for label, of_outputs in estimator.gated.items():
+def tell_left_out(one_by_one: OneByOne, experiment: Experiment) -> None:
+    """On stderr, at the end: how many samples gates have left out, and how many since they were late."""
+    if all(treatment_of(observer) == "drop" for observer in experiment.observers.values()):
+        for output, count in one_by_one.late.items():
+            left_out = f"{count} samples of {output} were left out since they were late (late: drop)"
+            say(f"hgorun: {experiment.name}: {left_out}")
+    for label, of_outputs in one_by_one.estimator.gated.items():
         for output, (count, offered) in of_outputs.items():
             if count:
                 say(f"hgorun: {label}: the gate of {output} left out {count} of {offered} samples")

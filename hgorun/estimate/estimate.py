@@ -24,6 +24,7 @@ from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.left_out import told_left_out
 from hgorun.simulation.outcome import internal
 from hgorun.simulation.units import unit_remarks
 
@@ -176,6 +177,9 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
         if outside:
             why = _shortened_by(prepared.experiment, recording)
             told.append(f"{one.output}: {outside} samples lie outside of the run{why}")
+    passed = {one.output: int(np.count_nonzero(one.available > one.taken)) for one in prepared.samples}
+    of_all = {one.output: (passed[one.output], one.values.size) for one in prepared.samples}
+    told += told_left_out(prepared.experiment.observers, of_all)
     return told
 
 

@@ -23,6 +23,7 @@ from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.closed import closed_loops, outputs_at
+from hgorun.simulation.left_out import remarks_of_late
 from hgorun.simulation.measured import Measured
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
@@ -79,7 +80,7 @@ def record(
         integration=integration,
         verdict=of_plant,
         measures=model.measures,
-        remarks=run.remarks,
+        remarks=(*run.remarks, *remarks_of_late(run)),
         design=DesignNumbers(numbers.p, numbers.z0, run.step),
         closed_loop=loops,
     )

@@ -13,9 +13,11 @@ from hgorun.analysis.reasons import NoValue, outcome
 from hgorun.analysis.report import Analysis, Findings
 from hgorun.analysis.stability.critical import Timing, critical_together, timing_of
 from hgorun.analysis.subject import Subject
-from hgorun.observers.capabilities import FilterOrder, HighGain
+from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
+from hgorun.observers.capabilities import FilterOrder, HighGain, Punctual
 from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.kalman import KalmanFilter
+from hgorun.simulation.left_out import uncorrected
 from hgorun.tables.layout import number, wrapped
 from hgorun.tables.typeset import printable
 
@@ -53,6 +55,13 @@ def _of_observer(analysis: Analysis, label: str, found: Findings, timing: Timing
     observer = analysis.result.observers[label]
     if observer.status != "ok":
         yield f"its estimate is {observer.verdict.text(unit)}; what follows is of an observer that has not diverged"
+    if outputs := uncorrected(analysis.context.run, label):
+        yield (
+            f"no correction arrives: samples of {', '.join(map(printable, outputs))} are late, and it leaves late ones "
+            "out (late: drop), so that its estimate is that of the model alone, whatever its gains are"
+        )
+        yield f"to change: {_taking_late(analysis.context.subjects[label].observer)}"
+        return
     rate = _rate(found)
     if rate is not None:
         decays = f"without nonlinearity its error decays like exp(-{number(rate)} t), t in {unit}" if rate > 0 else ""
@@ -60,6 +69,13 @@ def _of_observer(analysis: Analysis, label: str, found: Findings, timing: Timing
     yield from _limits(found, timing, unit)
     yield from _errors(analysis, label, found)
     yield from _change(analysis, label, found, timing)
+
+
+def _taking_late(observer: AnyObserver) -> str:
+    """How samples that are late would correct an observer."""
+    if isinstance(observer, SampledObserver | Punctual):
+        return "measure without delay, or take an observer that uses late samples, such as shgo"
+    return "late: replay" if isinstance(observer, CorrectedObserver) else "late: innovation or late: replay"
 
 
 def _rate(found: Findings) -> float | None:

@@ -189,6 +189,17 @@ def test_where_none_is_corrected_by_samples_the_remedy_is_the_innovation(
     assert "(A: drop, B: innovation): give observers.A.late: innovation" in err
 
 
+@pytest.mark.parametrize(("late", "expected"), [("drop", 1), ("innovation", 0)])
+def test_a_stream_tells_how_many_samples_were_left_out(
+    late: str, expected: int, shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO(LATE + "0.3,a,0.3,0.4\n0.35,a,0.3,0.5\n0.5,a,0.4,0.5\n"))
+    words = f"observers={{A: {{type: shgo, theta: 2, poles: -1, late: {late}}}}}"
+    code, _, err = shell("estimate", "pendulum.yaml", "-", "--set", words)
+    assert code == 0
+    assert err.count("2 samples of a were left out since they were late (late: drop)") == expected
+
+
 @pytest.mark.parametrize("column", ["", ",known"])
 def test_what_is_held_out_need_not_say_when_it_was_known(column: str, shell: Shell) -> None:
     """Only the times at which it was taken matter; rows may stand in the order of their arrival."""

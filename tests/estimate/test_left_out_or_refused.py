@@ -10,8 +10,10 @@ import pytest
 from examples import Block
 from plain_logs import estimated, written
 from plain_observers import Array, Sample
+from recordings import recording, signal, source
 
 from hgorun.errors import ConfigError
+from hgorun.estimate.estimate import estimate
 
 PLANT: Block = {"states": ["a", "b"], "dynamics": {"a": "b", "b": "-a"}, "output": "a"}
 ON_TIME: list[Sample] = [(0.25 * k, 0.25 * k, 0, float(np.cos(0.25 * k))) for k in range(8)]
@@ -48,3 +50,15 @@ def test_what_cannot_be_is_refused_with_what_can(
 ) -> None:
     with pytest.raises(ConfigError, match=message):
         estimate_of(samples, tmp_path, kind, **keys)
+
+
+@pytest.mark.parametrize(
+    ("late", "expected"),
+    [("drop", "2 of 6 samples of a were left out since they were late (late: drop)"), ("replay", None)],
+)
+def test_how_many_are_left_out_is_told(late: str, expected: str | None) -> None:
+    taken = 0.5 * np.arange(6)
+    log = recording(signal("a", taken, np.cos(taken), taken + np.array([0, 0.2, 0, 0, 0.3, 0])))
+    config = {"plant": PLANT, "observers": {"O": {"type": "shgo", "theta": 2, "late": late}}, "solver": {"step": 0.05}}
+    told = [words for words in estimate(source(config), log, sensitivity=False).remarks if "left out" in words]
+    assert told == ([] if expected is None else [expected])

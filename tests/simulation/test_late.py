@@ -284,3 +284,30 @@ def test_a_plant_that_is_stepped_or_driven_takes_no_late_samples(closed: bool) -
         ConfigError, match="this takes samples without delay, but x1 is late: run it apart, without the delay;"
     ):
         hgorun.simulate(experiment(plant, {"O": DEADBEAT}, end=2.0, **more))
+
+
+@pytest.mark.parametrize(
+    ("blocks", "delay", "expected"),
+    [
+        (
+            {"S": SHGO | {"late": "drop"}},
+            "0.1",
+            "16 of 16 samples of a were left out since they were late",
+        ),
+        (
+            {"S": SHGO | {"late": "drop"}, "K": EKF},
+            "max(0, 0.1*cos(4*pi*t))",
+            "8 of 16 samples of a were left out by S",
+        ),
+        ({"S": SHGO | {"late": "drop"}}, "0", None),
+        ({"S": SHGO, "K": EKF}, "0.1", None),
+    ],
+)
+def test_what_is_left_out_is_told(blocks: dict[str, Block], delay: str, expected: str | None) -> None:
+    measurement = {"sampling": {"period": PERIOD, "offset": PERIOD}, "delay": delay}
+    result = simulated(PENDULUM, blocks, end=4.15, output_step=0.05, step=STEP, measurement=measurement)
+    told = [words for words in result.remarks if "left out" in words]
+    assert len(told) == (expected is not None)
+    if expected is not None:
+        assert told[0].startswith(expected)
+        assert ("next to nothing of it corrects" in told[0]) == told[0].startswith("16")

@@ -203,3 +203,25 @@ def test_no_larger_gain_is_recommended_to_an_observer_that_is_lost() -> None:
     assert "to change: a smaller theta, or an initial estimate nearer to the truth" in together
     assert "may grow" not in together
     assert "larger" not in together
+
+
+@pytest.mark.parametrize("delay", [0.05, 0.0])
+def test_without_corrections_no_gain_is_advised(delay: float) -> None:
+    """Every sample but the one at the start is late, and left out."""
+    blocks = {
+        "S": ({"type": "shgo", "theta": 2}, "late: innovation or late: replay"),
+        "K": ({"type": "ekf", "theta": 2}, "late: replay"),
+        "T": ({"type": "super_twisting", "f": 2}, "measure without delay"),
+    }
+    config = {
+        "time": {"end": 1, "output_step": 0.1},
+        "plant": {"type": "integrator_chain", "n": 2, "phi": "0", "initial": {"x1": 1, "x2": 1}},
+        "measurement": {"sampling": {"period": 0.1}, "delay": delay, "noise": [{"type": "gaussian", "std": 0.1}]},
+        "observers": {label: block | {"late": "drop"} for label, (block, _) in blocks.items()},
+        "solver": {"step": 0.05},
+    }
+    text = " ".join("\n".join(advice(hgorun.analyze(Experiment(config, name="chain")))).split())
+    for _, remedy in blocks.values():
+        assert (f"whatever its gains are to change: {remedy}" in text) == (delay > 0)
+    assert ("decays like" in text) == (delay == 0)
+    assert ("larger for a faster" in text or "a smaller theta" in text) == (delay == 0)
