@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from itertools import combinations, product
 from typing import Any
 
@@ -12,8 +13,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats
 from hgorun.ensemble.inference import holm, interval, mean_of, paired
-from hgorun.result.metrics.base import all_metrics
-from hgorun.result.metrics.settling import SETTLING, lifted_by_noise
+from hgorun.ensemble.never import is_time, never
 
 QUANTILES = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
 SIGNIFICANT = 0.05  # a Holm-adjusted p below it
@@ -106,11 +106,9 @@ class Statistics:
     summaries : mapping of (str, str, str) to Summary
         By observer, metric and state.
     differences : tuple of Difference
-    never : frozenset of (str, str, str)
-        Of ``summaries`` the times that have not come by the end of the run, or are decided by noise, in at least half
-        of the members: no mean tells anything.
-    cut : mapping of (str, str, str) to int
-        Of the other times, how many members count with the end of the run.
+    without : mapping of (str, str, str) to int
+        Of ``summaries`` the times that have not come by the end of the run, or are decided by noise, in some members:
+        in how many.
     """
 
     at: Mapping[str, Any]
@@ -120,8 +118,17 @@ class Statistics:
     differences: tuple[Difference, ...]
     pooled: tuple[str, ...] = ()
     shared: tuple[str, ...] = ()
-    never: frozenset[tuple[str, str, str]] = frozenset()
-    cut: Mapping[tuple[str, str, str], int] = field(default_factory=dict)
+    without: Mapping[tuple[str, str, str], int] = field(default_factory=dict)
+
+    @cached_property
+    def never(self) -> frozenset[tuple[str, str, str]]:
+        """Those of them that at least half of the members with numbers lack: no mean tells anything."""
+        return frozenset(key for key, count in self.without.items() if 2 * count >= self.summaries[key].n)
+
+    @property
+    def cut(self) -> dict[tuple[str, str, str], int]:
+        """The others, whose means are too small."""
+        return {key: count for key, count in self.without.items() if key not in self.never}
 
     def has_none(self, metric: str, state: str, *labels: str) -> bool:
         """Whether that is so of an observer, or of any of several; of any at all where none is named."""
@@ -154,41 +161,22 @@ def statistics(members: Collected, metrics: Sequence[str] = (), at: Mapping[str,
         found = _summaries(members.metrics[metric], members.sound, chance=members.independent)
         for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
             summaries[label, metric, state] = found[i][j]
-    never, cut = _never(members, names)
     differences = tuple(_differences(members, names))
+    without = _counted_never(members, names)
     return Statistics(
-        dict(at or {}), len(members), members.counts, summaries, differences, members.grid, members.shared, never, cut
+        dict(at or {}), len(members), members.counts, summaries, differences, members.grid, members.shared, without
     )
 
 
-def _never(
-    members: Collected, metrics: Sequence[str]
-) -> tuple[frozenset[tuple[str, str, str]], dict[tuple[str, str, str], int]]:
-    """The times that have none in at least half of the members with numbers; of the others, how many lack it."""
-    never, cut = set(), {}
-    for metric in metrics:
-        known = all_metrics(closed=True).get(metric)
-        if known is None or not known.moment:
-            continue
-        late = members.never(metric)
-        often = late | _lifted(members) if metric == SETTLING.name else late
-        most = 2 * np.sum(often, axis=0) >= np.maximum(np.sum(members.sound, axis=0), 1)[:, None]
-        count = np.sum(late, axis=0)
+def _counted_never(members: Collected, metrics: Sequence[str]) -> dict[tuple[str, str, str], int]:
+    """Of times that have none in some members, in how many."""
+    found = {}
+    for metric in filter(is_time, metrics):
+        count = np.sum(never(members, metric), axis=0)
         for (i, label), (j, state) in product(enumerate(members.observers), enumerate(members.states)):
-            if most[i, j]:
-                never.add((label, metric, state))
-            elif count[i, j]:
-                cut[label, metric, state] = int(count[i, j])
-    return frozenset(never), cut
-
-
-def _lifted(members: Collected) -> NDArray[np.bool_]:
-    """Whose settling times noise decides."""
-    if not {"sup", "hf", "peak"} <= members.metrics.keys():
-        return np.zeros(members.metrics[SETTLING.name].shape, dtype=bool)
-    sup, fast, peak = (members.metrics[name] for name in ("sup", "hf", "peak"))
-    with np.errstate(invalid="ignore"):
-        return np.asarray(lifted_by_noise(sup, fast, peak, members.settling) & members.sound[:, :, None])
+            if count[i, j]:
+                found[label, metric, state] = int(count[i, j])
+    return found
 
 
 def quantiles(values: Floats, sound: NDArray[np.bool_], at: Iterable[float]) -> list[Floats]:

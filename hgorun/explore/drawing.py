@@ -27,13 +27,14 @@ from bokeh.plotting import figure as new_figure
 
 from hgorun.ensemble.collected import Collected, Floats, levels, shown
 from hgorun.ensemble.fronts import non_dominated
+from hgorun.ensemble.never import is_time
 from hgorun.ensemble.points import points, thinned
 from hgorun.ensemble.statistics import QUANTILES, quantiles
 from hgorun.explore.marks import MARKERS, dash, draw_band
 from hgorun.figures.data import magnitude_limits, state_limits
 from hgorun.figures.ensemble import Cast, drawable, limits, places
 from hgorun.figures.lost import ends, first_lost, mostly_lost, spread, within_sound
-from hgorun.figures.spread import at_places
+from hgorun.figures.spread import at_places, told_of_lost
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import bracketed, unit_of_axis
 
@@ -65,10 +66,10 @@ def boxes(cast: Cast, metric: str, state: str) -> Plot:
     labels = list(cast.looks)
     found = np.array([spread(*cast.column(metric, label, state)) for label in labels]).T
     plot = _plot("", name(cast, metric, state), x_range=FactorRange(*labels), **_vertical([found]))
-    lost = [int(np.sum(~cast.column(metric, label, state)[1])) for label in labels]
     data: dict[str, Any] = dict(zip(QUANTILES, np.where(np.isfinite(found[0]), ends(found), np.nan), strict=True))
-    data |= {"observer": labels, "lost": lost, "colour": [cast.looks[label].colour for label in labels]}
-    data |= {"top": [plot.y_range.end] * len(labels), "told": [f"{count} lost" if count else "" for count in lost]}
+    data |= {"observer": labels, "colour": [cast.looks[label].colour for label in labels]}
+    told = [told_of_lost(cast, metric, label, state) for label in labels]
+    data |= {"top": [plot.y_range.end] * len(labels), "told": told}
     source = ColumnDataSource(data)
     whisker = Whisker(base="observer", upper="q95", lower="q05", source=source, line_color="colour")
     for head in (whisker.upper_head, whisker.lower_head):
@@ -79,7 +80,7 @@ def boxes(cast: Cast, metric: str, state: str) -> Plot:
                   line_color="colour", fill_alpha=0.25)  # fmt: skip
     plot.text("observer", "top", "told", source=source, text_align="center", text_baseline="top", y_offset=2,
               text_font_size="11px", text_color="#444444")  # fmt: skip
-    plot.add_tools(HoverTool(tooltips=[("", "@observer"), *((q, f"@{q}") for q in QUANTILES), ("lost", "@lost")]))
+    plot.add_tools(HoverTool(tooltips=[("", "@observer"), *((q, f"@{q}") for q in QUANTILES), ("", "@told")]))
     return plot
 
 
@@ -93,6 +94,7 @@ def heat_maps(cast: Cast, axes: tuple[str, str], metric: str, state: str) -> lis
         for row, column in np.ndindex(*median.shape):
             here = (y == row) & (x == column)
             median[row, column] = float(quantiles(values[here], sound[here], [0.5])[0])
+    missing = "lost or never" if is_time(metric) else "lost"
     known = np.concatenate([median[np.isfinite(drawable(median))] for median in medians.values()])
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
     mapper_of = LogColorMapper if low > 0 and high > _LOGARITHMIC * low else LinearColorMapper
@@ -107,7 +109,7 @@ def heat_maps(cast: Cast, axes: tuple[str, str], metric: str, state: str) -> lis
             "x": [x_names[k] for k in columns],
             "y": [y_names[k] for k in rows],
             "median": np.where(np.isfinite(drawable(median)), median, np.nan).ravel(),
-            "shown": ["lost" if math.isinf(v) else f"{v:.4g}" for v in median.ravel()],
+            "shown": [missing if math.isinf(v) else f"{v:.4g}" for v in median.ravel()],
         }
         colour = {"field": "median", "transform": mapper}
         plot.rect("x", "y", 1, 1, source=ColumnDataSource(data), line_color=None, fill_color=colour)
@@ -130,6 +132,7 @@ def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
         columns = [[Cast(part).column(metric, label, state) for metric in metrics] for _, part in parts]
         found[label] = drawable(np.array([[float(quantiles(*one, [0.5])[0]) for one in row] for row in columns]))
     ends = np.concatenate(list(found.values()))
+    ends = ends[np.all(np.isfinite(ends), axis=1)]
     plot = _plot(
         *(name(cast, metric, state) for metric in metrics),
         x_axis_type=_scale(ends[:, 0]),

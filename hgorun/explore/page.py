@@ -16,7 +16,7 @@ from hgorun.figures.fronts import words_of_lost_points
 from hgorun.figures.spread import words_of_lost_at
 from hgorun.files import write_text
 from hgorun.tables.axis_names import bracketed, short_axis, unit_of_axis
-from hgorun.tables.ensemble import NEVER_SAID, Compared, summary
+from hgorun.tables.ensemble import Compared, said_of_times, summary
 from hgorun.version import __version__
 
 _PAID = ("hf", "settling")
@@ -100,7 +100,7 @@ def _sections(found: Compared) -> list[tuple[str, str, Any]]:
         "A click on a column's head sorts. mean, ± (half the 95 % interval) and sem (standard error) are over members "
         "that are ok or inaccurate; lost is the number of the others, which count as infinite in quantiles"
     )
-    note += f"; {NEVER_SAID}." if any(part.never for part in found.parts) else "."
+    note = ". ".join([note, *said_of_times(found)]) + "."
     sections: list[tuple[str, str, Any]] = [("Statistics", note, statistics.of_observers(found))]
     if any(part.differences for part in found.parts):
         note = (
@@ -120,7 +120,7 @@ def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str,
 
     for axis in members.chosen:
         at, whose = places(members.axes[axis])
-        said = _pooled(members, [axis]) + words_of_lost_at(members, whose, len(at))
+        said = _pooled(members, [axis]) + words_of_lost_at(members, whose, len(at), metrics)
         note = f"Medians, 50 % and 90 % of the members{said}. A click on a name hides an observer."
         found.append(
             (f"Against {axis}", note, {m: [drawing.against(cast, axis, m, s) for s in states] for m in metrics})
@@ -134,7 +134,7 @@ def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str,
         found.append(
             (
                 "Maps",
-                f"Medians{_pooled(members, axes)}; grey: most members are lost, or there are none.",
+                f"Medians{_pooled(members, axes)}; grey: most members are lost or never settle, or there are none.",
                 contents,
             )
         )
@@ -142,7 +142,7 @@ def _figures(members: Collected, metrics: Sequence[str]) -> list[tuple[str, str,
         contents = {s: [drawing.trade_off(cast, _PAID, s)] for s in states}
         each = ", ".join(short_axis(axis, members.grid) for axis in members.surroundings)
         note = "Medians over random draws; lines: fronts" + (f", one for each {each}" if each else "")
-        note += f"{words_of_lost_points(members)}."
+        note += f"{words_of_lost_points(members, _PAID)}."
         found.append(("Settling time against noise amplification", note, contents))
     if members.trajectories is not None and len(members.trajectories.member) > 1:
         contents = {s: [drawing.along_time(cast, s, error=e) for e in (False, True)] for s in states}

@@ -38,6 +38,7 @@ def of_observers(found: Compared) -> DataTable:
                     **_what(found, metric, state),
                     "n": part.summaries[label, metric, state].n,
                     "lost": part.failed(label),
+                    "never": part.without.get((label, metric, state), 0),
                     "mean": known.mean,
                     "±": known.half,
                     **{name: getattr(known, name) for name in NUMBERS if name != "mean"},
@@ -87,8 +88,9 @@ def _table(rows: Sequence[Mapping[str, Any]]) -> DataTable:
     """A table that sorts by the column whose head is clicked."""
     kept = rows[:_MOST_ROWS]
     columns = {name: [row[name] for row in kept] for name in kept[0]}
-    if not any(columns["unit"]):
-        del columns["unit"]
+    for name in ("unit", "never"):
+        if not any(columns.get(name, [True])):
+            del columns[name]
     shown = {name: values for name, values in columns.items() if not name.endswith(_TEXT)}
     widths = {name: _width(name, columns.get(name + _TEXT, values)) for name, values in shown.items()}
     return DataTable(

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
+from hgorun.ensemble.never import never
 from hgorun.figures.actors import Actor, texts
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.page import NARROW, TWO
@@ -64,9 +65,9 @@ class Cast:
         return self.members.states[:MOST_STATES]
 
     def column(self, metric: str, label: str, state: str) -> tuple[Floats, NDArray[np.bool_]]:
-        """A metric of an observer for every member, and whether it can be used."""
+        """A metric of an observer for every member, and whether it can be used: a time that never comes cannot."""
         i, j = self.members.observers.index(label), self.members.states.index(state)
-        return self.members.metrics[metric][:, i, j], self.members.sound[:, i]
+        return self.members.metrics[metric][:, i, j], self.members.sound[:, i] & ~never(self.members, metric)[:, i, j]
 
     def quantity(self, metric: str, state: str) -> str:
         """What a metric of a state's error is called on an axis, with its unit."""

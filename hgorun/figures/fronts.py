@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, shown
 from hgorun.ensemble.fronts import non_dominated
+from hgorun.ensemble.never import never
 from hgorun.ensemble.points import points, thinned
 from hgorun.ensemble.statistics import quantiles
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, limits, scale_axis
@@ -57,15 +58,19 @@ def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure
             ax.set_xlabel(cast.quantity(x, state))
             ax.set_ylabel(cast.quantity(y, state))
         what = "medians over random draws" if any(len(part) > 1 for _, part in parts) else "points: members"
-        title = f"{what}; lines: {_fronts(members, joined)}; small: others{words_of_lost_points(members)}"
+        title = f"{what}; lines: {_fronts(members, joined)}; small: others{words_of_lost_points(members, (x, y))}"
         return finished(figure, axes, columns, title, grow=True)
 
 
-def words_of_lost_points(members: Collected) -> str:
-    """What is said of points at which so many members are lost that there is no median; nothing without such."""
-    parts = points(thinned(members, members.grid, _MOST_POINTS), members.grid)
-    none = any(2 * np.sum(part.sound, axis=0).min() <= len(part) for _, part in parts)
-    return "; there is no point where half or more of its members are lost" if none else ""
+def words_of_lost_points(members: Collected, metrics: Sequence[str]) -> str:
+    """What is said of points at which so many members are lost, or never settle, that there is no median."""
+    parts = [part for _, part in points(thinned(members, members.grid, _MOST_POINTS), members.grid)]
+    reasons = {
+        "are lost": any(2 * np.sum(part.sound, axis=0).min() <= len(part) for part in parts),
+        "never settle": any(2 * np.sum(never(part, m), axis=0).max() >= len(part) for part in parts for m in metrics),
+    }
+    said = " or ".join(reason for reason, occurs in reasons.items() if occurs)
+    return f"; there is no point where half or more of its members {said}" if said else ""
 
 
 def _level(at: Mapping[str, Any], axes: Sequence[str]) -> str:
@@ -114,8 +119,8 @@ def _draw(ax: Axes, cast: Cast, found: dict[str, Floats], groups: Sequence[NDArr
             )
         ax.plot(*pairs[rest].T, color=look.colour, linestyle="none", marker=look.marker, markersize=2.6, alpha=0.25)
     everything: NDArray[np.float64] = np.concatenate([*found.values(), np.empty((0, 2))])
-    for which, values in zip("xy", everything.T, strict=True):
-        known = values[np.isfinite(values)]
+    everything = everything[np.all(np.isfinite(everything), axis=1)]
+    for which, known in zip("xy", everything.T, strict=True):
         if known.size:
             scale_axis(ax, which, known)
             logarithmic = (ax.get_xscale() if which == "x" else ax.get_yscale()) == "log"

@@ -129,9 +129,14 @@ def draw_crosses(ax: Axes, at: Floats, look: Look, order: int) -> None:
 
 
 def words_of_lost(
-    sound: NDArray[np.bool_], groups: Iterable[NDArray[np.bool_]], *, along: bool = False, as_lines: bool = False
+    sound: NDArray[np.bool_],
+    groups: Iterable[NDArray[np.bool_]],
+    *,
+    along: bool = False,
+    as_lines: bool = False,
+    unsettled: int = 0,
 ) -> str:
-    """What is said of members that are lost; nothing where there are none.
+    """What is said of members that are lost, or never settle; nothing where there are none.
 
     Parameters
     ----------
@@ -143,14 +148,21 @@ def words_of_lost(
         Whether they are drawn along time, estimates among them.
     as_lines : bool
         Whether members have lines and not bands.
+    unsettled : int
+        How many members never settle; their times are not sound in the groups.
     """
     lost = int(np.sum(~sound.all(axis=1)))
-    if not lost:
+    if not lost and not unsettled:
         return ""
     rows = [spread(np.zeros(group.shape), group) for group in groups]
     leaving = any(np.any(np.isfinite(one[[0, 1]]) & np.isposinf(one[[4, 3]])) for one in rows)
-    said = [f"estimates are lost in {lost} of {len(sound)} members and count as infinite"]
-    said[0] += ", but not in medians of states" * along
+    said = [f"estimates are lost in {lost} of {len(sound)} members and count as infinite"] * bool(lost)
+    if along:
+        said[0] += ", but not in medians of states"
+    said += [f"estimates never settle in {unsettled} of {len(sound)} members; their times count as infinite"] * bool(
+        unsettled
+    )
+    half = " or ".join(["are lost"] * bool(lost) + ["never settle"] * bool(unsettled))
     said += ["their lines end"] if as_lines else ["bands leave the panel there"] * leaving
-    said += ["×: half or more are lost" + " from then on" * along] * any(np.any(mostly_lost(one)) for one in rows)
+    said += [f"×: half or more {half}" + " from then on" * along] * any(np.any(mostly_lost(one)) for one in rows)
     return "; " + "; ".join(said)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
+from hgorun.ensemble.never import never
 from hgorun.ensemble.statistics import quantiles
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, places, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
@@ -44,7 +45,7 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
     -------
     matplotlib.figure.Figure
         A row of panels for each state, a column for each observer; a state has one scale of colours. Cells in which
-        more than half of the members are lost are hatched.
+        half or more of the members are lost, or never settle, are hatched.
     """
     cast = Cast(members, width)
     labels = list(cast.looks)
@@ -66,12 +67,14 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
                     ax.set_title(words(label), loc="center")
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
             bar.set_label(paragraph(cast.quantity(metric, state), _LABEL))
-        title = _title(members, axes, len(cells[0][0]) * len(cells[1][0]))
+        title = _title(members, axes, metric, len(cells[0][0]) * len(cells[1][0]))
         return finished(figure, panels, columns, title, grow=cast.narrow)
 
 
-def _title(members: Collected, axes: tuple[str, str], cells: int) -> str:
-    hatched = "" if members.sound.all() else "; hatched: most are lost"
+def _title(members: Collected, axes: tuple[str, str], metric: str, cells: int) -> str:
+    reasons = {"are lost": not members.sound.all(), "never settle": never(members, metric).any()}
+    said = " or ".join(reason for reason, occurs in reasons.items() if occurs)
+    hatched = f"; hatched: most {said}" if said else ""
     if len(members) == cells:
         return f"each cell is a member{hatched}"
     each = len(members) / cells

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
+from hgorun.ensemble.never import is_time, never
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, limits, places, pooled_over, scale_axis, spans_much
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
@@ -58,7 +59,7 @@ def against(members: Collected, axis: str, metrics: Sequence[str], *, width: flo
             _ticks(ax, members, axis, at)
         _scale(rows)
         title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}"
-        title += words_of_lost_at(members, whose, len(at))
+        title += words_of_lost_at(members, whose, len(at), metrics)
         return finished(figure, axes, columns, title, grow=True)
 
 
@@ -67,10 +68,13 @@ def _count(members: Collected, places: int) -> str:
     return f"{'about ' if len(members) % places else ''}{each:.0f} members at each value" if each > 1 else "members"
 
 
-def words_of_lost_at(members: Collected, whose: NDArray[np.int64], size: int) -> str:
-    """What is said of lost members against an axis with so many places."""
-    sound = members.sound
-    return words_of_lost(sound, [sound[whose == k, i] for i in range(sound.shape[1]) for k in range(size)])
+def words_of_lost_at(members: Collected, whose: NDArray[np.int64], size: int, metrics: Sequence[str]) -> str:
+    """What is said of members that are lost, or never settle, against an axis with so many places."""
+    late = [never(members, metric) for metric in metrics if is_time(metric)]
+    known = [members.sound, *(members.sound & ~one[:, :, j] for one in late for j in range(one.shape[2]))]
+    groups = [sound[whose == k, i] for sound in known for i in range(sound.shape[1]) for k in range(size)]
+    unsettled = int(np.sum(np.any(late, axis=(0, 2, 3)))) if late else 0
+    return words_of_lost(members.sound, groups, unsettled=unsettled)
 
 
 def at_places(values: Floats, sound: NDArray[np.bool_], whose: NDArray[np.int64], size: int) -> Floats:
@@ -165,7 +169,7 @@ def _box(ax: Axes, place: int, values: Floats, sound: NDArray[np.bool_], look: L
 
 
 def _names(ax: Axes, cast: Cast, metric: str, state: str, *, tall: float) -> None:
-    """Observers below their boxes, and above them how many members they have lost."""
+    """Observers below their boxes, and above them how many members they have lost, or never settle."""
     labels = [words(label, limit=18) for label in cast.looks]
     ax.set_xticks(range(len(labels)), labels)
     crowded = sum(map(len, labels)) * 0.075 > tall - 0.8
@@ -177,6 +181,14 @@ def _names(ax: Axes, cast: Cast, metric: str, state: str, *, tall: float) -> Non
     ax.set_xlim(-0.6, len(labels) - 0.4)
     ax.grid(False, axis="x")
     for i, label in enumerate(cast.looks):
-        lost = int(np.sum(~cast.column(metric, label, state)[1]))
-        if lost:
-            ax.text(i, 1.01, f"{lost} lost", transform=ax.get_xaxis_transform(), ha="center", va="bottom", fontsize=7)
+        told = told_of_lost(cast, metric, label, state)
+        if told:
+            ax.text(i, 1.01, told, transform=ax.get_xaxis_transform(), ha="center", va="bottom", fontsize=7)
+
+
+def told_of_lost(cast: Cast, metric: str, label: str, state: str) -> str:
+    """How many members an observer has lost, and in how many others a time never comes; nothing where in none."""
+    _, known = cast.column(metric, label, state)
+    lost = int(np.sum(~cast.members.sound[:, cast.members.observers.index(label)]))
+    counts = {"lost": lost, "never": int(np.sum(~known)) - lost}
+    return ", ".join(f"{count} {word}" for word, count in counts.items() if count)

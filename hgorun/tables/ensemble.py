@@ -25,6 +25,7 @@ NEVER_SAID = (
     "settling: never, where noise lifts the error above that part of its peak again and again, or it is still above at "
     "the end of the run, in at least half of the members"
 )
+_TOO_SMALL = "they count with the end of the run, or the last time that noise lifts them, so the mean is too small"
 _NAN = math.nan
 _NOTHING = Summary(n=0, mean=_NAN, sem=_NAN, ci95=(_NAN, _NAN), median=_NAN, q05=_NAN, q25=_NAN, q75=_NAN, q95=_NAN)
 _PAIRS = "paired differences of means with their 95 % intervals; *: p < 0.05 after Holm"
@@ -156,8 +157,7 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
             columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
         for block in packed(list(own), [[column] for column in columns], title=metric + _unit_of(metric, one)):
             lines += ["", *block]
-    lines += ["", *wrapped(NEVER_SAID)] if part.never else []
-    lines += ["", *wrapped(_cut(part))] if part.cut else []
+    lines += [line for words in said_of_times(one) for line in ("", *wrapped(printable(words)))]
     lines += ["", *wrapped(_NOTE if part.independent else _POOLED_NOTE)]
     if part.differences and pairs:
         columns_of: dict[tuple[str, str], list[str]] = {}
@@ -194,10 +194,19 @@ def _unit_of(metric: str, one: Compared) -> str:
     return bracketed(found.pop()) if len(found) == 1 else ""
 
 
-def _cut(part: Statistics) -> str:
-    """Of which times the mean is too small, and why."""
-    who = [f"{metric} of {label} {state}: {n} of {part.members}" for (label, metric, state), n in part.cut.items()]
-    return f"{', '.join(who)} members never settle; they count with the end of the run, so the mean is too small"
+def said_of_times(one: Compared) -> list[str]:
+    """What ``never`` means, and of which other times the mean is too small, and why; nothing where there are none."""
+    most: dict[tuple[str, str, str], tuple[int, int]] = {}
+    for part in one.parts:
+        for key, count in part.cut.items():
+            most[key] = max(most.get(key, (0, 0)), (count, part.members))
+    ordered = {key: most[key] for key in one.whole.summaries if key in most}
+    who = [f"{m} of {label} {state}: {n} of {size}" for (label, m, state), (n, size) in ordered.items()]
+    said = [NEVER_SAID] if any(part.never for part in one.parts) else []
+    if who:
+        where = ", in the row with most of them" if one.points else ""
+        said.append(f"{', '.join(who)} members never settle{where}; {_TOO_SMALL}")
+    return said
 
 
 def _cell(value: float) -> str:
@@ -219,6 +228,7 @@ def _by_point(one: Compared) -> list[str]:
         columns = [[label, *(_mean_at(part, label, metric, state) for part in one.points)] for label in observers]
         for block in packed(rows, [[column] for column in columns], title=_named(metric, state, one)):
             lines += ["", *block]
+    lines += [line for words in said_of_times(one) for line in ("", *wrapped(printable(words)))]
     what = "mean ± 95 % interval" if any(part.independent for part in one.parts) else "mean"
     return [*lines, "", *wrapped(f"{what}; in brackets the number of members without numbers")]
 

@@ -12,6 +12,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, levels
+from hgorun.ensemble.never import is_time
 from hgorun.ensemble.statistics import Difference, Statistics
 from hgorun.files import json_value
 from hgorun.result.metrics.base import unit_of
@@ -27,10 +28,11 @@ def as_json(found: Compared) -> dict[str, Any]:
     -------
     dict
         ``{name, file, status, members, planned, axes: {axis: [values]}, pooled: [axis], observers: {label: {failed,
-        metric: {state: {mean, median, sem, ci95, q05, q25, q75, q95, n}}}}, paired: [{a, b, metric, state, n, mean,
-        ci95, p, p_holm}]}``, and ``points``, each with ``at: {axis: value}`` and the same keys, where the ensemble is
-        divided.
+        metric: {state: {mean, median, sem, ci95, q05, q25, q75, q95, n, never}}}}, paired: [{a, b, metric, state, n,
+        mean, ci95, p, p_holm}]}``, and ``points``, each with ``at: {axis: value}`` and the same keys, where the
+        ensemble is divided.
         ``pooled`` are the axes for which members are no independent draws; then intervals and p are not known.
+        ``never``, of times only, is in how many members there is none.
         ``units: {"time" or name: unit}`` where some are known.
         Numbers that are not finite are text, those that are not known null. An axis with more than a thousand values
         is ``{first, last, count}``.
@@ -65,13 +67,17 @@ def _json_of(found: Statistics, members: Collected) -> dict[str, Any]:
         own: dict[str, Any] = {"failed": found.failed(label), "statuses": found.counts[label]}
         for (whose, metric, state), summary in found.summaries.items():
             if whose == label:
-                own.setdefault(metric, {})[state] = _known(
-                    {name: getattr(summary, name) for name in NUMBERS} | {"ci95": summary.ci95, "n": summary.n}
-                )
+                values = {name: getattr(summary, name) for name in NUMBERS} | {"ci95": summary.ci95, "n": summary.n}
+                own.setdefault(metric, {})[state] = _known(values | _never(found, whose, metric, state))
         observers[label] = own
     keys = [f.name for f in fields(Difference)]
     paired = [_known({key: getattr(d, key) for key in keys}) for d in found.differences]
     return {"pooled": [*found.pooled, *found.shared], "observers": observers, "paired": paired}
+
+
+def _never(found: Statistics, label: str, metric: str, state: str) -> dict[str, int]:
+    """Of a time, how many members have none."""
+    return {"never": found.without.get((label, metric, state), 0)} if is_time(metric) else {}
 
 
 def _known(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -89,21 +95,21 @@ def csv(found: Sequence[Compared]) -> str:
     """One metric of one observer and state a line, differences between observers after them as ``a - b``.
 
     Values have all their digits; what is not known is empty. The unit is that of the metric, the unit of time that of
-    axes such as a period.
+    axes such as a period. ``never``, of times only, is in how many members there is none.
     """
     axes = list(dict.fromkeys(axis for one in found for axis in one.by))
     buffer = io.StringIO()
     writer = csv_module.writer(buffer, lineterminator="\n")
     numbers = [*NUMBERS, "ci95_low", "ci95_high", "n", "failed", "p", "p_holm"]
-    writer.writerow(["name", *axes, "observer", "state", "metric", *numbers, "unit", "time_unit"])
+    writer.writerow(["name", *axes, "observer", "state", "metric", *numbers, "unit", "time_unit", "never"])
     for one in found:
         for part in one.parts:
             start = [one.members.name, *(part.at.get(axis, "") for axis in axes)]
             for observer, metric, state, values in _rows(part):
-                cells = [_exact(values.get(name)) for name in numbers]
+                cells, never = [_exact(values.get(name)) for name in numbers], _exact(values.get("never"))
                 units = one.members.units
                 unit = unit_of(metric, state, units)
-                writer.writerow([*start, observer, state, metric, *cells, unit, units.get("time", "")])
+                writer.writerow([*start, observer, state, metric, *cells, unit, units.get("time", ""), never])
     return buffer.getvalue()
 
 
@@ -111,7 +117,8 @@ def _rows(part: Statistics) -> Iterator[tuple[str, str, str, dict[str, float]]]:
     for (label, metric, state), s in part.summaries.items():
         values: dict[str, float] = {name: getattr(s, name) for name in NUMBERS}
         ends = {"ci95_low": s.ci95[0], "ci95_high": s.ci95[1]}
-        yield label, metric, state, values | ends | {"n": s.n, "failed": part.failed(label)}
+        counts = {"n": s.n, "failed": part.failed(label)} | _never(part, label, metric, state)
+        yield label, metric, state, values | ends | counts
     for d in part.differences:
         ends = {"ci95_low": d.ci95[0], "ci95_high": d.ci95[1]}
         yield f"{d.a} - {d.b}", d.metric, d.state, {"mean": d.mean, "n": d.n, "p": d.p, "p_holm": d.p_holm} | ends

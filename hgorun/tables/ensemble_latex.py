@@ -3,26 +3,28 @@
 from __future__ import annotations
 
 import re
+import textwrap
 from collections.abc import Sequence
 
 from hgorun.ensemble.statistics import Statistics
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import names_of_values, short_axis, unit_of_axis
-from hgorun.tables.ensemble import Compared, best
+from hgorun.tables.ensemble import Compared, best, said_of_times
 from hgorun.tables.latex import NEEDS, latex_head, latex_unit
 from hgorun.tables.rows import NEVER
 from hgorun.tables.typeset import latex_number, latex_words, symbol
 from hgorun.tables.uncertain import latex_uncertain
 
 _PAGE = 3  # numbers with their uncertainty side by side on a page
+_LINE = 70  # characters of a line below a table, which is not to be wider for what is said there
 
 
 def latex(found: Sequence[Compared]) -> str:
     r"""A ``tabular`` for each ensemble, for a document that loads the package booktabs.
 
-    Cells are mean ± half the 95 % interval; the last line says of how many members. The best mean of a column is bold
-    only if it differs from that of every other observer (paired test, Holm-adjusted p < 0.05) and no other observer has
-    fewer failures.
+    Cells are mean ± half the 95 % interval; below stands of how many members, and which times have no mean or one that
+    is too small. The best mean of a column is bold only if it differs from that of every other observer (paired test,
+    Holm-adjusted p < 0.05) and no other observer has fewer failures.
     """
     return "\n".join([NEEDS, *map(_tabular, found)])
 
@@ -53,7 +55,9 @@ def _tabular(one: Compared) -> str:
     ]
     if notes:
         text = "; ".join(map(latex_words, notes)).replace("±", r"$\pm$")
-        lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{text}}} \\"]
+        said = [line for words in said_of_times(one) for line in textwrap.wrap(words, _LINE, break_on_hyphens=False)]
+        below = [text, *map(latex_words, said)]
+        lines += [r"\midrule", *(rf"\multicolumn{{{width + 1}}}{{l}}{{{line}}} \\" for line in below)]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
 
 

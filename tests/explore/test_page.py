@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -124,6 +125,29 @@ def test_what_is_lost_leaves_the_figures_of_the_report(tmp_path: Path) -> None:
     assert drawn_of(boxes, "Text")[0]["told"].tolist() == ["", "9 lost"]
     none = drawing.boxes(Cast(members.where(np.zeros(len(members), dtype=bool))), "rmse", "x1")
     assert (none.y_range.start, none.y_range.end) == (0.0, 1.0)
+
+
+def test_the_report_tells_of_times_that_never_come(tmp_path: Path) -> None:
+    """All members of F at the smallest gain, in x1; a few at the next one."""
+    members = read_sweep(made(tmp_path / "a.sweep.h5"))
+    theta, seed = members.axes[THETA], members.axes["seed"]
+    settling = members.metrics["settling"].copy()
+    settling[(theta == 2) | ((theta == 4) & (seed < 3)), 0, 0] = 40.0
+    members = replace(members, metrics={**members.metrics, "settling": settling}, end=40.0)
+    found = ensemble.compared(members, [THETA], ["settling", "hf"])
+    table = statistics.of_observers(found).source.data
+    keys = zip(*(table[name] for name in ("theta", "observer", "state", "metric")), strict=True)
+    counts = dict(zip(keys, table["never"], strict=True))
+    assert [counts[at, "F", "x1", "settling"] for at in (2.0, 4.0, 8.0)] == [24, 6, 0]
+    assert counts[2.0, "F", "x1", "hf"] == 0
+    assert "never" not in statistics.of_observers(ensemble.compared(members, [THETA], ["hf"])).source.data
+    notes = {heading: note for heading, note, _ in page._sections(found)}
+    assert "settling: never, where noise" in notes["Statistics"]
+    assert "settling of F x1: 6 of 24 members never settle, in the row with most" in notes["Statistics"]
+    maps = drawing.heat_maps(Cast(members), (THETA, PERIOD), "settling", "x1")
+    assert drawn_of(maps[0], "Rect")[0]["shown"].tolist().count("lost or never") == 2
+    points = [drawn["y"] for drawn in drawn_of(drawing.trade_off(Cast(members), ("hf", "settling"), "x1"), "Scatter")]
+    assert np.nanmax(np.concatenate(points)) < 40
 
 
 @pytest.mark.parametrize("error", [False, True])

@@ -21,7 +21,7 @@ from hgorun.figures.data import largest_nearby
 from hgorun.figures.ensemble import axis_label, limits, places
 from hgorun.figures.ensembles import figures_of
 from hgorun.figures.files import save
-from hgorun.figures.fronts import front
+from hgorun.figures.fronts import front, words_of_lost_points
 from hgorun.figures.layout import grid
 from hgorun.figures.looks import family_colour
 from hgorun.figures.maps import _short, heat_map
@@ -184,6 +184,55 @@ def test_boxes_tell_how_many_are_lost() -> None:
     figure = boxes(members.where(members.axes[THETA] == THETAS[-1]), ["hf"])
     assert [text.get_text() for text in figure.axes[0].texts] == ["18 lost"]
     assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["F", "S"]
+
+
+def unsettled() -> Collected:
+    """None is lost; at the smallest gain F never settles in x1, at the next one it does not in a third."""
+    members = made(lost=False)
+    theta, seed = members.axes[THETA], members.axes["seed"]
+    settling = members.metrics["settling"].copy()
+    settling[(theta == THETAS[0]) | ((theta == THETAS[1]) & (seed < 3)), 0, 0] = 40.0
+    return replace(members, metrics={**members.metrics, "settling": settling}, end=40.0)
+
+
+def test_times_that_never_come_are_no_points() -> None:
+    members = unsettled()
+    figure = against(members, THETA, ["settling"])
+    colour = family_colour("fhgo2", 2)
+    lines = [line for line in figure.axes[0].lines if line.get_color() == colour]
+    crosses = [np.asarray(line.get_xdata()).tolist() for line in lines if line.get_marker() == "x"]
+    assert crosses == [[THETAS[0]]]
+    (median,) = (np.asarray(line.get_ydata(), dtype=float) for line in lines if line.get_marker() != "x")
+    assert np.isnan(median).tolist() == [True, False, False, False]
+    assert figure.axes[0].get_ylim()[1] < 40
+    said = caption(figure)
+    assert "estimates never settle in 36 of 108 members; their times count as infinite; bands leave the panel" in said
+    assert "×: half or more never settle" in said
+    assert "never" not in caption(against(members, THETA, ["hf"]))
+    assert words_of_lost_points(members, ("hf", "settling")) == (
+        "; there is no point where half or more of its members never settle"
+    )
+    assert words_of_lost_points(made(), ("hf", "settling")).endswith("half or more of its members are lost")
+    assert not words_of_lost_points(made(lost=False), ("hf", "settling"))
+
+
+def test_boxes_and_maps_tell_of_times_that_never_come() -> None:
+    members = unsettled()
+    figure = boxes(members.where(members.axes[THETA] == THETAS[1]), ["settling", "hf"])
+    assert [[text.get_text() for text in ax.texts] for ax in figure.axes[:4]] == [["9 never"], [], [], []]
+    figure = heat_map(members, (THETA, PERIOD), "settling")
+    assert len(figure.axes[0].patches) == len(PERIODS)
+    assert "hatched: most never settle" in caption(figure)
+
+
+@pytest.mark.costly
+def test_a_front_has_no_point_where_half_never_settle() -> None:
+    figure = front(unsettled(), "hf", "settling")
+    x = np.concatenate([np.asarray(line.get_xdata(), dtype=float) for line in figure.axes[0].lines])
+    y = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in figure.axes[0].lines])
+    seen = np.isfinite(x) & np.isfinite(y)
+    assert y[seen].max() < 40
+    assert "half or more of its members never settle" in caption(figure)
 
 
 @pytest.mark.costly

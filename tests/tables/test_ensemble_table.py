@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from hgorun.ensemble.collected import Collected, last_point
+from hgorun.ensemble.notebook import as_html
 from hgorun.tables.ensemble import best, compared, text
 from hgorun.tables.ensemble_data import as_json, csv
 from hgorun.tables.ensemble_latex import latex
@@ -230,6 +231,63 @@ def test_the_end_of_the_run_is_not_a_settling_time(late: float, word: str) -> No
     if 0 < late < 1:
         assert f"settling of F x1: {round(late * size)} of {size}" in " ".join(shown.split())
     assert not compared(replace(members, metrics=numbers), (), ["settling"]).whole.never  # ends that differ
+
+
+def late(counts: dict[float, int]) -> Collected:
+    """At each theta so many members of F in x1 settle at the end of the run, at 24.9; all others at 3."""
+    members = made()
+    values = np.full_like(members.metrics["rmse"], 3.0)
+    for theta, count in counts.items():
+        values[np.flatnonzero(members.axes["observers.F.theta"] == theta)[:count], 0, 0] = 24.9
+    return replace(members, metrics={"settling": values}, end=24.9 - 1e-7, units={"time": "s"})
+
+
+def one_line(shown: str) -> str:
+    return " ".join(shown.split())
+
+
+def test_rows_tell_which_times_never_come_and_how_many_a_mean_counts() -> None:
+    found = compared(late({2.0: 7, 4.0: 29}), ("observers.F.theta",))
+    shown = one_line(text([found]))
+    assert "theta = 4 never" in shown
+    assert "settling: never, where noise lifts the error" in shown
+    assert "settling of F x1: 7 of 30 members never settle, in the row with most of them; they count with" in shown
+    assert "never" not in text([compared(late({}), ("observers.F.theta",))])
+    worse = one_line(text([compared(late({2.0: 7, 4.0: 9}), ("observers.F.theta",))]))
+    assert "settling of F x1: 9 of 30 members never settle" in worse
+    assert "settling: never" not in worse
+
+
+@pytest.mark.parametrize("by", [(), ("observers.F.theta",)])
+def test_latex_tells_of_times_that_never_come(by: tuple[str, ...]) -> None:
+    members = late({2.0: 7, 4.0: 9})
+    tabular = latex([compared(members, by)])
+    below = tabular.rpartition("\\midrule")[2].partition("\\bottomrule")[0].splitlines()
+    lines = [line.removeprefix("\\multicolumn{3}{l}{").removesuffix("} \\\\") for line in below if line]
+    assert max(map(len, lines)) < 80
+    most, size = (9, 30) if by else (16, 60)
+    assert f"settling of F x1: {most} of {size} members never settle" in " ".join(lines)
+    assert "settling: never" in one_line(latex([compared(late({4.0: 30}), ())]))
+    assert "settle" not in latex([compared(replace(members, metrics={"rmse": members.metrics["settling"]}), by)])
+
+
+def test_csv_and_json_count_times_that_never_come() -> None:
+    found = compared(late({2.0: 7, 4.0: 29}), ("observers.F.theta",))
+    rows = list(csv_module.DictReader(io.StringIO(csv([found]))))
+    counts = {(row["observers.F.theta"], row["observer"], row["state"]): row["never"] for row in rows}
+    assert [counts[theta, "F", "x1"] for theta in ("2.0", "4.0")] == ["7", "29"]
+    assert counts["2.0", "S", "x1"] == "0"
+    assert counts["2.0", "F - S", "x1"] == ""
+    points = as_json(found)["points"]
+    assert [point["observers"]["F"]["settling"]["x1"]["never"] for point in points] == [7, 29]
+    assert "never" not in as_json(compared(made(), ()))["observers"]["F"]["rmse"]["x1"]
+
+
+def test_a_notebook_has_never_where_tables_have_it() -> None:
+    shown = as_html(late({2.0: 20, 4.0: 20}))
+    assert shown.count(">never<") == 1
+    assert ">never<" not in as_html(late({2.0: 20}))
+    assert ">3<" in as_html(late({2.0: 20})) or ">3.000<" in as_html(late({2.0: 20}))
 
 
 def test_the_last_output_point() -> None:
