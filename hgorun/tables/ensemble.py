@@ -12,7 +12,7 @@ from hgorun.ensemble.points import points
 from hgorun.ensemble.statistics import Difference, Statistics, Summary, statistics
 from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.tables.axis_names import bracketed, names_of_points, short_axis, unit_of_axis
-from hgorun.tables.layout import number, packed, wrapped
+from hgorun.tables.layout import Name, apart, number, packed, wrapped
 from hgorun.tables.rows import NEVER
 from hgorun.tables.typeset import printable
 from hgorun.tables.uncertain import mean_and_half, uncertain
@@ -26,6 +26,7 @@ NEVER_SAID = (
     "the end of the run, in at least half of the members"
 )
 _TOO_SMALL = "they count with the end of the run, or the last time that noise lifts them, so the mean is too small"
+_MOST_OF_PAIR = 30  # columns of a label beside another one
 _NAN = math.nan
 _NOTHING = Summary(n=0, mean=_NAN, sem=_NAN, ci95=(_NAN, _NAN), median=_NAN, q05=_NAN, q25=_NAN, q75=_NAN, q95=_NAN)
 _PAIRS = "paired differences of means with their 95 % intervals; *: p < 0.05 after Holm"
@@ -147,25 +148,28 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
     lines: list[str] = []
     part = one.whole
     for metric in dict.fromkeys(metric for _, metric, _ in part.summaries):
-        named = {f"{label} {state}": (label, m, state) for label, m, state in part.summaries if m == metric}
-        own = {key: known_of(part, *one) for key, one in named.items()}
-        both = {key: mean_and_half_of(part, *one) for key, one in named.items()}
-        columns = [["mean", *(mean for mean, _ in both.values())]]
+        keys = [key for key in part.summaries if key[1] == metric]
+        own = [known_of(part, *key) for key in keys]
+        both = [mean_and_half_of(part, *key) for key in keys]
+        columns = [["mean", *(mean for mean, _ in both)]]
         if part.independent:
-            columns += [["±", *(half for _, half in both.values())], ["sem", *(_cell(s.sem) for s in own.values())]]
+            columns += [["±", *(half for _, half in both)], ["sem", *(_cell(s.sem) for s in own)]]
         for name in ("q05", "q25", "median", "q75", "q95"):
-            columns.append([name, *(_cell(getattr(s, name)) for s in own.values())])
-        for block in packed(list(own), [[column] for column in columns], title=metric + _unit_of(metric, one)):
+            columns.append([name, *(_cell(getattr(s, name)) for s in own)])
+        names = [Name(f"{label} ", state) for label, _, state in keys]
+        for block in packed(names, [[column] for column in columns], title=metric + _unit_of(metric, one)):
             lines += ["", *block]
     lines += [line for words in said_of_times(one) for line in ("", *wrapped(printable(words)))]
     lines += ["", *wrapped(_NOTE if part.independent else _POOLED_NOTE)]
     if part.differences and pairs:
         columns_of: dict[tuple[str, str], list[str]] = {}
-        rows = list(dict.fromkeys(_named(d.metric, d.state, one) for d in part.differences))
+        rows = [_named(*key, one) for key in dict.fromkeys((d.metric, d.state) for d in part.differences)]
+        observers = one.members.observers
+        short = dict(zip(observers, apart([Name(label) for label in observers], _MOST_OF_PAIR), strict=True))
         for d in part.differences:
             decided = part.has_none(d.metric, d.state, d.a, d.b)
             columns_of.setdefault((d.a, d.b), []).append("- " if decided else _difference(d))
-        for block in packed(rows, [[[f"{a} - {b}", *cells]] for (a, b), cells in columns_of.items()]):
+        for block in packed(rows, [[[f"{short[a]} - {short[b]}", *cells]] for (a, b), cells in columns_of.items()]):
             lines += ["", *block]
         lines += ["", *wrapped(_PAIRS if part.independent else "differences of means")]
     return lines
@@ -183,9 +187,9 @@ def mean_and_half_of(part: Statistics, label: str, metric: str, state: str) -> t
     return NEVER if part.has_none(metric, state, label) else mean, half
 
 
-def _named(metric: str, state: str, one: Compared) -> str:
+def _named(metric: str, state: str, one: Compared) -> Name:
     """A metric of a state, with its unit where that is known."""
-    return f"{metric} {state}" + bracketed(unit_of(metric, state, one.members.units))
+    return Name(f"{metric} ", state, bracketed(unit_of(metric, state, one.members.units)))
 
 
 def _unit_of(metric: str, one: Compared) -> str:
@@ -226,7 +230,7 @@ def _by_point(one: Compared) -> list[str]:
     observers = one.members.observers
     for metric, state in dict.fromkeys((metric, state) for _, metric, state in one.whole.summaries):
         columns = [[label, *(_mean_at(part, label, metric, state) for part in one.points)] for label in observers]
-        for block in packed(rows, [[column] for column in columns], title=_named(metric, state, one)):
+        for block in packed(rows, [[column] for column in columns], title=_named(metric, state, one).whole):
             lines += ["", *block]
     lines += [line for words in said_of_times(one) for line in ("", *wrapped(printable(words)))]
     what = "mean ± 95 % interval" if any(part.independent for part in one.parts) else "mean"

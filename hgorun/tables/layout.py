@@ -7,12 +7,14 @@ import os
 import sys
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from hgorun.tables.typeset import columns, printable, shortened
 
 _WIDTH = 100  # columns where nothing says how many there are: of a file, or of a page
 _LEAST = 20  # columns without which there are no tables
 _LABEL = 40  # columns for a label, at most
+_FEWEST = 5  # columns of a part of a name that is shortened
 _SHORTEST = 12  # columns to which a label may be shortened, to make room for a column beside it
 
 
@@ -28,8 +30,35 @@ def width() -> int:
     return max(found or _WIDTH, _LEAST)
 
 
+@dataclass(frozen=True)
+class Name:
+    """What a row is called: a part that is never shortened, such as a state, between others.
+
+    Attributes
+    ----------
+    before, kept, after : str
+    """
+
+    before: str
+    kept: str = ""
+    after: str = ""
+
+    @property
+    def whole(self) -> str:
+        return printable(self.before + self.kept + self.after)
+
+    def within(self, limit: int) -> str:
+        """In so many columns, if that is enough for the part that is kept and a little of the others."""
+        if not self.kept or columns(self.whole) <= limit:
+            return shortened(self.whole, limit)
+        before, kept, after = map(printable, (self.before, self.kept, self.after))
+        room = limit - columns(kept)
+        behind = max(min(columns(after), max(room // 2, room - columns(before))), _FEWEST)
+        return shortened(before, max(room - min(columns(after), behind), _FEWEST)) + kept + shortened(after, behind)
+
+
 def packed(
-    texts: Sequence[str],
+    texts: Sequence[str | Name],
     groups: Sequence[Sequence[Sequence[str]]],
     *,
     title: str = "",
@@ -42,8 +71,8 @@ def packed(
 
     Parameters
     ----------
-    texts : sequence of str
-        What the rows are called.
+    texts : sequence of str or Name
+        What the rows are called; names that have no room are shortened.
     groups : sequence of sequence of columns
         Columns that stay together where they fit. A column is its head and a cell a row.
     title : str
@@ -54,13 +83,19 @@ def packed(
     whole = width() if room is None else room
     printed = [[[printable(cell) for cell in column] for column in group] for group in groups]
     widest = max((2 + _width(column) for group in printed for column in group), default=0)
-    names = _apart([printable(text) for text in texts], whole - widest)
+    full = [text if isinstance(text, Name) else Name(text) for text in texts]
+    names = apart(full, whole - widest)
     beside = columns(title) + widest <= whole
     above = [] if beside else wrapped(printable(title), room=whole)
     labels = [printable(title) if beside else "", *names]
     left = whole - _width(labels)
     if widest > left:
-        return [[*above, *_on_its_side(names, [column for group in printed for column in group], whole)]]
+        return [
+            [
+                *above,
+                *_on_its_side([name.whole for name in full], [column for group in printed for column in group], whole),
+            ]
+        ]
     blocks: list[list[Sequence[str]]] = [[]]
     for group in printed:
         fits = sum(2 + _width(c) for c in group) <= left
@@ -71,12 +106,13 @@ def packed(
     return [[*above, *aligned(labels, block)] for block in blocks]
 
 
-def _apart(texts: Sequence[str], room: int) -> list[str]:
-    """Names of rows, shortened as far as those that differ still do: to the room there is, if that is enough."""
+def apart(names: Sequence[Name], room: int = 0) -> list[str]:
+    """Names shortened as far as those that differ still do: to the room there is, if that is enough."""
     limit = min(_LABEL, max(room, _SHORTEST))
+    whole = [name.whole for name in names]
     while True:
-        found = [shortened(text, limit) for text in texts]
-        if len(set(found)) == len(set(texts)) or limit >= max(map(columns, texts)):
+        found = [name.within(limit) for name in names]
+        if len(set(found)) == len(set(whole)) or limit >= max(map(columns, whole)):
             return found
         limit += 10 if limit >= _LABEL else 1
 

@@ -233,6 +233,16 @@ def test_the_end_of_the_run_is_not_a_settling_time(late: float, word: str) -> No
     assert not compared(replace(members, metrics=numbers), (), ["settling"]).whole.never  # ends that differ
 
 
+def test_a_long_label_leaves_states_and_units_their_room(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "100")
+    long = "a very long label that nobody would want to have in a legend but has"
+    units = {"x1": "m^3/(kg h)", "x2": "%"}
+    shown = text([compared(replace(drawn(), observers=(long, "S"), units=units), (), ["rmse"])])
+    for row in ("rmse x1 [m^3/(kg h)]  ", "rmse x2 [%]  ", "a very long la…legend but has - S"):
+        assert row in shown
+    assert max(map(len, shown.splitlines())) <= 100
+
+
 def late(counts: dict[float, int]) -> Collected:
     """At each theta so many members of F in x1 settle at the end of the run, at 24.9; all others at 3."""
     members = made()

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hgorun.tables.layout import entry, packed, reflowed, width, wrapped
+from hgorun.tables.layout import Name, entry, packed, reflowed, width, wrapped
 from hgorun.tables.typeset import columns
 
 WORDS = st.text("abc 観é=._", min_size=1, max_size=60)
@@ -55,6 +55,26 @@ def test_labels_give_room_to_their_columns() -> None:
     assert max(len(line) for line in blocks[0]) <= 30
     assert blocks[0][1].startswith("a very")
     assert blocks[0][1].endswith("1.0")
+
+
+@pytest.mark.parametrize("limit", [12, 15, 20, 30])
+def test_a_name_keeps_its_state_when_it_is_shortened(limit: int) -> None:
+    name = Name("a very long label of an observer ", "omega_1", " [m^3/(kg h)]")
+    found = name.within(limit)
+    assert "omega_1" in found
+    assert columns(found) <= max(limit, 5 + len("omega_1") + 5)
+    assert Name("rmse ", "x", " [h]").within(limit) == "rmse x [h]"
+    wide = Name("a", "a state that is as long as none is")
+    assert wide.kept in wide.within(limit)
+
+
+def test_rows_without_room_beside_their_columns_have_their_whole_names() -> None:
+    rows = [Name("rmse ", "omega_1", " [m^3/(kg h)]"), Name("rmse ", "x_hat", " [%]")]
+    (block,) = packed(rows, [[["a head that takes all", "1.0", "2.0"]]], room=36)
+    assert block[0] == "rmse omega_1 [m^3/(kg h)]"
+    (block,) = packed(rows, [[["a head of a column", "1.0", "2.0"]]], room=44)
+    assert block[1].startswith("rmse omega_1 [m^3…")
+    assert block[2].startswith("rmse x_hat [%]  ")
 
 
 def test_a_long_title_stands_above() -> None:
