@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
@@ -20,7 +21,7 @@ from hgorun.commands.outputs import (
 )
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import experiments_of, print_json, run_with_progress
-from hgorun.config.nearest import refuse_other
+from hgorun.config.nearest import near_file, refuse_other
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.process import say
@@ -41,6 +42,8 @@ def compare(options: Compare) -> int:
     from hgorun.figures.page import Page
 
     page = Page.named(options.width, options.style)
+    for path in options.sources:
+        _refuse_what_is_not_there(path, options)
     if any(map(may_be_ensemble, options.sources)):
         from hgorun.commands.ensembles import compare_ensembles, of_one_kind
 
@@ -79,6 +82,19 @@ def compare(options: Compare) -> int:
         drawn = _draw(results, options, page)
         tell_drawn(drawn, before, options)
     return NOT_OK if options.strict and any(r.status != "ok" for r in results) else 0
+
+
+def _refuse_what_is_not_there(path: Path, options: Compare) -> None:
+    """Before anything is said of what the sources are: a file that is not there is neither a run nor an ensemble."""
+    if path.is_dir():
+        from hgorun.ensemble.reading import is_sweep
+
+        if not is_sweep(path):
+            raise ConfigError("this folder is not that of an ensemble: name the files in it", file=str(path))
+    elif not os.path.exists(path) and (is_result(path) or options.of_ensembles):
+        found = configuration(path, "compare")
+        if not os.path.exists(found):
+            raise ConfigError(f"there is no such file{near_file(path)}", file=str(path))
 
 
 def _style(options: Compare) -> Style:

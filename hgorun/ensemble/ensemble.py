@@ -23,6 +23,7 @@ from hgorun.measurement.chance import generator
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.quantities import kinds, of_loops, read_quantity
 from hgorun.result.quantity import Quantity
+from hgorun.result.quoted import quoted
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 
@@ -87,7 +88,7 @@ class Ensemble:
     def _quantity(self, i: int, text: str) -> Quantity:
         place: KeyPath = ("keep", "quantities", i)
         try:
-            found = read_quantity(text, (self.name,))
+            found = read_quantity(quoted(text, self.base.observers), (self.name,))
         except ExpressionError as error:
             raise Problem(place, str(error)) from error
         if kinds()[found.function].measure is None or any(run != self.name for run, _ in found.of):

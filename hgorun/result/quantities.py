@@ -57,6 +57,8 @@ def read_quantity(text: str, runs: tuple[str, ...]) -> Quantity:
     ExpressionError
     """
     match = CALL.fullmatch(text.strip())
+    if match is None and CALL.search(text):
+        raise ExpressionError(f"expected one quantity and nothing beside it; claims take expressions, found {text!r}")
     if match is None:
         raise ExpressionError(f"expected a quantity such as std('label', x1), found {text!r}")
     return quantity_of(match, runs)

@@ -113,6 +113,25 @@ def test_single_runs_are_compared_beside_ensembles_which_are_named(shell: Shell)
     assert "for ensembles" in err
 
 
+@pytest.mark.parametrize("more", [[], ["--metric", "rmse"], ["--by", "theta"]])
+@pytest.mark.parametrize(
+    ("sources", "message"),
+    [
+        (["b.sweep.h5"], "b.sweep.h5: there is no such file. Did you mean `a.sweep.h5`?"),
+        (["a.sweep.h5", "b.sweep.h5"], "b.sweep.h5: there is no such file. Did you mean `a.sweep.h5`?"),
+        (["b.h5"], "b.h5: there is no such file"),
+        (["folder"], "folder: this folder is not that of an ensemble: name the files in it"),
+        (["a.sweep.h5", "folder"], "folder: this folder is not that of an ensemble: name the files in it"),
+        (["folde.yaml"], "folde.yaml: there is no such file"),
+    ],
+)
+def test_what_is_not_there_is_no_single_run(shell: Shell, sources: list[str], more: list[str], message: str) -> None:
+    (shell.folder / "folder").mkdir()
+    code, out, err = shell("compare", *sources, *more, "--no-plots")
+    assert (code, out) == (2, "")
+    assert err.startswith(f"hgorun: {message}")
+
+
 def test_where_all_are_lost_it_is_said_that_nothing_is_drawn(shell: Shell) -> None:
     values = np.full((3, 10, 2, 2), np.inf)
     axes, lost = {THETA: [2.0, 4.0, 8.0], "seed": range(10)}, np.full((3, 10, 2), 2)

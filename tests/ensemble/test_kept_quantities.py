@@ -51,10 +51,19 @@ def test_xarray_has_them_by_their_texts() -> None:
     assert np.isfinite(found["quantities"]).all()
 
 
+@pytest.mark.parametrize("text", ["difference(SHGO, FHGO, x2)", 'difference("SHGO", FHGO, x2)'])
+def test_labels_may_stand_without_quotes_as_in_claims(text: str) -> None:
+    quoted = ensemble({"seed": [0]}, keep={"quantities": [TEXTS[-1]]}).quantities
+    assert ensemble({"seed": [0]}, keep={"quantities": [text]}).quantities == quoted
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
         ("std", "expected a quantity such as"),
+        ("std(HGO, x2)", "'HGO' is no observer's label that may be without quotes"),
+        ("std(SHGO, x2) / std(SHGO, x1)", "expected one quantity and nothing beside it; claims take"),
+        ("2*std('SHGO', x2)", "expected one quantity and nothing beside it"),
         ("stdd('SHGO', x2)", "no quantity is called 'stdd'. Did you mean"),
         ("exponent('SHGO', x2)", "it is not measured on one member"),
         ("analysis('SHGO', beta)", "it is not measured on one member"),
