@@ -192,6 +192,8 @@ def _as_list(found: object) -> str:
     """What was found, written as a list."""
     if isinstance(found, dict) and any(isinstance(part, (dict, str)) for part in found.values()):
         return "; a list of one is [{...}], or has `- ` before its first key"
+    if isinstance(found, dict) and all(isinstance(part, list) for part in found.values()) and found:
+        return f"; it is one list, and none for each of {', '.join(map(str, list(found)[:_SHOWN]))}"
     parts = (
         list(found) if isinstance(found, dict) else found.replace(",", " ").split() if isinstance(found, str) else []
     )

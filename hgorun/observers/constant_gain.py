@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -13,6 +13,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import FilterOrder, GivenGain, HighGain
 from hgorun.observers.extension import Extendable
+from hgorun.observers.uneven import refuse_of_uneven_chains
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.matrices import hurwitz_gain
 from hgorun.symbolic.states import Symmetric
@@ -68,7 +69,14 @@ class PlacedGain(GivenGain):
 
     def gains_of_chains(self, form: CanonicalForm, filter_order: int = 0) -> list[np.ndarray]:
         """The gain of every chain, shape (filter_order + its length,)."""
-        return [self.gain(filter_order + length) for length in form.chains]
+        return self.gains_of_orders(form, [filter_order + length for length in form.chains])
+
+    def gains_of_orders(self, form: CanonicalForm, orders: Sequence[int]) -> list[np.ndarray]:
+        """The gain of every chain where its order is not its length."""
+        if self.gains is not None:
+            refuse_of_uneven_chains("gains", self.gains, form, orders, "write poles, one number for all")
+        refuse_of_uneven_chains("poles", self.poles, form, orders, "write one number for all")
+        return [self.gain(order) for order in orders]
 
     def largest_pole(self, form: CanonicalForm, filter_order: int = 0) -> float:
         """The largest modulus of the eigenvalues at theta = 1."""
@@ -108,7 +116,7 @@ class FilteredGain(FilterOrder, Extendable, ConstantGain):
         return {"theta": np.array(self.theta), "K_r": K_r, "K_n": K_n}
 
     def characteristics(self, form: CanonicalForm) -> list[np.ndarray]:
-        return [np.array([1.0, *self.gain(self.r + length)]) for length in form.chains]
+        return [np.array([1.0, *gain]) for gain in self.gains_of_chains(form, self.r)]
 
     def states(self, form: CanonicalForm) -> dict[str, np.ndarray | Symmetric]:
         return {"eta": np.zeros((self.r, len(form.chains)))} if self.r else {}

@@ -57,13 +57,13 @@ class ExtendedObserver(ConstantGain):
                 "outputs that measure the same have one unknown input between them, and this observer has one for "
                 "each: leave out the outputs that are not needed",
             )
-        gains = [self.gain(length + self.extend) for length in form.chains]
+        gains = self.gains_of_chains(form, self.extend)
         G = np.concatenate([gain[: -self.extend] for gain in gains])
         G_sigma = np.column_stack([gain[-self.extend :] for gain in gains])
         return {"theta": np.array(self.theta), "G": G, "G_sigma": G_sigma}
 
     def characteristics(self, form: CanonicalForm) -> list[np.ndarray]:
-        return [np.array([1.0, *self.gain(length + self.extend)]) for length in form.chains]
+        return [np.array([1.0, *gain]) for gain in self.gains_of_chains(form, self.extend)]
 
     def states(self, form: CanonicalForm) -> Mapping[str, np.ndarray | Symmetric]:
         return {"sigma": np.zeros((self.extend, len(form.chains)))}

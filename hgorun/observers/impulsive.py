@@ -16,6 +16,7 @@ from hgorun.observers.base import Arrival, Flow, PeriodLimit, observer
 from hgorun.observers.capabilities import HighGain
 from hgorun.observers.extension import Extendable
 from hgorun.observers.sample_clock import SampleClock
+from hgorun.observers.uneven import refuse_of_uneven_chains
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -75,15 +76,17 @@ class ImpulsiveObserver(HighGain, Extendable[CanonicalForm, PlantCopy], SampleCl
                 "each: leave out the outputs that are not needed, or take impulsive_riccati or ekf",
             )
         numbers = {"theta": np.array(self.theta)}
-        return numbers if self._equal else numbers | {"poles": self._placed(form.chains)}
+        return numbers if self._equal else numbers | {"poles": self._placed(form)}
 
     @property
     def _equal(self) -> bool:
         """Whether all eigenvalues are exp(-theta T)."""
         return self.poles == -1
 
-    def _placed(self, chains: Sequence[int]) -> np.ndarray:
+    def _placed(self, form: CanonicalForm) -> np.ndarray:
         """Real and imaginary parts of the poles of all chains, shape (sum of their lengths, 2)."""
+        chains = form.chains
+        refuse_of_uneven_chains("poles", self.poles, form, chains, "write one number for all")
         for n in set(chains):
             if isinstance(self.poles, tuple) and len(self.poles) != n:
                 raise Problem(("poles",), f"expected {n} numbers, or one number for all; found {len(self.poles)}")

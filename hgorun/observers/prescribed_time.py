@@ -13,6 +13,7 @@ from hgorun.errors import Problem
 from hgorun.observers.base import Flow, Role, observer
 from hgorun.observers.capabilities import Punctual
 from hgorun.observers.extension import Extendable
+from hgorun.observers.uneven import refuse_of_uneven_chains
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.symbols import Symbols
 
@@ -71,6 +72,7 @@ class PrescribedTimeObserver(Punctual, Extendable):
         return G
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        refuse_of_uneven_chains("poles", self.poles, form, form.chains, "write one number for all")
         G = np.concatenate([self.gain(length) for length in form.chains])
         return {"T": np.array(self.T), "mu_max": np.array(self.mu_max), "G": G}
 

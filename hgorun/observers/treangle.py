@@ -50,6 +50,7 @@ class TreangleObserver(Extendable, ConstantGain):
     )
 
     def design(self, form: CanonicalForm) -> dict[str, np.ndarray]:
+        self.gains_of_orders(form, [2 * length for length in form.chains])  # refuses what fits no chain
         diagonals = [self._diagonals(length) for length in form.chains]
         delta, K = (np.concatenate(part) for part in zip(*diagonals, strict=True))
         return {"theta": np.array(self.theta), "delta": delta, "K": K}

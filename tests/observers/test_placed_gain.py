@@ -66,6 +66,39 @@ def test_as_many_gains_as_the_error_has_states(block: dict[str, Any], words: str
     assert caught.value.key == ".".join(["observers", "o", *given] if len(given) == 1 else ["observers", "o"])
 
 
+UNEVEN = {
+    "states": ["x", "v", "w"],
+    "dynamics": {"x": "v", "v": "-x + w", "w": "-w"},
+    "output": {"y": "x", "z": "w"},
+    "initial": {"x": 1, "v": 0, "w": 0.1},
+}
+
+
+@pytest.mark.parametrize(
+    ("block", "needs"),
+    [
+        ({"type": "shgo", "theta": 3, "poles": [-1, -2, -3]}, "the chain of y needs 2 numbers, that of z 1"),
+        ({"type": "shgo", "theta": 3, "gains": [1, 2]}, "the chain of y needs 2 numbers, that of z 1"),
+        ({"type": "shgo", "theta": 3, "extend": 1, "gains": [1, 2, 3]}, "the chain of y needs 3 numbers, that of z 2"),
+        ({"type": "fhgo2", "theta": 3, "r": 1, "poles": [-1]}, "the chain of y needs 3 numbers, that of z 2"),
+        ({"type": "treangle", "theta": 3, "poles": [-1, -2]}, "the chain of y needs 4 numbers, that of z 2"),
+        ({"type": "impulsive", "theta": 3, "poles": [-1, -2]}, "the chain of y needs 2 numbers, that of z 1"),
+        ({"type": "prescribed_time", "T": 2, "poles": [-9, -8]}, "the chain of y needs 2 numbers, that of z 1"),
+    ],
+)
+def test_no_list_fits_chains_that_are_not_equally_long(block: dict[str, Any], needs: str) -> None:
+    key = "gains" if "gains" in block else "poles"
+    with pytest.raises(
+        ConfigError, match=f"{needs}, so that no list fits all: write .*, as poles: -1; found"
+    ) as caught:
+        prepare(experiment(UNEVEN, {"o": block}, measurement={"sampling": {"period": 0.1}}))
+    assert caught.value.key == f"observers.o.{key}"
+    right = {name: value for name, value in block.items() if name not in ("gains", "poles")}
+    if block["type"] != "prescribed_time":  # which starts with poles of its own
+        right |= {"poles": -1.5}
+    prepare(experiment(UNEVEN, {"o": right}, measurement={"sampling": {"period": 0.1}}))
+
+
 def test_what_is_written_can_be_read() -> None:
     """Poles have a default, and are left out where gains are given."""
     given = StandardObserver(type="shgo", theta=2, gains=(3.0, 3.0, 1.0))
