@@ -14,7 +14,16 @@ from dataclasses import dataclass
 from typing import SupportsFloat, TypeAlias
 
 from hgorun.config.nearest import nearest
-from hgorun.config.tokens import CONSTANTS, DECIMAL_POINT, FUNCTIONS, MAX_LENGTH, MAX_NESTING, ExpressionError, short
+from hgorun.config.tokens import (
+    CONSTANTS,
+    DECIMAL_POINT,
+    FUNCTIONS,
+    MAX_LENGTH,
+    MAX_NESTING,
+    MEANT,
+    ExpressionError,
+    short,
+)
 
 _ARGUMENTS = {"atan2": (2, 2), "max": (2, MAX_LENGTH), "min": (2, MAX_LENGTH), "where": (3, 3)}
 _SIGNS: dict[type[ast.AST], str] = {
@@ -132,7 +141,10 @@ class Reader:
         if name not in FUNCTIONS:
             if name in CONSTANTS or (self.allowed is not None and name in self.allowed):
                 raise ExpressionError(f"`{name}` is not a function: write a product as `{name}*(...)`")
-            hint = nearest(name, FUNCTIONS) or f" A product is written `{short(name)}*(...)`."
+            meant = MEANT.get(name)
+            hint = (
+                f" {meant}." if meant else nearest(name, FUNCTIONS) or f" A product is written `{short(name)}*(...)`."
+            )
             raise ExpressionError(f"there is no function `{short(name)}`.{hint} Functions: {', '.join(FUNCTIONS)}")
         low, high = _ARGUMENTS.get(name, (1, 1))
         if not low <= count <= high:

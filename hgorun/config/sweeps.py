@@ -148,6 +148,7 @@ class SeedAxis(Block):
 
 AnyAxis: TypeAlias = ListAxis | LinearAxis | LogAxis | UniformAxis | NormalAxis | SeedAxis
 _KINDS = ("linear", "log", "uniform", "normal", "count")
+_NO_SEEDS = ("linear", "log", "uniform", "normal")
 _RIGHT = "[a, b, ...], {linear: [a, b, n]}, {log: [a, b, n]}, {uniform: [a, b], draws: n}, {normal: [m, s], draws: n}"
 
 
@@ -250,6 +251,9 @@ def _counted(axes: Any) -> Any:
     for name in ("seed", "seeds") if isinstance(axes, dict) else ():
         axis = axes.get(name)
         count = next(iter(axis.values())) if isinstance(axis, dict) and len(axis) == 1 else axis
+        if isinstance(axis, dict) and any(kind in axis for kind in _NO_SEEDS):  # whose values are no whole numbers
+            ends = axis.get("linear") or axis.get("log")
+            count = ends[-1] if isinstance(ends, list) and ends else axis.get("draws")
         right = name == "seed" and isinstance(axis, dict) and "count" in axis
         if isinstance(count, int) and not isinstance(count, bool) and not right:
             alone = f"; the seed {count} alone is `seed: [{count}]`" if name == "seed" and axis == count else ""

@@ -37,6 +37,19 @@ FUNCTIONS = {
     "tanh": "tanh(x): hyperbolic tangent",
     "where": "where(condition, a, b): a where the condition is not 0, else b",
 }
+MEANT = {
+    **dict.fromkeys(("step", "heaviside", "Heaviside", "unitstep"), "A step at t = 1 is where(t > 1, 1, 0)"),
+    **dict.fromkeys(("ln", "Log"), "The natural logarithm is log(x)"),
+    **dict.fromkeys(("pow", "power"), "A power is a**b"),
+    **dict.fromkeys(("square", "sqr"), "A square is x**2"),
+    **dict.fromkeys(("mod", "rem", "fmod"), "A remainder is a - b*floor(a/b)"),
+    **dict.fromkeys(("sat", "clip", "clamp"), "A saturation is max(low, min(x, high))"),
+    **dict.fromkeys(
+        ("rand", "randn", "random", "normal", "noise"),
+        "Noise stands under measurement.noise: {type: gaussian, std: 0.1}",
+    ),
+}
+"""Functions of other languages, with how what they say is written."""
 CONSTANTS = {"pi": math.pi, "e": math.e}
 
 NUMBER = re.compile(r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?")
@@ -75,6 +88,7 @@ _HINTS = {
 
 # Of a function as other packages call it.
 _ATTRIBUTE = re.compile(rf"\b[A-Za-z_]\w*\.({'|'.join((*FUNCTIONS, *CONSTANTS))})\b")
+_BY_ENTRIES = re.compile(r"\.(\*\*?|/|\^)")  # operators of other languages, for arrays
 
 # Behind a number these are meant as its unit.
 _UNITS = {
@@ -123,6 +137,8 @@ def tokens(text: str) -> list[str]:
         token = match[0]
         level += (token == "(") - (token == ")")
         if match.lastgroup == "other":
+            if token == "." and (by_entries := _BY_ENTRIES.match(text, match.start())):
+                raise ExpressionError(f"write `{by_entries[1].replace('^', '**')}` for `{by_entries[0]}`")
             other = _ATTRIBUTE.search(text) if token == "." else None
             raise ExpressionError(_foreign(token) if other is None else f"write `{other[1]}` for `{short(other[0])}`")
         if match.lastgroup == "name" and token not in ("and", "or", "not", *FUNCTIONS):

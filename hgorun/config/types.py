@@ -239,4 +239,13 @@ def _nonempty(value: tuple[Any, ...]) -> tuple[Any, ...]:
 # Not min_length: pydantic would then report entries that are wrong as missing.
 NonEmpty = AfterValidator(_nonempty)
 
-Interval = Annotated[tuple[Number, Number], AfterValidator(_ordered)]
+
+def _no_bound(value: object) -> object:
+    """One number is no interval; a bound of an absolute value may be meant."""
+    if isinstance(value, (int, float)) and not isinstance(value, bool):
+        bound = abs(value) or 1
+        raise ValueError(f"expected [low, high], such as [{-bound:g}, {bound:g}], found {value:g}")
+    return value
+
+
+Interval = Annotated[tuple[Number, Number], BeforeValidator(_no_bound), AfterValidator(_ordered)]

@@ -95,7 +95,7 @@ def knobs_of(experiment: Experiment) -> tuple[Knob, ...]:
         found += _initial_error(experiment, label, observer)
     found += _of_measurement(experiment)
     seed = experiment.blocks.seed
-    if any(isinstance(noise, RandomNoise) for _, noise in _noises(experiment.measurement)) or _by_chance(experiment):
+    if any(isinstance(noise, RandomNoise) for _, noise, _ in _noises(experiment.measurement)) or _by_chance(experiment):
         high = float(max(_SEEDS, seed + _SEEDS))
         found.append(Knob("seed", "seed", "run", "integer", 0.0, high, float(seed), (Target("seed"),)))
     return tuple(found)
@@ -211,9 +211,8 @@ def _of_measurement(experiment: Experiment) -> Iterator[Knob]:
             name, top = f"{path}.delay", 4 * delay or span / _FACTOR
             label = f"delay{where}"
             yield Knob(name, label, "measurement", "linear", 0.0, top, delay, (Target(name),), time.unit)
-    several = len(list(_noises(experiment.measurement))) > 1
-    for i, (path, noise) in enumerate(_noises(experiment.measurement)):
-        yield from _noise(path, noise, f" of noise {i + 1}" if several else " of the noise")
+    for path, noise, whose in _noises(experiment.measurement):
+        yield from _noise(path, noise, whose)
 
 
 def _noise(path: str, noise: Noise, whose: str) -> Iterator[Knob]:
@@ -252,10 +251,13 @@ def _availabilities(measurement: Measurement) -> Iterator[tuple[str, str, Availa
             yield f"{path}.outputs.{name}", f" of {name}{where}", output
 
 
-def _noises(measurement: Measurement) -> Iterator[tuple[str, Noise]]:
-    for path, _, block in _availabilities(measurement):
+def _noises(measurement: Measurement) -> Iterator[tuple[str, Noise, str]]:
+    """Every noise: its path, the noise, and whose it is; counted where an output has several."""
+    for path, where, block in _availabilities(measurement):
+        several = len(block.noise or ()) > 1
         for i, noise in enumerate(block.noise or ()):
-            yield f"{path}.noise.{i}", noise
+            name = f" of noise {i + 1}" if several else " of noise" if where else " of the noise"
+            yield f"{path}.noise.{i}", noise, name + where
 
 
 def _by_chance(experiment: Experiment) -> bool:

@@ -259,7 +259,17 @@ class NoiseInformed(Block):
         return copied
 
 
-class KnownCovariance(Block):
+class BeginsWithCovariance(Block):
+    """The state ``P`` begins at a matrix that ``internal`` sets, which is sought under other names."""
+
+    @classmethod
+    def _inside(cls, key: object, value: object) -> str:
+        if key in ("P", "P0", "P_0", "P_init", "covariance"):
+            return " What P begins at is `internal: {P: ...}`."
+        return super()._inside(key, value)
+
+
+class KnownCovariance(BeginsWithCovariance):
     """The state ``P`` is the covariance of the error of xhat, in the coordinates where the observer computes."""
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from hgorun.config.types import Number, Positive
+from hgorun.observers.capabilities import BeginsWithCovariance
 from hgorun.observers.extension import Extendable
 from hgorun.observers.gaussian import spread_along
 from hgorun.observers.kalman import SensorNoise, by_output, require_covariance
@@ -25,7 +26,7 @@ Weight = Annotated[
 ]
 
 
-class ScaledFilter(Extendable[Form, ScaledCopy]):
+class ScaledFilter(BeginsWithCovariance, Extendable[Form, ScaledCopy]):
     """The weights of such a filter, and P between samples."""
 
     form = scaled_form

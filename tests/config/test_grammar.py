@@ -108,6 +108,16 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
             ("pi(2)", "`pi*(...)`"),
         ],
         *[
+            ("step(t - 1)", "no function `step`. A step at t = 1 is where(t > 1, 1, 0). Functions"),
+            ("ln(x)", "The natural logarithm is log(x)"),
+            ("pow(x, 2)", "A power is a**b"),
+            ("randn()", "{type: gaussian"),
+            ("0.2.*x", "write `*` for `.*`"),
+            ("x.^2", "write `**` for `.^`"),
+            ("x./2", "write `/` for `./`"),
+            ("x.y", "there are no attributes"),
+        ],
+        *[
             ("sin(1, 2)", "sine of x"),
             ("min(1)", "two or more"),
             ("where(1, 2)", "where(condition, a, b)"),

@@ -63,6 +63,9 @@ def test_whole_numbers_stay_whole() -> None:
                 ("seed: 50", "50 seeds are the axis `seed: {count: 50}`; the seed 50 alone is `seed: [50]`"),
                 ("seed: {draws: 50}", "50 seeds are the axis `seed: {count: 50}`"),
                 ("seeds: 50", "50 seeds are the axis `seed: {count: 50}`"),
+                ("seed: {linear: [0, 49, 50]}", "50 seeds are the axis `seed: {count: 50}`"),
+                ("seed: {log: [1, 50, 50]}", "50 seeds are the axis `seed: {count: 50}`"),
+                ("seed: {uniform: [0, 100], draws: 50}", "50 seeds are the axis `seed: {count: 50}`"),
                 ("seeds: {count: 50}", "50 seeds are the axis `seed: {count: 50}`"),
                 ("seeds: [1, 2]", "the axis of seeds is called `seed`"),
             )

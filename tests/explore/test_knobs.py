@@ -48,6 +48,24 @@ BASE = Experiment(config())
 KNOBS = by_name(knobs_of(BASE))
 
 
+def test_noise_of_a_named_output_is_called_by_it() -> None:
+    """As its period and delay are; noise of the same output is counted."""
+    gaussian = {"type": "gaussian", "std": 0.1}
+    plant = {
+        "states": ["h", "T"],
+        "dynamics": {"h": "-h", "T": "-T"},
+        "output": {"level": "h", "temp": "T"},
+        "initial": {"h": 1, "T": 1},
+    }
+    outputs = {"level": {"noise": [gaussian]}, "temp": {"noise": [gaussian, gaussian]}}
+    observers = {"S": {"type": "shgo", "theta": 2}}
+    measured = config(plant=plant, observers=observers, measurement={"sampling": {"period": 0.1}, "outputs": outputs})
+    labels = [knob.label for knob in knobs_of(Experiment(measured)) if knob.name.endswith("std")]
+    assert labels == ["std of noise of level", "std of noise 1 of temp", "std of noise 2 of temp"]
+    alone = config(measurement={"sampling": {"period": 0.1}, "noise": [gaussian]})
+    assert "std of the noise" in [knob.label for knob in knobs_of(Experiment(alone))]
+
+
 def test_what_the_configuration_has() -> None:
     assert list(KNOBS) == [
         "observers.F.theta",

@@ -56,6 +56,7 @@ def test_the_fastest_rate_is_that_of_the_gains() -> None:
         ({"type": "shgo", "poles": [-1, -2]}, "expected 3 numbers, or one number for all; found 2"),
         ({"type": "treangle", "gains": [3, 3, 1]}, "expected 6 numbers; found 3"),
         ({"type": "fhgo2", "r": 1, "gains": [3, 3, 1]}, "expected 4 numbers; found 3"),
+        ({"type": "shgo", "gains": {"x1": [3, 3], "x3": [1]}}, "it is one list, and none for each of x1, x3"),
         ({"type": "shgo", "gains": [3, 3, 1], "poles": -1}, "give either poles or gains, not both"),
     ],
 )
