@@ -48,8 +48,8 @@ class ObserverSystem(NamedTuple):
 def plant(
     system: NonlinearIOSystem,
     *,
-    inputs: Mapping[str, str | float] | None = None,
-    initial: Mapping[str, float] | None = None,
+    inputs: Mapping[str, str | float] | Sequence[str | float] | None = None,
+    initial: Mapping[str, float] | Sequence[float] | np.ndarray | None = None,
     states: Sequence[str] | None = None,
     outputs: Sequence[str] | None = None,
 ) -> dict[str, Any]:
@@ -62,10 +62,11 @@ def plant(
     Parameters
     ----------
     system : control.StateSpace or control.NonlinearIOSystem
-    inputs : mapping of str to str or float, optional
-        Name: expression of t, for every input.
-    initial : mapping of str to float, optional
-        The initial value of every state (default: 0).
+    inputs : mapping of str to str or float, or sequence, optional
+        Name: expression of t, for every input; or the expressions in the order of the inputs.
+    initial : mapping of str to float, or sequence, optional
+        The initial value of every state (default: 0), or all of them in the order of the states. Names may be those of
+        the system, such as ``x[0]``.
     states, outputs : sequence of str, optional
         Their names; by default those of the system, with ``x0`` for ``x[0]``.
 
@@ -80,8 +81,11 @@ def plant(
     >>> experiment = hgorun.Experiment({"plant": block, "time": ..., "observers": ...})
     """
     package = _package()
+    if isinstance(system, package.TransferFunction):
+        raise ConfigError("a TransferFunction has no states: control.ss makes a StateSpace of it, which is a plant")
     if not isinstance(system, package.NonlinearIOSystem):
-        raise ConfigError(f"expected a StateSpace or NonlinearIOSystem of python-control, found {describe(system)}")
+        found_type = type(system).__name__
+        raise ConfigError(f"expected a StateSpace or NonlinearIOSystem of python-control, found {found_type}")
     if system.dt:
         raise ConfigError(
             f"{system.name} is discrete (dt = {system.dt}); plants are continuous here, and sampling belongs to the "
@@ -115,11 +119,12 @@ def plant(
         "states": names_of["states"],
         "dynamics": dict(zip(names_of["states"], right, strict=True)),
         "output": dict(zip(names_of["outputs"], measured, strict=True)),
-        "initial": dict.fromkeys(names_of["states"], 0.0) | dict(initial or {}),
+        "initial": dict.fromkeys(names_of["states"], 0.0)
+        | _by_name("initial", initial, system.state_labels, names_of["states"]),
     }
     if system.ninputs:
-        block["inputs"] = dict(inputs or {})
-    elif inputs:
+        block["inputs"] = _by_name("inputs", inputs, system.input_labels, names_of["inputs"])
+    elif inputs is not None and len(inputs):
         raise ConfigError(f"{system.name} has no inputs")
     used = {name for text in (*right, *measured) for name in re.findall(r"[A-Za-z_]\w*", text)}
     if kept := {name: value for name, value in parameters.items() if name in used}:
@@ -130,6 +135,27 @@ def plant(
 def _name(label: str) -> str:
     """A label of python-control as a name: ``x0`` of ``x[0]``."""
     return re.sub(r"\W+", "", label.replace("[", "").replace("]", ""))
+
+
+def _by_name(what: str, given: object, labels: Sequence[str], names: Sequence[str]) -> dict[str, Any]:
+    """What is given by names, by those of the system, or in their order.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if given is None:
+        return {}
+    if isinstance(given, Mapping):
+        name_of = dict(zip(labels, names, strict=True))
+        return {str(name_of.get(key, key)): value for key, value in given.items()}
+    values = given.ravel().tolist() if isinstance(given, np.ndarray) else given
+    if not isinstance(values, (list, tuple)) or len(values) != len(names):
+        found = f"{len(values)} of them" if isinstance(values, (list, tuple)) else describe(values)
+        raise ConfigError(
+            f"{what}: expected a mapping of names, or a list with a value for each of {', '.join(names)}; found {found}"
+        )
+    return dict(zip(names, values, strict=True))
 
 
 def _is_number(value: object) -> bool:

@@ -64,6 +64,29 @@ def test_a_nonlinear_system_is_followed_by_symbols() -> None:
 
 @pytest.mark.measured
 @pytest.mark.costly
+@pytest.mark.parametrize("initial", [{"x[0]": 1, "x2": 3}, {"x0": 1, "x[2]": 3}, [1, 0, 3], np.array([1.0, 0.0, 3.0])])
+@pytest.mark.parametrize("inputs", [{"u[0]": "sin(t)"}, {"u0": "sin(t)"}, ["sin(t)"]])
+def test_values_are_given_by_their_names_by_ours_or_in_order(initial: Any, inputs: Any) -> None:
+    block = plant(LINEAR, inputs=inputs, initial=initial)
+    assert block["initial"] == {"x0": 1, "x1": 0, "x2": 3}
+    assert block["inputs"] == {"u0": "sin(t)"}
+    named = plant(LINEAR, initial={"x[1]": 2}, states=["a", "b", "c"])
+    assert named["initial"] == {"a": 0, "b": 2, "c": 0}
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"initial": [1, 2]}, "initial: expected a mapping of names, or a list with .* x0, x1, x2; found 2 of them"),
+        ({"initial": 3.0}, "initial: .* found 3.0"),
+        ({"inputs": "sin"}, "inputs: .* for each of u0; found 'sin'"),
+    ],
+)
+def test_values_that_are_of_no_name(options: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        plant(LINEAR, **options)
+
+
 def test_an_observer_is_a_system_of_theirs() -> None:
     """The plant of theirs and the observer of ours, connected and simulated by them, against our own run."""
     block = plant(NONLINEAR, inputs={"torque": 0.5}, initial={"angle": 1})
@@ -113,7 +136,8 @@ def test_what_cannot_be_followed_says_why(function: Any, words: str) -> None:
     ("system", "options", "words"),
     [
         (control.ss([[0.5]], [[1.0]], [[1.0]], [[0.0]], 0.1), {}, "discrete"),
-        (control.tf([1], [1, 1]), {}, "expected a StateSpace"),
+        (control.tf([1], [1, 1]), {}, "a TransferFunction has no states: control.ss makes a StateSpace of it"),
+        (control.frd([1, 2], [1, 2]), {}, "expected a StateSpace or .*, found FrequencyResponseData$"),
         (LINEAR, {"states": ["a"]}, "3 of them, found 1"),
         (control.nlsys(undriven, inputs=0, outputs=2, states=2), {"inputs": {"u": 1}}, "has no inputs"),
     ],
