@@ -311,3 +311,12 @@ def test_a_class_that_no_block_names_is_told_without_one() -> None:
     one = experiment(chain(2), {"it": SHGO})
     with pytest.raises(PluginError, match=r"^observer 'mine': design returned"), one.located():
         Mine.model_validate({**SHGO, "type": "mine"}).design(cast(CanonicalForm, None))
+
+
+def test_the_key_type_is_that_of_the_kind() -> None:
+    """A key of that name would be read from the name of the observer, which is no number."""
+    with pytest.raises(
+        PluginError, match=r"observer 'Own': `type` is the name of the observer in every block; its own"
+    ):
+        new_class("Own", (StandardObserver,), exec_body=lambda body: body.update(__annotations__={"type": float}))
+    new_class("Named", (StandardObserver,), exec_body=lambda body: body.update(__annotations__={"type": str}))

@@ -52,6 +52,12 @@ class Plugin(Block):
         super().__init_subclass__(**keywords)
         if cls.__module__.startswith("hgorun."):  # what is wrong there is ours, and tests find it
             return
+        own_type = str(vars(cls).get("__annotations__", {}).get("type", "str"))
+        if not re.match(r"str\b|typing\.Literal|Literal|<class 'str'>", own_type):
+            raise PluginError(
+                f"{cls.kind} {cls.__name__!r}: `type` is the name of the {cls.kind} in every block; its own key needs "
+                "another name"
+            )
         for name, own, inherited in _overriding(cls):
             wrapped = _wrapped(cls.kind, name, own, inherited)
             if wrapped is not None:
