@@ -157,8 +157,7 @@ def words_of_lost(
     rows = [spread(np.zeros(group.shape), group) for group in groups]
     leaving = any(np.any(np.isfinite(one[[0, 1]]) & np.isposinf(one[[4, 3]])) for one in rows)
     said = [f"estimates are lost in {lost} of {len(sound)} members and count as infinite"] * bool(lost)
-    if along:
-        said[0] += ", but not in medians of states"
+    said = [words + ", but not in medians of states" * along for words in said]
     said += [f"estimates never settle in {unsettled} of {len(sound)} members; their times count as infinite"] * bool(
         unsettled
     )

@@ -132,6 +132,11 @@ def test_what_is_not_there_is_no_single_run(shell: Shell, sources: list[str], mo
     assert err.startswith(f"hgorun: {message}")
 
 
+def test_an_experiment_that_is_brought_along_is_no_ensemble(shell: Shell) -> None:
+    code, _, err = shell("compare", "katayama/van_der_pol", "--by", "theta")
+    assert (code, "these are single runs" in err) == (2, True)
+
+
 def test_where_all_are_lost_it_is_said_that_nothing_is_drawn(shell: Shell) -> None:
     values = np.full((3, 10, 2, 2), np.inf)
     axes, lost = {THETA: [2.0, 4.0, 8.0], "seed": range(10)}, np.full((3, 10, 2), 2)
