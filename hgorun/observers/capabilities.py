@@ -19,6 +19,7 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from hgorun.config.types import Block, Positive
+from hgorun.observers.initial_covariance import BeginsWithCovariance
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.symbols import Symbols
@@ -257,16 +258,6 @@ class NoiseInformed(Block):
         copied = self.model_copy()
         copied._sensors = tuple(sensors)
         return copied
-
-
-class BeginsWithCovariance(Block):
-    """The state ``P`` begins at a matrix that ``internal`` sets, which is sought under other names."""
-
-    @classmethod
-    def _inside(cls, key: object, value: object) -> str:
-        if key in ("P", "P0", "P_0", "P_init", "covariance"):
-            return " What P begins at is `internal: {P: ...}`."
-        return super()._inside(key, value)
 
 
 class KnownCovariance(BeginsWithCovariance):
