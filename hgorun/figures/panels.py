@@ -11,9 +11,9 @@ from hgorun.figures import data
 from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve
 from hgorun.figures.estimated_bands import draw_bands
-from hgorun.figures.recorded import draw_in_front, draw_unseen
+from hgorun.figures.recorded import FEW, draw_in_front, draw_unseen
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import DARK, DOTS, IN_FRONT, OTHER_MEASUREMENTS, PALE, TRACE, WIDER, WIDTHS
+from hgorun.figures.style import AMONG, DARK, DOTS, IN_FRONT, OTHER_MEASUREMENTS, OUTLIERS, PALE, TRACE, WIDER, WIDTHS
 from hgorun.result.data import ResultData
 from hgorun.tables.typeset import both, error_of, estimate_of, symbol, unit, words
 
@@ -30,12 +30,14 @@ def draw_state(ax: Axes, scene: Scene, name: str, *, samples: bool = False) -> N
     truths = _truths(ax, scene, {run: Curve(r.time, r.x[:, r.states.index(name)]) for run, r in simulated.items()})
     known = own if samples else {run: r for run, r in own.items() if r.recorded is not None}
     measured = _samples(ax, scene, {run: r.outputs_of(name) for run, r in known.items()})
-    behind = [line for line in ax.lines if line.get_zorder() == DOTS["zorder"]] if len(simulated) < len(own) else []
     bands = draw_bands(ax, scene, name)
     truths += draw_unseen(ax, scene, name)
+    dots = [line for line in ax.lines if line.get_linestyle() == "None" and line.get_marker() != OUTLIERS["marker"]]
+    behind = [line for line in dots if line.get_zorder() in (DOTS["zorder"], AMONG["zorder"])]
     healthy, lost = _estimates(ax, scene, name, lambda actor, xhat, k: xhat)
     _limit(ax, data.with_bands(data.state_limits(truths + measured, healthy, lost), bands))
-    draw_in_front(ax, scene, name, behind)
+    if len(simulated) < len(own):
+        draw_in_front(ax, scene, name, behind)
     ax.set_ylabel(f"${_shown(name, scene, true=bool(truths or measured))}$" + _unit(scene, name))
 
 
@@ -189,9 +191,10 @@ def _samples(ax: Axes, scene: Scene, outputs: Mapping[str, Sequence[str]]) -> li
             if piece.size and dense[piece[0]]:
                 _line(ax, Curve(curve.t[piece], curve.v[piece]), **{**TRACE, "color": light, **text})
         if not np.all(dense):
-            few = np.count_nonzero(~dense) <= _MANY
-            size = {} if few else {"markersize": 1.5}
-            if few and scene.results[run].recorded is not None:
+            count = np.count_nonzero(~dense)
+            recorded = scene.results[run].recorded is not None
+            size = {} if count <= (2 * FEW if recorded else _MANY) else {"markersize": 1.5}
+            if recorded and count <= FEW:
                 size, dark = IN_FRONT, DARK
             ax.plot(curve.t[~dense], curve.v[~dense], **{**DOTS, "color": dark, "marker": marker, **size, **text})
     recorded_too = {run for run, r in scene.results.items() if r.recorded is not None}

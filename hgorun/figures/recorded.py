@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.figures.data import without_outliers
 from hgorun.figures.looks import Look
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import AMONG, DARK, DOTS, HELD_OUT, IN_FRONT, OUTLIERS, REFERENCE
+from hgorun.figures.style import AMONG, HELD_OUT, IN_FRONT, OUTLIERS, REFERENCE
 from hgorun.result.data import ResultData
 from hgorun.result.recorded import Unseen
 
@@ -19,9 +19,10 @@ if TYPE_CHECKING:
     from matplotlib.lines import Line2D
 
 
-_SHOWN = 120  # samples in front of lines that would hide all
+FEW = 120  # samples in front of lines: more of them would hide these
 _HIDDEN = 0.01  # of a panel's height: about half the width of a line
-_MANY = 60  # marks of what was not given: more of them would hide samples and estimates
+_LARGE = 60  # marks of what was not given in their full size: of more, each is smaller
+_MANY = 200  # of these marks: more of them would hide samples and estimates
 
 
 def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
@@ -36,15 +37,25 @@ def draw_unseen(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
             if inside.any():
                 how = {**style, "label": "_" if label in told else label}
                 if style["marker"] != OUTLIERS["marker"]:
-                    how |= AMONG if np.count_nonzero(inside) > _MANY else {}
+                    how |= _fitting(style, int(np.count_nonzero(inside)))
                     drawn.append(without_outliers(one.y[inside]))
                 ax.plot(one.taken[inside], one.y[inside], **how)
                 told.add(label)
     return drawn
 
 
+def _fitting(style: Mapping[str, Any], count: int) -> dict[str, Any]:
+    """What changes in a mark of which there are so many: they are compared with the estimates, and are to be seen."""
+    if count > _MANY:
+        return AMONG
+    part = min(1.0, (_LARGE / count) ** 0.5)  # all of them together cover no larger area
+    return {"markersize": part * style["markersize"], "markeredgewidth": part * style["markeredgewidth"]}
+
+
 def draw_in_front(ax: Axes, scene: Scene, state: str, samples: Sequence[Line2D]) -> None:
     """Some of many samples once more, in front, where the lines of estimates hide nearly all of them.
+
+    They look as those behind, which the legend names.
 
     Parameters
     ----------
@@ -60,9 +71,11 @@ def draw_in_front(ax: Axes, scene: Scene, state: str, samples: Sequence[Line2D])
     for line in samples:
         t, y = np.array(line.get_data(), dtype=float)
         apart = [np.abs(np.interp(t, time, xhat) - y) for time, xhat in estimates]
-        if t.size > _SHOWN and apart and np.median(np.min(apart, axis=0)) < _HIDDEN * (high - low):
-            some = np.linspace(0, t.size - 1, _SHOWN).round().astype(int)
-            ax.plot(t[some], y[some], **{**DOTS, "marker": line.get_marker(), **IN_FRONT, "color": DARK, "label": "_"})
+        if t.size > FEW and apart and np.median(np.min(apart, axis=0)) < _HIDDEN * (high - low):
+            some = np.linspace(0, t.size - 1, FEW).round().astype(int)
+            (again,) = ax.plot(t[some], y[some])
+            again.update_from(line)
+            again.set(label="_", zorder=IN_FRONT["zorder"])
 
 
 def _marks(result: ResultData, state: str, looks: Mapping[str, Look]) -> list[tuple[str, Unseen, dict[str, Any]]]:

@@ -56,6 +56,7 @@ DOTS: dict[str, Any] = {
     "markeredgewidth": 0,
 }
 # Samples of recorded data, where they are few: a thick line of an estimate would hide them, and nothing else is known.
+# Many would hide the estimates.
 IN_FRONT: dict[str, Any] = {"zorder": 4.4, "markersize": 2.6, "markeredgecolor": "white", "markeredgewidth": 0.3}
 DARK = "0.25"  # their colour
 # Of recorded data: what observers did not take, and what they were not given.
@@ -89,7 +90,7 @@ BAND_OF_SAMPLES: dict[str, Any] = {
     "linewidth": 0.6,
     "label": "95 % of samples",
 }
-# Where either are many: small, and behind the estimates, as samples are.
+# Where either are very many: small, and behind the estimates, as samples are.
 AMONG: dict[str, Any] = {"markersize": 2.0, "markeredgewidth": 0, "zorder": 1.6}
 # Greys and markers where one panel shows the measurements of several runs.
 OTHER_MEASUREMENTS = (("0.62", "0.45", "o"), ("0.8", "0.7", "s"), ("0.5", "0.25", "^"))

@@ -155,7 +155,7 @@ def test_a_covariance_of_which_the_band_is_not_made_says_nothing(result: Result)
 
 
 def test_many_samples_under_a_line_are_seen_in_front_of_it(result: Result) -> None:
-    """A part of them; none where they lie beside the line anyway."""
+    """A part of them, which look as all do; none where they lie beside the line anyway."""
     t = np.linspace(0, 5, 3000)
 
     def in_front(noise: float) -> int:
@@ -163,8 +163,14 @@ def test_many_samples_under_a_line_are_seen_in_front_of_it(result: Result) -> No
         used = np.ones((t.size, 2), dtype=bool)
         one = RecordedOutput(t, t, y, used, np.zeros((t.size, 2)), np.full((t.size, 2), np.nan))
         ax = comparison(replace(result, recorded=Recorded({"x1": one}))).axes[0]
-        assert lines(ax)["measured"].get_xdata().size == t.size
-        return sum(np.size(line.get_xdata()) for line in ax.lines if line.get_marker() == "o" and line.get_zorder() > 4)
+        behind = lines(ax)["measured"]
+        assert behind.get_xdata().size == t.size
+        found = [line for line in ax.lines if line.get_marker() == "o" and line.get_zorder() > 4]
+        assert all(look(line) == look(behind) for line in found)
+        return sum(np.size(line.get_xdata()) for line in found)
+
+    def look(line: Any) -> list[Any]:
+        return [line.get_color(), line.get_markersize(), line.get_markeredgewidth(), line.get_linestyle()]
 
     assert in_front(1e-4) == 120
     assert in_front(0.3) == 0

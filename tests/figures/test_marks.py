@@ -307,6 +307,24 @@ def test_many_held_out_samples_hide_no_estimate_and_an_outlier_sets_no_limits(
     assert marks(ax) == (["9"] if many else [])
 
 
+@pytest.mark.parametrize(("held_out", "part"), [(60, 1.0), (113, 0.729), (200, 0.548)])
+def test_held_out_samples_lie_on_those_used_and_cover_no_larger_area(
+    result: Result, held_out: int, part: float
+) -> None:
+    """Every fifth sample of a log: the score is of these."""
+    one = recorded(result, np.ones((result.time[::5].size, 2), dtype=bool))
+    assert one.recorded is not None
+    t = np.linspace(0, 5, 4 * held_out)
+    used = RecordedOutput(t, t, np.cos(t), np.ones((t.size, 2), dtype=bool), *[np.full((t.size, 2), np.nan)] * 2)
+    points = Unseen(t[2::4], np.cos(t[2::4]))
+    more = replace(one.recorded, outputs={"x1": used}, held_out={"x1": points})
+    drawn = lines(comparison(replace(one, recorded=more)).axes[0])
+    assert drawn["measured"].get_zorder() < min(drawn[label].get_zorder() for label in "AB")
+    assert drawn["held out"].get_zorder() > max(drawn[label].get_zorder() for label in "AB")
+    assert drawn["held out"].get_markersize() == pytest.approx(3.4 * part, rel=1e-3)
+    assert drawn["held out"].get_markersize() > drawn["measured"].get_markersize()
+
+
 def test_of_few_recorded_values_all_set_limits() -> None:
     few = np.array([1.0, 2.0, 1.0, 9.0])
     assert without_outliers(few).tolist() == few.tolist()
