@@ -9,7 +9,7 @@ import numpy as np
 from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve, inside
 from hgorun.figures.scene import Scene
-from hgorun.figures.style import BAND, BAND_OF_SAMPLES, edged
+from hgorun.figures.style import BAND, BAND_OF_SAMPLES, BAND_OPACITY, edged
 from hgorun.result.observer import ObserverResult
 from hgorun.tables.typeset import words
 
@@ -33,19 +33,19 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
     names = {what: ", ".join(dict.fromkeys(_name(scene, actor) for actor in who)) for what, who in kinds.items()}
     whose = {what: f" ({text})" if len(kinds) > 1 else "" for what, text in names.items()}
     for what, actors in kinds.items():
-        label = BAND["label"] + what + whose[what]
+        label = BAND + what + whose[what]
         for actor in actors:
             found = _band(actor, state)
             if found is not None:
                 edges += _draw(ax, scene, actor, *found)
-                ax.plot([], [], **{**BAND, "label": label})
+                ax.plot([], [], color=scene.looks[actor.order].colour, label=label)
     for actor in kinds.get(_STATE, ()):
         for output in actor.result.outputs_of(state):
             found = _of_samples(actor, state, output)
             if found is not None:
                 edges += _draw(ax, scene, actor, *found, dotted=True)
-                label = BAND_OF_SAMPLES["label"] + whose[_STATE]
-                ax.plot([], [], **{**BAND_OF_SAMPLES, "label": label})
+                label = BAND + _MEASURED + whose[_STATE]
+                ax.plot([], [], color=scene.looks[actor.order].colour, label=label, **BAND_OF_SAMPLES)
     return edges
 
 
@@ -121,8 +121,8 @@ def _draw(
     half = without_hairs(t, upper - lower, (end - start) / _TEETH) / 2
     middle = (lower + upper) / 2
     lower, upper = middle - half, middle + half
-    how = edged(scene.looks[actor.order].colour, 0.0 if dotted else 0.15)
-    how |= {"linestyle": BAND_OF_SAMPLES["linestyle"], "linewidth": BAND_OF_SAMPLES["linewidth"]} if dotted else {}
+    how = edged(scene.looks[actor.order].colour, 0.0 if dotted else BAND_OPACITY)
+    how |= BAND_OF_SAMPLES if dotted else {}
     ax.fill_between(t, lower, upper, **how, zorder=1.3 if dotted else 1.2)
     shown = [inside(Curve(t, edge), scene.window).v for edge in (lower, upper)]
     return [edge[np.isfinite(edge)] for edge in shown]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from hgorun.figures.style import (
     BAND,
-    BAND_OF_SAMPLES,
+    BAND_OPACITY,
     DOTS,
     DPI,
     HELD_OUT,
@@ -18,6 +18,7 @@ from hgorun.figures.style import (
     STATE_FEEDBACK,
     THEORY,
     TRUTH,
+    edged,
 )
 from hgorun.result.data import ResultData
 from hgorun.tables.typeset import columns as columns_of
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
     from matplotlib.legend import Legend
+    from matplotlib.lines import Line2D
 
 TOP = 0.6  # inches for title and legend
 _MARGIN = 0.05  # inches that a legend keeps from the edges of its figure
@@ -128,35 +130,30 @@ def _insets(ax: Axes) -> list[Axes]:
 def _legend(figure: Figure, axes: Sequence[Axes], title: str | None, order: Sequence[str]) -> Legend:
     """One legend above all panels, in as many columns as fit; the figure's title is its title.
 
-    What is measured or true is said once, whatever its greys and sizes in the panels.
+    What is measured or true is said once, whatever its greys and sizes in the panels, and so is what should lie in
+    bands, beside the colours of all of them.
     """
-    handles: dict[tuple[str, Any], Any] = {}
-    titles = [ax.get_title(loc="left") for ax in axes]
-    for ax in axes:
-        for line in ax.lines:
-            text = str(line.get_label())
-            named = text == ax.get_title(loc="left") and titles.count(text) == 1  # by its panel's title
-            if not text.startswith("_") and not named:  # matplotlib's own names for what has none
-                entry = text, "" if _rank(text) < _OBSERVERS and text not in order else line.get_color()
-                if entry not in handles or handles[entry].get_markersize() < line.get_markersize():
-                    handles[entry] = line
+    from matplotlib.legend_handler import HandlerTuple
+
     places = {text: place for place, text in enumerate(dict.fromkeys(order))}
+    handles = _handles(axes, places)
     entries = sorted(handles, key=lambda entry: (_rank(entry[0], places), places.get(entry[0], 0)))
     texts = [text for text, _ in entries]
     room = figure.get_figwidth() * figure.dpi - 2 * _MARGIN * figure.dpi
     columns, limit = max(len(texts), 1), max(map(columns_of, texts), default=0)
     while True:
         legend = figure.legend(
-            [handles[entry] for entry in entries],
+            [_drawn(entry[0], handles[entry], places) for entry in entries],
             [text if "$" in text else shortened(text, limit) for text in texts],
             ncols=columns,
             title=title,
+            handler_map={tuple: HandlerTuple(ndivide=None, pad=0.2)},
             loc="outside upper center",
         )
         legend.get_title().set_multialignment("center")
         for entry, handle in zip(entries, legend.legend_handles, strict=True):
             if handle is not None:
-                handle.set_gid(handles[entry].get_gid())  # it keeps its colour where its line does
+                handle.set_gid(handles[entry][0].get_gid())  # it keeps its colour where its line does
         width = max(legend.get_window_extent().width, legend.get_title().get_window_extent().width)
         filled = -(-len(texts) // -(-len(texts) // columns)) if texts else 1  # as many rows, without one alone in a row
         fits = width <= room or (columns == 1 and limit <= _SHORTEST)
@@ -169,6 +166,40 @@ def _legend(figure: Figure, axes: Sequence[Axes], title: str | None, order: Sequ
             columns, limit = (columns - 1, limit) if columns > 1 else (1, limit - 2)
 
 
+def _handles(axes: Sequence[Axes], places: Mapping[str, int]) -> dict[tuple[str, Any], list[Line2D]]:
+    """The lines of each entry of the legend: of bands one in every colour, of all else one."""
+    handles: dict[tuple[str, Any], list[Line2D]] = {}
+    titles = [ax.get_title(loc="left") for ax in axes]
+    for ax in axes:
+        for line in ax.lines:
+            text = str(line.get_label())
+            named = text == ax.get_title(loc="left") and titles.count(text) == 1  # by its panel's title
+            if text.startswith("_") or named:  # matplotlib's own names for what has none
+                continue
+            once = _of_bands(text, places) or (_rank(text) < _OBSERVERS and text not in places)
+            known = handles.setdefault((text, "" if once else line.get_color()), [])
+            if _of_bands(text, places):
+                known += [line] if all(line.get_color() != other.get_color() for other in known) else []
+            elif not known or known[0].get_markersize() < line.get_markersize():
+                known[:] = [line]
+    return handles
+
+
+def _drawn(text: str, lines: Sequence[Line2D], places: Mapping[str, int]) -> Any:
+    """What a legend shows of these lines: of bands patches, of those that are dotted lines."""
+    from matplotlib.patches import Patch
+
+    if not _of_bands(text, places):
+        return lines[0]
+    return tuple(
+        Patch(**edged(str(line.get_color()), BAND_OPACITY)) if line.get_linestyle() == "-" else line for line in lines
+    )
+
+
+def _of_bands(text: str, places: Mapping[str, int]) -> bool:
+    return text.startswith(BAND) and text not in places
+
+
 _KINDS = [STATE_FEEDBACK, *(str(kind["label"]) for kind in (TRUTH, REFERENCE, DOTS, OUTLIERS, HELD_OUT, THEORY))]
 _OBSERVERS = len(_KINDS)
 
@@ -177,7 +208,7 @@ def _rank(text: str, observers: Mapping[str, int] = MappingProxyType({})) -> int
     """Truth, reference, measurements and theory stand before the observers, bands behind all else."""
     if text in observers:
         return _OBSERVERS
-    if text.startswith((str(BAND["label"]), str(BAND_OF_SAMPLES["label"]))):
+    if text.startswith(BAND):
         return _OBSERVERS + 2
     of = (i for i, kind in enumerate(_KINDS) if text == kind or text.endswith(f": {kind}"))
     found = next(of, None)

@@ -82,14 +82,8 @@ REFERENCE: dict[str, Any] = {
     "zorder": 4.8,
     "label": "reference",
 }
-# In a legend: what should lie in bands of estimates, which have the colours of their observers.
-BAND: dict[str, Any] = {"color": "0.82", "linewidth": 5.0, "solid_capstyle": "butt", "label": "95 % of "}
-BAND_OF_SAMPLES: dict[str, Any] = {
-    "color": "0.45",
-    "linestyle": (0, (1.2, 1.4)),
-    "linewidth": 0.6,
-    "label": "95 % of samples",
-}
+BAND, BAND_OPACITY = "95 % of ", 0.15  # of estimates: what a legend says before what should lie in them
+BAND_OF_SAMPLES: dict[str, Any] = {"linestyle": (0, (1.2, 1.4)), "linewidth": 0.6}
 # Where either are very many: small, and behind the estimates, as samples are.
 AMONG: dict[str, Any] = {"markersize": 2.0, "markeredgewidth": 0, "zorder": 1.6}
 # Greys and markers where one panel shows the measurements of several runs.

@@ -12,6 +12,8 @@ from examples import chain, simulated
 from hypothesis import given
 from hypothesis import strategies as st
 from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex
+from matplotlib.patches import Rectangle
 
 from hgorun import Result
 from hgorun.figures.actors import cast
@@ -117,6 +119,22 @@ def test_the_legend_is_in_order_and_says_what_bands_are_of(result: Result) -> No
     assert two_runs[-3:] == legend(result)[-3:]
     alone = replace(result, observers={"B": result.observers["B"]})
     assert legend(alone)[-2:] == ["B", "95 % of samples"]
+
+
+def test_bands_have_the_colours_of_their_observers_in_the_legend(result: Result) -> None:
+    """One patch of several bands has all their colours; a dotted band has a dotted line."""
+    figure = comparison(result)
+    drawn = {label: lines(figure.axes[0])[label].get_color() for label in "KB"}
+    assert drawn["K"] != drawn["B"]
+    handles = dict(zip(legend(result), figure.legends[0].legend_handles, strict=True))
+    for text, label in (("the true state (K)", "K"), ("samples (B)", "B")):
+        assert to_hex(handles[f"95 % of {text}"].get_edgecolor()) == drawn[label].lower()
+    assert handles["95 % of samples (K)"].get_color() == drawn["K"]
+    assert handles["95 % of samples (K)"].get_linestyle() == "--"
+    both = comparison(replace(result, observers={label: result.observers["B"] for label in "KB"}))
+    patches = both.legends[0].findobj(Rectangle)
+    shown = [to_hex(one.get_edgecolor()) for one in patches if one is not both.legends[0].get_frame()]
+    assert shown == [lines(both.axes[0])[label].get_color().lower() for label in "KB"]
 
 
 def test_beside_held_out_samples_stands_the_band_of_samples(result: Result) -> None:
