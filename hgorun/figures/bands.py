@@ -18,7 +18,7 @@ from hgorun.figures.data import (
     state_limits,
     thinned,
 )
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, pooled_over
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.lost import (
@@ -98,7 +98,7 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
             f"{count} members, and their median" if count < _FEWEST else f"medians, 50 % and 90 % of {count} members"
         )
         title += f" at each time{pooled_over(members, [])}{words_of_lost_along(members, step)}"
-        return finished(figure, axes, columns, title, grow=True)
+        return finished(figure, axes, columns, headed(members, title), grow=True)
 
 
 def _kept(members: Collected) -> Trajectories:
@@ -207,8 +207,8 @@ def family(
         _level(axes, each)
         _scale(figure, axes, axis_label(axis, members.units), colours, aspect=60 if cast.narrow else 30)
         lost = int(np.sum(~members.sound[kept.member].all(axis=1)))
-        title = f"lines end where estimates are lost, in {lost} of {len(kept.member)} members" if lost else None
-        return finished(figure, axes, columns, title, grow=True)
+        title = f"lines end where estimates are lost, in {lost} of {len(kept.member)} members" if lost else ""
+        return finished(figure, axes, columns, headed(members, title), grow=True)
 
 
 def _level(axes: list[Axes], each: int) -> None:

@@ -137,6 +137,11 @@ def _named(axis: str) -> str:
     return shown
 
 
+def headed(members: Collected, text: str) -> str:
+    """The title of a figure: whose members it shows, and what is said of them."""
+    return ": ".join(part for part in (members.title or members.name, text) if part)
+
+
 def pooled_over(members: Collected, drawn: Sequence[str]) -> str:
     """What is said of axes that were chosen, and that a figure shows together; nothing where there are none.
 

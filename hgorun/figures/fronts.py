@@ -13,7 +13,7 @@ from hgorun.ensemble.fronts import non_dominated
 from hgorun.ensemble.never import never
 from hgorun.ensemble.points import points, thinned
 from hgorun.ensemble.statistics import quantiles
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, limits, scale_axis
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.style import styled
 
@@ -59,7 +59,7 @@ def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure
             ax.set_ylabel(cast.quantity(y, state))
         what = "medians over random draws" if any(len(part) > 1 for _, part in parts) else "points: members"
         title = f"{what}; lines: {_fronts(members, joined)}; small: others{words_of_lost_points(members, (x, y))}"
-        return finished(figure, axes, columns, title, grow=True)
+        return finished(figure, axes, columns, headed(members, title), grow=True)
 
 
 def words_of_lost_points(members: Collected, metrics: Sequence[str]) -> str:

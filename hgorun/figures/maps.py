@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.never import never
 from hgorun.ensemble.statistics import quantiles
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, places, pooled_over
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, places, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.page import AS_IT_IS, seen_on
 from hgorun.figures.style import styled
@@ -68,7 +68,7 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
             bar.set_label(paragraph(cast.quantity(metric, state), _LABEL))
         title = _title(members, axes, metric, len(cells[0][0]) * len(cells[1][0]))
-        return finished(figure, panels, columns, title, grow=cast.narrow)
+        return finished(figure, panels, columns, headed(members, title), grow=cast.narrow)
 
 
 def _title(members: Collected, axes: tuple[str, str], metric: str, cells: int) -> str:

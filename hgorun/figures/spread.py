@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.never import is_time, never
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, limits, places, pooled_over, scale_axis, spans_much
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, headed, limits, places, pooled_over, scale_axis, spans_much
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.lost import draw_bands, draw_crosses, drawn_median, mostly_lost, spread, words_of_lost
@@ -60,7 +60,7 @@ def against(members: Collected, axis: str, metrics: Sequence[str], *, width: flo
         _scale(rows)
         title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}"
         title += words_of_lost_at(members, whose, len(at), metrics)
-        return finished(figure, axes, columns, title, grow=True)
+        return finished(figure, axes, columns, headed(members, title), grow=True)
 
 
 def _count(members: Collected, places: int) -> str:
@@ -94,12 +94,16 @@ def _finite(drawn: Sequence[Floats]) -> Floats:
 
 
 def _scale(rows: Mapping[str, Sequence[tuple[Axes, Floats]]]) -> None:
-    """Limits, and logarithmic axes for all panels of a metric if one of them spans much, and all can be so."""
+    """Limits, and logarithmic axes for all panels of a metric if one of them spans much, and all can be so.
+
+    The label of these says so: beside linear ones they would be read as these.
+    """
     for row in rows.values():
         known = [(ax, values) for ax, values in row if values.size]
         logarithmic = all(values.min() > 0 for _, values in known) and any(map(spans_much, (v for _, v in known)))
         for ax, values in known:
             ax.set_yscale("log" if logarithmic else "linear")
+            ax.set_ylabel(ax.get_ylabel() + "\n(log scale)" * logarithmic)
             ax.set_ylim(limits(float(values.min()), float(values.max()), logarithmic=logarithmic))
 
 
@@ -141,8 +145,8 @@ def boxes(members: Collected, metrics: Sequence[str], *, width: float = WIDTH) -
             ax.set_ylabel(cast.quantity(metric, state))
             _names(ax, cast, metric, state, tall=figure.get_figwidth() / columns)
         _scale(rows)
-        title = f"{len(members)} members: median, box 50 %, whiskers 90 %{pooled_over(members, [])}"
-        return finished(figure, axes, columns, title, grow=True)
+        title = f"median, box 50 %, whiskers 90 % of {len(members)} members{pooled_over(members, [])}"
+        return finished(figure, axes, columns, headed(members, title), grow=True)
 
 
 def _box(ax: Axes, place: int, values: Floats, sound: NDArray[np.bool_], look: Look) -> Floats:

@@ -100,7 +100,7 @@ def test_medians_against_an_axis() -> None:
     np.testing.assert_array_equal(x, THETAS)
     naive = [np.median(members.metrics["settling"][members.axes[THETA] == t, 0, 0]) for t in THETAS]
     np.testing.assert_allclose(y, naive, rtol=1e-12)
-    assert figure.axes[2].get_ylabel() == "settling time of $\\hat{x}_{1} - x_{1}$ [h]"
+    assert figure.axes[2].get_ylabel() == "settling time of $\\hat{x}_{1} - x_{1}$ [h]\n(log scale)"
     assert figure.axes[2].get_xlabel() == "$\\theta$ of F"
     assert figure.axes[0].get_xscale() == "log"
 
@@ -410,3 +410,19 @@ def test_what_differs_by_roundings_is_drawn_as_equal_and_nothing_is_added_in_a_c
         figure.draw_without_rendering()
     assert ax.yaxis.get_offset_text().get_text() == ""
     assert "100.0004" in [label.get_text() for label in ax.get_yticklabels()]
+
+
+@pytest.mark.costly
+def test_figures_name_their_ensemble_and_boxes_their_scales() -> None:
+    """A metric has one scale in all panels."""
+    members = made(lost=False)
+    figure = boxes(members, ["hf", "rmse"])
+    assert [ax.get_yscale() for ax in figure.axes] == ["log", "log", "log", "log"]
+    narrow = {name: values if name == "hf" else 3 + 0.01 * values for name, values in members.metrics.items()}
+    figure = boxes(replace(members, metrics=narrow), ["hf", "rmse"])
+    assert [ax.get_yscale() for ax in figure.axes] == ["log", "log", "linear", "linear"]
+    assert ["(log scale)" in ax.get_ylabel() for ax in figure.axes] == [True, True, False, False]
+    assert caption(figure).startswith("made: median, box 50 %, whiskers 90 % of 108 members")
+    titled = replace(members, title="Gains of F")
+    assert caption(boxes(titled, ["hf"])).startswith("Gains of F: median")
+    assert caption(family(members, THETA)) == "made"

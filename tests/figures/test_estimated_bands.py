@@ -126,13 +126,13 @@ def test_bands_have_the_colours_of_their_observers_in_the_legend(result: Result)
     figure = comparison(result)
     drawn = {label: lines(figure.axes[0])[label].get_color() for label in "KB"}
     assert drawn["K"] != drawn["B"]
-    handles = dict(zip(legend(result), figure.legends[0].legend_handles, strict=True))
+    handles: dict[str, Any] = dict(zip(legend(result), figure.legends[0].legend_handles, strict=True))
     for text, label in (("the true state (K)", "K"), ("samples (B)", "B")):
         assert to_hex(handles[f"95 % of {text}"].get_edgecolor()) == drawn[label].lower()
     assert handles["95 % of samples (K)"].get_color() == drawn["K"]
     assert handles["95 % of samples (K)"].get_linestyle() == "--"
     both = comparison(replace(result, observers={label: result.observers["B"] for label in "KB"}))
-    patches = both.legends[0].findobj(Rectangle)
+    patches: list[Any] = both.legends[0].findobj(Rectangle)
     shown = [to_hex(one.get_edgecolor()) for one in patches if one is not both.legends[0].get_frame()]
     assert shown == [lines(both.axes[0])[label].get_color().lower() for label in "KB"]
 
