@@ -58,6 +58,19 @@ _LAZY = {
 }
 
 
+_TABLE = "`result.metrics()` of hgorun.simulate has the numbers, and `hgorun compare` in a shell prints the table"
+_LOG = "hgorun.Estimator takes sample after sample, and `hgorun estimate` in a shell takes a whole log"
+_COMMAND = "it is a command only, `hgorun {}` in a shell"
+
+# Of names that are not here, what does the same. The submodules called so are no functions.
+_CALLED = {
+    "compare": _TABLE,
+    "run": "hgorun.simulate runs an experiment, and hgorun.sweep an ensemble",
+    **{name: _COMMAND.format(name) for name in ("tune", "figures", "export", "claims", "benchmark", "explore")},
+    "estimate": _LOG,
+}
+
+
 def __dir__() -> list[str]:
     return __all__
 
@@ -67,4 +80,5 @@ def __getattr__(name: str) -> Any:
         value = getattr(import_module(_LAZY[name]), name)
         globals()[name] = value
         return value
-    raise AttributeError(f"module 'hgorun' has no attribute {name!r}")
+    called = f": {_CALLED[name]}" if name in _CALLED else ""
+    raise AttributeError(f"module 'hgorun' has no attribute {name!r}{called}")

@@ -20,7 +20,7 @@ from hgorun.config.reading import read_source
 from hgorun.config.shell import assigned
 from hgorun.errors import ConfigError
 from hgorun.figures.page import Page
-from hgorun.plants.base import PLANTS
+from hgorun.plants.names import states_of
 from hgorun.simulation.blocks import of_a_log
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import experiment_of
@@ -74,8 +74,8 @@ def _refuse_recording(path: Path, data: object) -> None:
     if not (isinstance(data, dict) and of_a_log(data)):
         return
     plant, time, log = (_mapping(data, key) for key in ("plant", "time", "data"))
-    inputs, outputs = _mapping(log, "inputs"), _mapping(log, "outputs").values()
-    noise = next((one["std"] for one in outputs if isinstance(one, dict) and "std" in one), None)
+    inputs, outputs = _mapping(log, "inputs"), _mapping(log, "outputs")
+    noise = next((one["std"] for one in outputs.values() if isinstance(one, dict) and "std" in one), None)
     examples: dict[tuple[str, ...], object] = {
         ("data",): "null",
         ("tune",): "null" if "tune" in data else None,
@@ -84,7 +84,8 @@ def _refuse_recording(path: Path, data: object) -> None:
         ("measurement", "sampling", "period"): log.get("period", time.get("output_step", 0.01)),
         ("measurement", "noise"): None if noise is None else f"[{{type: gaussian, std: {noise}}}]",
         ("plant", "inputs"): _ones(inputs) if inputs and "inputs" not in plant else None,
-        ("plant", "initial"): _ones(_states(plant)) if "initial" not in plant else None,
+        ("plant", "initial"): _ones(states_of(plant)) if "initial" not in plant else None,
+        **_first_samples(data, plant, outputs),
     }
     words = " ".join(assigned(path, str(value)) for path, value in examples.items() if value is not None)
     file = quote(str(path))
@@ -97,6 +98,25 @@ def _refuse_recording(path: Path, data: object) -> None:
     )
 
 
+def _first_samples(
+    data: Mapping[str, Any], plant: Mapping[str, Any], outputs: Iterable[str]
+) -> dict[tuple[str, ...], object]:
+    """Starts of measured states where an observer gives none: those are the first samples of a log, and 0 in a run."""
+    states, own, start = states_of(plant), _mapping(plant, "output"), _mapping(plant, "initial")
+    measured = [state for state in (own.get(output, output) for output in outputs) if state in states]
+    found: dict[tuple[str, ...], object] = {}
+    for label, block in _mapping(data, "observers").items():
+        given = block.get("initial", {}) if isinstance(block, dict) else None
+        if not isinstance(given, dict):
+            continue
+        missing = {state: start.get(state, 1) for state in measured if state not in given}
+        if "initial" in block:
+            found |= {("observers", label, "initial", state): value for state, value in missing.items()}
+        elif missing:
+            found["observers", label, "initial"] = _entries(missing)
+    return found
+
+
 def _mapping(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
     """What stands at a key, which nobody has checked yet; nothing where that is no mapping."""
     found = data.get(key)
@@ -104,15 +124,11 @@ def _mapping(data: Mapping[str, Any], key: str) -> Mapping[str, Any]:
 
 
 def _ones(names: Iterable[str]) -> str:
-    return "{" + ", ".join(f"{name}: 1" for name in names) + "}"
+    return _entries(dict.fromkeys(names, 1))
 
 
-def _states(plant: Mapping[str, Any]) -> list[str]:
-    """The names of the plant's states, as far as the block says them or its type is known."""
-    given, name = plant.get("states"), plant.get("type")
-    if isinstance(given, list):
-        return [str(state) for state in given]
-    return list(PLANTS.find(name).model_construct().state_names) if name in PLANTS.names() else []
+def _entries(values: Mapping[str, object]) -> str:
+    return "{" + ", ".join(f"{name}: {value}" for name, value in values.items()) + "}"
 
 
 def _target(name: str, output: Path | None) -> Path:

@@ -61,7 +61,7 @@ def tune_data(options: Options, text: str, source: Source) -> int:
         _check_deviations(goal, experiments[0])
         given = {label: tuple(one.get("initial") or ()) for label, one in source.data["observers"].items()}
         tasks = _tasks(experiments[0], goal, block)
-        found = [_tuned(cases, given, one, gains, block.runs(len(gains))) for one, gains in tasks]
+        found = [_tuned(cases, given, one, gains, block.runs(len(gains), recorded=True)) for one, gains in tasks]
     folder = options.output or RESULTS
     target = folder / f"{options.config.stem}.tuned.yaml"
     for one in found:

@@ -17,6 +17,8 @@ UsageError: type[Exception] = BadParameter.__mro__[1]  # click's own class, or t
 
 _ENOUGH = 5  # letters and hyphens of an option that is not written to its end
 
+_VALUES = {"--format": ("csv", "latex"), "--lang": ("c", "latex")}  # that are taken for options
+
 
 def refused(error: Exception, ctx: Context, all_options: Callable[[], Mapping[str, Sequence[str]]]) -> ConfigError:
     """What a library says of options and arguments, told by the kind of its error; with the options of each command."""
@@ -45,8 +47,9 @@ def _no_option(name: str, ctx: Context, known: Mapping[str, Sequence[str]]) -> C
     long = name.startswith("--")  # letters are no likelier meant for each other
     own = [*options(command.params), *ctx.help_option_names]
     everywhere = {option for of_one in known.values() for option in of_one}
-    near = _nearest_option(name, own) if long and name not in everywhere else ""
-    hint = near and f" Did you mean `{near}`?"
+    hint = "" if name in everywhere else _called_otherwise(name, own)
+    near = _nearest_option(name, own) if long and not hint and name not in everywhere else ""
+    hint = hint or (near and f" Did you mean `{near}`?")
     meant = _nearest_option(name, everywhere) if long else name
     others = [other for other, of_one in known.items() if meant in of_one]
     if not hint and others:
@@ -54,6 +57,16 @@ def _no_option(name: str, ctx: Context, known: Mapping[str, Sequence[str]]) -> C
         hint = f" {'It' if meant == name else meant} is an option of {of}."
     called = f"hgorun {command.name}" if parent is not None else "hgorun"
     return ConfigError(f"there is no option {printable(name)}.{hint} {called} -h lists the options")
+
+
+def _called_otherwise(name: str, own: Sequence[str]) -> str:
+    """Of an option that is none in any command: what does the same, or "" where nothing is known to."""
+    if name == "--seeds":
+        return " hgorun sweep takes many seeds, of a file with `base: CONFIG` and `axes: {seed: {count: 50}}`."
+    for option, values in _VALUES.items():
+        if option in own and name[2:] in values:
+            return f" Did you mean `{option} {name[2:]}`?"
+    return ""
 
 
 def _nearest_option(name: str, known: Iterable[str]) -> str:

@@ -24,16 +24,33 @@ def read_source(path: str | Path, overrides: Sequence[str] = (), *, seed: int | 
     ------
     ConfigError
     """
-    if isinstance(overrides, str):
-        raise ConfigError(f"overrides: expected a list, such as [{overrides!r}], found the text {overrides!r}")
+    require_list(overrides)
     path = Path(path)
     text, source = _read(path)
-    source = extended(source, path)
+    return text, overridden(extended(source, path), overrides, seed)
+
+
+def require_list(overrides: Sequence[str]) -> None:
+    """Refuse a text, which is a sequence of letters.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if isinstance(overrides, str):
+        raise ConfigError(f"overrides: expected a list, such as [{overrides!r}], found the text {overrides!r}")
+
+
+def overridden(source: Source, overrides: Sequence[str], seed: int | None) -> Source:
+    """The same with assignments, and with another seed where one is given.
+
+    Raises
+    ------
+    ConfigError
+    """
     for assignment in overrides:
         source = set_path(source, assignment)
-    if seed is not None:
-        source = set_path(source, f"seed={seed}")
-    return text, source
+    return source if seed is None else set_path(source, f"seed={seed}")
 
 
 def mapping(source: Source, keys: str) -> dict[str, Any]:

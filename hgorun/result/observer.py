@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from hgorun.result.recorded import Assessed
 from hgorun.result.status import OK, Status, Verdict
 
 MapName = Literal["chain", "derivatives"]
+_ESTIMATE = ("x", "x_hat", "xh", "estimate", "estimates", "state", "states")  # what others call it
 MAPS: tuple[MapName, ...] = ("chain", "derivatives")
 
 
@@ -75,6 +76,12 @@ class ObserverResult:
 
     def __post_init__(self) -> None:
         name_keys(self, internal="internal state", gains="gain", metrics="metric")
+
+    if not TYPE_CHECKING:  # a type checker would take any name for one of these
+
+        def __getattr__(self, name: str) -> NoReturn:
+            meant = "; the estimate is `xhat`" if name in _ESTIMATE else ""
+            raise AttributeError(f"the result of an observer has no {name!r}{meant}", name=name, obj=self)
 
     @property
     def filter_order(self) -> int | None:

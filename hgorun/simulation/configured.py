@@ -19,6 +19,20 @@ from hgorun.simulation.resolved import as_yaml, plain
 ONLY_A_FILE = "only a file can extend another one; see hgorun.load"
 
 
+def written(blocks: Mapping[str, Any], name: str) -> tuple[str, Source]:
+    """A mapping as a file would have it: its text, and what that says.
+
+    Raises
+    ------
+    ConfigError
+        When it extends a file, or holds what no file can.
+    """
+    if "extends" in blocks:
+        raise ConfigError(ONLY_A_FILE, key="extends")
+    text = as_yaml(plain(dict(blocks)))
+    return text, parse(text, name)
+
+
 class Configured:
     """What stands in a configuration; :class:`~hgorun.simulation.experiment.Experiment` has what follows from it."""
 
@@ -26,10 +40,7 @@ class Configured:
         self, config: Mapping[str, Any] | Source, *, name: str = "experiment", text: str | None = None
     ) -> None:
         if not isinstance(config, Source):
-            if "extends" in config:
-                raise ConfigError(ONLY_A_FILE, key="extends")
-            text = as_yaml(plain(dict(config)))
-            config = parse(text, name)
+            text, config = written(config, name)
         self.name, self.text, self.source = name, text or "", config
         self._checked = check(config)
 

@@ -4,27 +4,35 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from os import PathLike
 from pathlib import Path
+from typing import Any
 
 from hgorun.config.expressions import nearest
 from hgorun.config.kinds import refuse_file_of_another_command
-from hgorun.config.reading import read_source
+from hgorun.config.reading import overridden, read_source, require_list
+from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
+from hgorun.simulation.configured import written
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.check import check_figures_of
 from hgorun.study.study import Run, Study, study_of
 
 
 def load(
-    path: str | Path, overrides: Sequence[str] = (), *, seed: int | None = None, run: str | None = None
+    path: str | Path | Mapping[str, Any],
+    overrides: Sequence[str] = (),
+    *,
+    seed: int | None = None,
+    run: str | None = None,
 ) -> Experiment:
     """Read and check a configuration.
 
     Parameters
     ----------
-    path : path
-        A YAML file.
+    path : path or mapping
+        A YAML file, or the blocks of an experiment as they stand in one.
     overrides : sequence of str
         ``path=value`` each, as on the command line after ``--set``.
     seed : int, optional
@@ -46,7 +54,23 @@ def load(
     >>> hgorun.load("config.yaml", ["observers.SHGO.theta=4"], seed=7).observers["SHGO"].theta
     4.0
     """
+    if isinstance(path, Mapping):
+        return _of_mapping(path, overrides, seed, run)
+    if not isinstance(path, (str, PathLike)):
+        raise ConfigError(f"load: expected a file or a mapping, found {describe(path)}")
     return experiment_of(*read_source(path, overrides, seed=seed), path, run)
+
+
+def _of_mapping(blocks: Mapping[str, Any], overrides: Sequence[str], seed: int | None, run: str | None) -> Experiment:
+    if run is not None:
+        raise ConfigError("run names one of the runs of a file")
+    if "runs" in blocks:
+        raise ConfigError("a mapping holds one run; with several `runs` it has to be a file", key="runs")
+    require_list(overrides)
+    text, source = written(blocks, "experiment")
+    experiment = Experiment(overridden(source, overrides, seed), text=text)
+    check_figures_of(experiment)
+    return experiment
 
 
 def experiment_of(text: str, source: Source, path: str | Path, run: str | None = None) -> Experiment:

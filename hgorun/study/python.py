@@ -16,7 +16,7 @@ from hgorun.study.loading import load
 Given = Experiment | Mapping[str, Any] | str | Path
 
 
-def experiment_of(given: Given, run: str | None = None) -> Experiment:
+def experiment_of(given: Given, run: str | None = None, seed: int | None = None) -> Experiment:
     """The experiment that is meant.
 
     Parameters
@@ -25,6 +25,8 @@ def experiment_of(given: Given, run: str | None = None) -> Experiment:
         An experiment, the blocks of one, or its YAML file.
     run : str, optional
         Which, of a file with several ``runs``.
+    seed : int, optional
+        In place of its own.
 
     Raises
     ------
@@ -39,21 +41,20 @@ def experiment_of(given: Given, run: str | None = None) -> Experiment:
                 "experiment: expected the path of a file, found text of several lines; give a mapping, "
                 "such as yaml.safe_load(text), or write it to a file"
             )
-        return load(given, run=run)
+        return load(given, seed=seed, run=run)
+    if isinstance(given, Mapping):
+        return load(given, seed=seed, run=run)
     if run is not None:
         raise ConfigError("run names one of the runs of a file")
     if isinstance(given, Experiment):
-        return given
-    if isinstance(given, Mapping):
-        if "runs" in given:
-            raise ConfigError("a mapping holds one run; with several `runs` it has to be a file", key="runs")
-        return Experiment(given)
+        return given if seed is None else given.varied({}, seed=seed)
     raise ConfigError(f"experiment: expected a file, a mapping or an Experiment, found {describe(given)}")
 
 
 def simulate(
     experiment: Given,
     *,
+    seed: int | None = None,
     run: str | None = None,
     check_step: bool = False,
     progress: Callable[[float], None] | None = None,
@@ -64,6 +65,8 @@ def simulate(
     ----------
     experiment : Experiment, mapping or path
         An experiment, the blocks of one as they stand in a YAML file, or the file.
+    seed : int, optional
+        Overrides the seed of the experiment.
     run : str, optional
         Which, of a file with several ``runs``.
     check_step : bool
@@ -90,4 +93,4 @@ def simulate(
     >>> hgorun.simulate({"time": time, "plant": plant, "observers": observers}).status
     'ok'
     """
-    return simulated(experiment_of(experiment, run), check_step=check_step, progress=progress)
+    return simulated(experiment_of(experiment, run, seed), check_step=check_step, progress=progress)

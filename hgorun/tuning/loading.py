@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.nearest import near_file
@@ -14,6 +15,7 @@ from hgorun.config.tuning import Tune, TuneFile
 from hgorun.config.validation import validate
 from hgorun.ensemble.refused import refuse
 from hgorun.errors import ConfigError, HgorunError
+from hgorun.plants.names import states_of
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.loading import load
 from hgorun.tuning.task import Task, tasks
@@ -60,8 +62,7 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     refuse_file_of_another_command(source.data, path, "tune")
     data = mapping(source, "base and tune")
     if "tune" not in data:
-        goal = f"holdout_rmse(*, {_first_output(data['data'])})" if "data" in data else "rmse(*, x1)"
-        example = f"tune: {{gains: {{observers.*.theta: {{log: [0.5, 20]}}}}, minimise: '{goal}'}}"
+        example = f"tune: {{gains: {{observers.*.theta: {{log: [0.5, 20]}}}}, {_goal(data)}}}"
         message = f"the key tune is missing: it says which gains to tune, and for which goal; such as {example}"
         raise ConfigError(message, file=str(path))
     config = path
@@ -78,6 +79,15 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     for task in asked.tasks:
         refuse(task.base, _ends(task))
     return asked
+
+
+def _goal(data: Mapping[str, Any]) -> str:
+    """An example, with names of the file as far as they can be read."""
+    if "data" in data:
+        return f"minimise: 'holdout_rmse(*, {_first_output(data['data'])})'"
+    plant = data.get("plant")
+    states = states_of(plant) if isinstance(plant, dict) else []
+    return f"minimise: 'rmse(*, {states[0] if states else 'STATE'})'"
 
 
 def _first_output(data: object) -> str:

@@ -28,7 +28,13 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
             PLANT + OBSERVER + DATA,
             "--set data=null --set time.end=10 --set time.output_step=0.01 --set measurement.sampling.period=0.05 "
             "--set 'measurement.noise=[{type: gaussian, std: 0.1}]' --set 'plant.inputs={u: 1}' "
-            "--set 'plant.initial={x1: 1, x2: 1}'",
+            "--set 'plant.initial={x1: 1, x2: 1}' --set 'observers.S.initial={x1: 1}'",
+        ),
+        (
+            "plant: {states: [h], output: {level: h}, initial: {h: 3}}\ndata: {outputs: {level: y}}\n"
+            "observers: {A: {initial: {}}, B: {initial: {h: 2}}, C: {initial: 4}, D: 5}\n",
+            "--set data=null --set time.end=10 --set time.output_step=0.01 --set measurement.sampling.period=0.01 "
+            "--set observers.A.initial.h=3",
         ),
         (
             "plant: {type: van_der_pol}\ndata: {file: log.csv, outputs: [y]}\ntune: {}\n",
@@ -47,9 +53,22 @@ def test_the_command_puts_a_way_of_the_model_in_place_of_the_log(shell: Shell, t
     assert (code, f"`hgorun analyze 'a b.yaml' {words}`" in err) == (2, True), err
 
 
+REACTOR = (
+    "plant: {states: [S, X], dynamics: {S: -S/(1 + S)*X + 2 - S, X: S/(1 + S)*X - 0.1*X}, output: S}\n"
+    "data: {file: log.csv, time: t, outputs: {S: {column: y, std: 0.1}}, period: 0.05}\n"
+)
+
+
 @pytest.mark.costly
-def test_the_command_works_as_it_stands(shell: Shell) -> None:
-    (shell.folder / "a.yaml").write_text(f"time: {{unit: s}}\n{PLANT}{OBSERVER}{DATA}")
+@pytest.mark.parametrize(
+    "text",
+    [
+        PLANT + OBSERVER + DATA,
+        REACTOR + "observers: {S: {type: shgo, theta: 2, initial: {X: 0.4}}}\n",  # at S = 0 X is not observed
+    ],
+)
+def test_the_command_works_as_it_stands(shell: Shell, text: str) -> None:
+    (shell.folder / "a.yaml").write_text(f"time: {{unit: s}}\n{text}")
     words = shlex.split(re.findall("`hgorun (analyze [^`]*)`", shell("analyze", "a.yaml")[2])[0])
     code, out, err = shell(*words, "--no-plots")
     assert (code, "period 0.05000 s" in out) == (0, True), err

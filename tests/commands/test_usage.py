@@ -41,6 +41,15 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("simulate a.yaml --obs S", "there is no option --obs. --observer is an option of export and init."),
         ("compare a.yaml --plant x", "there is no option --plant. It is an option of init. hgorun compare -h"),
         ("tune a.yaml -v", "there is no option -v. It is an option of analyze. hgorun tune -h lists the options"),
+        (
+            "simulate a.yaml --seeds 50",
+            "there is no option --seeds. hgorun sweep takes many seeds, of a file with `base: CONFIG` and "
+            "`axes: {seed: {count: 50}}`. hgorun simulate -h lists the options",
+        ),
+        ("sweep a.yaml --seeds 50", "there is no option --seeds. hgorun sweep takes many seeds, of a file with `base:"),
+        ("compare a.yaml --latex", "there is no option --latex. Did you mean `--format latex`? hgorun compare -h"),
+        ("export a.yaml --latex", "there is no option --latex. Did you mean `--lang latex`? hgorun export -h lists"),
+        ("simulate a.yaml --latex", "there is no option --latex. --late is an option of export. hgorun simulate -h"),
         ("compare a.yaml --zzzz", "there is no option --zzzz. hgorun compare -h lists the options"),
         ("cite nosuch", "nosuch: there is no such file. See hgorun list experiments"),
         ("simulate contois_t025", "contois_t025: there is no such file. Did you mean `contois_te025`? See hgorun list"),
@@ -131,6 +140,21 @@ def test_the_block_that_tune_names_is_one(shell: Shell) -> None:
     with (shell.folder / "b.yaml").open() as file:
         assert yaml.safe_load(file)["tune"]["minimise"] == "rmse(*, x1)"
     assert len(load_tuning(shell.folder / "b.yaml").tasks) == 1
+
+
+@pytest.mark.parametrize(
+    ("text", "goal"),
+    [
+        ("plant: {states: [q, w], output: q}\n", "minimise: 'rmse(*, q)'}"),
+        ("plant: {type: contois}\n", "minimise: 'rmse(*, x1)'}"),
+        ("plant: {type: mine}\n", "minimise: 'rmse(*, STATE)'}"),
+        ("plant: [q]\n", "minimise: 'rmse(*, STATE)'}"),
+        ("data: {outputs: {S: y}}\n", "minimise: 'holdout_rmse(*, S)'}"),
+    ],
+)
+def test_the_block_that_tune_names_has_names_of_the_file(shell: Shell, text: str, goal: str) -> None:
+    (shell.folder / "b.yaml").write_text(text)
+    assert shell("tune", "b.yaml")[2].endswith(f"{goal}\n")
 
 
 def test_tune_as_a_whole_is_set_for_one_call(shell: Shell) -> None:

@@ -455,3 +455,12 @@ def test_a_base_that_cannot_be_run_is_refused_before_anything_is_tried(shell: Sh
 def test_the_budget_follows_the_number_of_gains(gains: int, seeds: int, budget: int | None, expected: int) -> None:
     block = {"gains": {"observers.H.theta": {"log": [1, 2]}}, "minimise": "rmse(H, x1)", "seeds": seeds}
     assert Tune.model_validate(block if budget is None else block | {"budget": budget}).runs(gains) == expected
+
+
+@pytest.mark.parametrize(
+    ("gains", "budget", "expected"), [(1, None, 200), (2, None, 2000), (3, None, 4000), (1, 2000, 2000)]
+)
+def test_one_gain_on_recorded_data_needs_few_runs(gains: int, budget: int | None, expected: int) -> None:
+    block = {"gains": {"observers.H.theta": {"log": [1, 2]}}, "minimise": "holdout_rmse(H, y)"}
+    tune = Tune.model_validate(block if budget is None else block | {"budget": budget})
+    assert tune.runs(gains, recorded=True) == expected
