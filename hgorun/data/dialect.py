@@ -260,15 +260,16 @@ def _has_point(text: str) -> bool:
 def _mostly_commas(rows: Sequence[Sequence[str]]) -> bool:
     """Whether points are slips among decimal commas: most numbers have a comma, and no column has points alone.
 
-    With points alone a column may be one that is wanted, beside remarks with commas that nobody wants.
+    With points alone a column may be one that is wanted, beside remarks with commas that nobody wants. A column such as
+    9,005 leaves open what its commas mean: another one, such as 0,15, has to show it.
     """
-    total = 0
+    total, shown = 0, False
     for column in zip_longest(*rows, fillvalue=""):
         texts = [text.strip() for text in column]
-        commas, points = sum(map(_has_comma, texts)), sum(map(_has_point, texts))
+        commas = [text for text in texts if _has_comma(text)]
+        points = sum(map(_has_point, texts))
         if points and not commas:
             return False
-        if commas and all(_THOUSANDS.fullmatch(text) for text in texts if _has_comma(text)):
-            return False
-        total += commas - points
-    return total > 0
+        shown = shown or not all(map(_THOUSANDS.fullmatch, commas))
+        total += len(commas) - points
+    return shown and total > 0

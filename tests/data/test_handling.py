@@ -147,6 +147,8 @@ def test_replicates_of_late_samples_by_arrival(tmp_path: Path) -> None:
     [
         ('t;glucose\n0;"1,234"\n1;"2,500"\n', {}, r":2: '1,234' may be a number with thousands or with decimals"),
         ("t;glucose\n0,0;1,0\n0,1;1,1\n0,2;1.2\n0,3;1,1\n", {}, r":4: glucose: .*decimals have a comma here"),
+        ("t;glucose;D\n0;9,005;0,0\n1;8.810;0,0\n2;8,788;0,1\n", {}, r":3: glucose: .*'8.810'; decimals have a comma"),
+        ("t;glucose;n\n0;999.5;1\n1;1,234;2\n2;2,345;3\n3;3,456;4\n", {}, r":3: glucose: .*decimals have a point here"),
         ("t;glucose;note\n0;1.5;2,5\n1;2.5;2,5\n2;2,5;1.5\n3;2.5;2,5\n", {}, r":4: glucose: .*decimals have a point"),
         (
             "t;glucose\n0;1.5\n1;2,5\n",
