@@ -96,6 +96,7 @@ _UNITS = {
     *("g", "kg", "mg", "l", "L", "ml", "V", "mV", "kV", "A", "mA", "K", "N", "Nm", "Pa", "kPa", "bar", "W", "kW", "J"),
     *("rad", "mrad", "deg", "degree", "degrees", "degC", "rpm", "mol", "mmol", "ohm", "Ohm", "percent"),
 }
+_UNIT_OF = "times are in time.unit, the rest as in the model"
 DECIMAL_POINT = "a decimal number is written with a point, as in 0.25"
 
 
@@ -113,6 +114,8 @@ def check_name(name: str) -> None:
         why = f"the right-hand side of {name} stands under {name[:-1]}"
     elif not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         why = "names are ASCII letters, digits and `_`, and begin with no digit"
+        if re.match(r"\d+(?!\w)|\d+[eE]", name):  # as {u: 0,5*sin(t)} is read
+            why += f"; if it is the end of a number, {DECIMAL_POINT}"
     elif iskeyword(name):
         why = f"it is a keyword of the expression grammar; `{name}_` can be one"
     elif name.startswith("__"):
@@ -132,6 +135,7 @@ def short(text: str) -> str:
 def tokens(text: str) -> list[str]:
     """Cut ``text`` into numbers, names and signs, and refuse what is none of these."""
     found = [match for match in _TOKEN.finditer(text) if match.lastgroup != "space"]
+    _check_unit(text, found)
     level = 0
     for match in found:
         token = match[0]
@@ -158,6 +162,19 @@ def tokens(text: str) -> list[str]:
     for left, right in pairwise(found):
         _check_neighbours(left, right)
     return [match[0] for match in found]
+
+
+def _check_unit(text: str, found: list[re.Match[str]]) -> None:
+    """Refuse a quantity with its unit, whatever signs this unit has: 9.81 m/s^2, or 4 1/s^2."""
+    behind = [match for i, match in enumerate(found) if i or match[0] not in "+-"]
+    if len(behind) < 2 or behind[0].lastgroup != "number":
+        return
+    one, over, *rest = [*(match[0] for match in behind[1:4]), "", ""]
+    if one == "1" and over == "/" and rest[0] in _UNITS:
+        told = short(text[behind[1].start() :].strip())
+        raise ExpressionError(f"a number has no unit here, so `{told}` is too much: {_UNIT_OF}")
+    if one in _UNITS:
+        _check_neighbours(behind[0], behind[1])
 
 
 def _foreign(token: str) -> str:
@@ -188,7 +205,7 @@ def _check_neighbours(left: re.Match[str], right: re.Match[str]) -> None:
     begins = right.lastgroup in ("number", "name") or b == "("
     if left.lastgroup == "number" and b in _UNITS:
         turned = b in ("deg", "degree", "degrees")
-        meant = f"write {short(a)}*pi/180" if turned else "times are in time.unit, the rest as in the model"
+        meant = f"write {short(a)}*pi/180" if turned else _UNIT_OF
         raise ExpressionError(f"a number has no unit here, so `{short(b)}` is too much: {meant}")
     if left.lastgroup == right.lastgroup == "number":
         raise ExpressionError(

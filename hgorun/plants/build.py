@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, TypeAlias
@@ -12,14 +11,14 @@ import casadi as ca
 import numpy as np
 
 from hgorun.config.controller import DRIVEN, Controller
-from hgorun.config.expressions import CONSTANTS, ExpressionError, nearest, parse
+from hgorun.config.expressions import CONSTANTS
 from hgorun.config.reads import Reads
-from hgorun.config.tokens import short
-from hgorun.errors import KeyPath, Problem, called
+from hgorun.errors import Problem, called
 from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of
 from hgorun.plants.control import ControlLaw, ControlTexts, Space, driven_of
 from hgorun.plants.expressions import Signals, disturbance_of, inputs_of, parameter_values, require_known
+from hgorun.plants.undeclared import constants_told, require_readable
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.plant import PlantModel
 from hgorun.symbolic.symbols import Symbols
@@ -142,7 +141,8 @@ def build_plant(block: Plant, origin: float = 0.0, controller: Controller | None
     if control is None and driven:
         raise Problem(("plant", "inputs", driven[0]), f"there is no block {DRIVEN} that gives its law")
     given = {name: text for name, text in block.inputs.items() if name not in driven}
-    signals = inputs_of(tuple(given.items()), known), disturbance_of(tuple(block.disturbance.items()), known)
+    with constants_told(block):
+        signals = inputs_of(tuple(given.items()), known), disturbance_of(tuple(block.disturbance.items()), known)
     key = type(block), origin, states, outputs, inputs, tuple(values), *(s.templates for s in signals)
     key = (*key, None if control is None else control.structure)
     bucket = _BUILT.get(key, list)
@@ -243,39 +243,10 @@ def _triangular(
 def _equations(block: Plant, watched: Plant, t: ca.SX, x: Symbols, u: Symbols, p: Symbols) -> tuple[ca.SX, ca.SX]:
     values = {**vars(p), **vars(u), **vars(x), "t": t}
     for place, text in block.expressions().items():
-        _require_readable(("plant", *place), text, values, tuple(vars(x)))
+        require_readable(("plant", *place), text, values, tuple(vars(x)))
     with called("plant", block.type, "equations"):
         dynamics, output = watched.equations(t, x, u, p)
         return ca.SX(ca.vertcat(*dynamics)), ca.SX(ca.vertcat(*output))
-
-
-def _require_readable(path: KeyPath, text: str, values: Mapping[str, ca.SX], states: Sequence[str]) -> None:
-    """Refuse an equation that cannot be read; of a name that nothing declares the keys are told that do.
-
-    In an output a misspelt state is likelier than an input or a constant, so that the nearest state comes first.
-    """
-    try:
-        _symbol(path, text, values)
-    except Problem as error:
-        with suppress(ExpressionError):
-            for name in sorted(parse(text).names - values.keys() - CONSTANTS.keys()):
-                before, told, listed = error.message.partition(f"`{short(name)}` is not known.")
-                if not told:  # another name is reported
-                    continue
-                as_input, as_number = f"inputs: {{{name}: expression of t}}", f"parameters: {{{name}: number}}"
-                declared = f"an input is declared in plant by {as_input}, a constant by {as_number}"
-                if path[1] == "output" and (near := nearest(name, states)):
-                    listed = f"{near} States: {', '.join(states)}"
-                raise Problem(path, f"{before}{told}{listed}; {declared}") from error
-        raise
-
-
-def _symbol(path: KeyPath, text: str, values: Mapping[str, ca.SX]) -> ca.SX:
-    """An expression of known names as a symbolic one."""
-    try:
-        return parse(text, names=values).symbol(values)
-    except ExpressionError as error:
-        raise Problem(path, str(error)) from error
 
 
 def _require_distinct(groups: Mapping[str, tuple[str, ...]]) -> None:

@@ -117,8 +117,11 @@ class InlinePlant(Plant):
 
     def require_fit(self) -> None:
         measurable = tuple(dict.fromkeys((*self.states, *self.output, *self.inputs)))
+        used = frozenset[str]().union(*(parse(text).names for text in self.expressions().values()))
+        # of an input that equations use and nothing declares it is not the unit that is wrong
+        undeclared = used - self.parameters.keys()
         for name in self.units:
-            if name not in measurable:
+            if name not in measurable and name not in undeclared:
                 raise Problem(
                     ("plant", "units", name),
                     f"unknown name {name!r}; known here: {', '.join(measurable)}.{nearest(name, measurable)}",

@@ -43,7 +43,8 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
             "x2: -x1\n",
             "x2: -x1 + pump\n",
             "c.yaml:6: plant.dynamics.x2: `-x1 + pump`: `pump` is not known. Known names: t, x1, x2, pi, e; an input "
-            "is declared in plant by inputs: {pump: expression of t}, a constant by parameters: {pump: number}\n",
+            "is declared in plant by inputs: {pump: expression of t}, a constant by parameters: {pump: number}; an "
+            "input that was recorded, in data by inputs: {pump: column}\n",
         ),
         ("theta: 3", "theta: 3e400", "c.yaml:12: observers.FHGO.theta: 3e400 is larger than any number (1.8e308)"),
         ("theta: 3", "theta: .inf", "c.yaml:12: observers.FHGO.theta: the number inf is not finite"),

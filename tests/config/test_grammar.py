@@ -241,6 +241,8 @@ def test_names_that_can_be_used(name: str) -> None:
         *[(name, "keyword") for name in ("and", "not", "if", "None", "True", "in", "async")],
         *[(name, "it is a function") for name in ("sin", "where", "min")],
         *[(name, "`__`") for name in ("__class__", "__x")],
+        *[(name, "if it is the end of a number, a decimal") for name in ("5*x", "5 + x", "5e-3", "5e3*x")],
+        *[(name, "begin with no digit") for name in ("1x", "2nd")],
         *[(name, "ASCII") for name in ("", "1x", "x-1", "x 1", "θ", "x\n", "x.y", "é", "ｘ")],
     ],
 )

@@ -45,6 +45,29 @@ def test_an_output_has_the_name_that_it_is_given(output: Any, names: tuple[str, 
         ({"dynamics": {"x1": "x2"}}, "plant.dynamics", "the right-hand side of x2 is missing"),
         ({"dynamics": {"x1": "x2", "x2": "-x1", "x3": "1"}}, "plant.dynamics.x3", "unknown name 'x3'; known here: x1"),
         ({"units": {"x3": "m"}}, "plant.units.x3", "unknown name 'x3'"),
+        # an equation uses what nothing declares: its unit is right
+        (
+            {"dynamics": {"x1": "x2", "x2": "-x1 + D"}, "units": {"D": "1/h"}},
+            "plant.dynamics.x2",
+            "`D` is not known. Known names: t, x1, x2, pi, e; an input is declared in plant by inputs: {D: expression "
+            "of t}, a constant by parameters: {D: number}; an input that was recorded, in data by inputs: {D: column}",
+        ),
+        (
+            {"dynamics": {"x1": "x2", "x2": "-k*x1"}, "parameters": {"k": 1}, "units": {"k": "1/h"}},
+            "plant.units.k",
+            "unknown name 'k'",
+        ),
+        (
+            {"inputs": {"u": "sin(f*t)"}},
+            "plant.inputs.u",
+            "`f` is not known. Known names: t, u, pi, e; a constant is declared in plant by parameters: {f: number}",
+        ),
+        ({"inputs": {"u": "-x1"}}, "plant.inputs.u", "; feedback stands in the block controller"),
+        ({"disturbance": {"x2": "a*t"}}, "plant.disturbance.x2", "declared in plant by parameters: {a: number}"),
+        ({"disturbance": {"x2": "t t"}}, "plant.disturbance.x2", "an operator is missing"),
+        ({"inputs": {"u": "0", "5*sin(t)": None}}, "plant.inputs.5*sin(t)", "a decimal number is written with a point"),
+        ({"parameters": {"k": "4 1/s^2"}}, "plant.parameters.k", "has no unit here, so `1/s^2` is too much"),
+        ({"parameters": {"g": "9.81 m/s^2"}}, "plant.parameters.g", "has no unit here, so `m` is too much"),
         ({"parameters": {"a": "b", "b": "a"}}, "plant.parameters.a", "a, b are defined in terms of each other"),
         ({"parameters": {"a": "log(-1)"}}, "plant.parameters.a", "log"),
     ],
@@ -54,6 +77,11 @@ def test_what_is_no_plant(changes: dict[str, Any], key: str, words: str) -> None
         prepare(experiment(PLANT | changes, {}))
     assert words in str(caught.value)
     assert caught.value.key == key
+
+
+def test_a_plant_of_the_library_takes_no_constants_of_other_names() -> None:
+    with pytest.raises(ConfigError, match=r"`f` is not known\. Known names: .*e$"):
+        prepare(experiment(CONTOIS | {"inputs": {"D": "f*t"}}, {}))
 
 
 def test_a_parameter_without_a_default_has_to_be_given() -> None:
