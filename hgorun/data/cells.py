@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hgorun.config.types import describe
-from hgorun.data.date_hints import clock_key, form_hint
+from hgorun.data.date_hints import clock_key, form_hint, has_form
 
 NAT = int(np.iinfo(np.int64).min)
 """The stamp of a missing value: that of numpy."""
@@ -189,7 +189,7 @@ class Stamps:
             if self.pattern is None:
                 stamp, zoned = iso_stamp(text, partial(form_hint, key=self.key, column=self.column))
             else:
-                stamp, zoned = _patterned(text, self.pattern)
+                stamp, zoned = _patterned(text, self.pattern, partial(_as_written, key=self.key, column=self.column))
             self.zoned.add(zoned)
             if len(self.zoned) > 1:
                 raise ValueError("dates with and without a time zone in one column")
@@ -264,13 +264,20 @@ def _offset(zone: str | None) -> int:
     return -size if zone[0] == "-" else size
 
 
-def _patterned(text: str, pattern: str) -> tuple[int, bool]:
+def _as_written(text: str, key: str, column: str) -> str:
+    """What is said of a text that has not the form that is given: how it is read, where that is known."""
+    if looks_like_iso(text):
+        return f"; this one is read with {clock_key(key, column, 'iso')}"
+    if _NUMBER["."].fullmatch(text):
+        return "; leave out format where stamps are numbers"
+    return form_hint(text, key, column) if has_form(text) else ""
+
+
+def _patterned(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, bool]:
     try:
         moment = datetime.strptime(text, pattern)
     except ValueError:
-        hint = "; leave out format where stamps are numbers" if _NUMBER["."].fullmatch(text) else ""
-        hint = "; this one is read with format: iso" if looks_like_iso(text) else hint
-        raise ValueError(f"expected a date of the form {pattern}, found {describe(text)}{hint}") from None
+        raise ValueError(f"expected a date of the form {pattern}, found {describe(text)}{hint(text)}") from None
     offset = moment.utcoffset()
     past = moment.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
     return _in_range((past // timedelta(microseconds=1)) * 1000, text), offset is not None

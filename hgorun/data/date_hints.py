@@ -52,6 +52,11 @@ def form_hint(text: str, key: str, column: str) -> str:
     return f"; a date of another form needs its pattern, such as {clock_key(key, column, form)}"
 
 
+def has_form(text: str) -> bool:
+    """Whether a text is a date of a usual form."""
+    return next(_patterns_of(text), None) is not None
+
+
 def with_exchanged(form: str) -> str:
     """The pattern with day and month exchanged."""
     pattern = "%Y-%m-%d" if form == "iso" else form

@@ -68,7 +68,7 @@ def read(
     Problem
         When a key names what is not there.
     """
-    return Reader(block, folder, files).recording(time_unit, units or {}, beside, reference)
+    return Reader(block, folder, files, reference).recording(time_unit, units or {}, beside, reference)
 
 
 class Reader:
@@ -77,8 +77,8 @@ class Reader:
     Arguments as of :func:`read`; a file is read when a reader is made.
     """
 
-    def __init__(self, block: Data, folder: Path, files: Sequence[Path] = ()) -> None:
-        self._block, sources = block, Sources(block, folder, files)
+    def __init__(self, block: Data, folder: Path, files: Sequence[Path] = (), reference: str = "") -> None:
+        self._block, sources = block, Sources(block, folder, files, reference)
         groups: dict[str, Mapping[str, Column]] = {
             "outputs": block.outputs,
             "inputs": block.inputs,

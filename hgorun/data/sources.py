@@ -18,6 +18,7 @@ from hgorun.data.table import Table, TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
 
 _CSV_ADVICE = "csv: {"
+_TIME_ADVICE = "time: {column: "
 _LISTED = 20  # columns of a file, in a message
 
 
@@ -75,9 +76,12 @@ class Sources:
         That names in the block are relative to.
     files : sequence of Path
         In place of those that the block names for all signals.
+    reference : str
+        How the block would begin that names a file which no key names, as of :func:`hgorun.data.reading.read`.
     """
 
-    def __init__(self, block: Data, folder: Path, files: Sequence[Path]) -> None:
+    def __init__(self, block: Data, folder: Path, files: Sequence[Path], reference: str = "") -> None:
+        self._unnamed = f"{reference}, ...}}}}" if reference else ""
         self._block, self._folder = block, folder
         self._key: KeyPath | None = None if files else ("data", "file")  # that names the files of all signals
         self._given = list(files) or [folder / name for name in block.file]
@@ -113,7 +117,7 @@ class Sources:
         """The files in which a column stands: its own, or those of all signals that have it."""
         csv = column.csv or self._block.csv
         own = column.csv is not None or column.file is not None
-        owner = ".".join(map(str, path)) if own else "data"
+        owner = (self._unnamed or ".".join(map(str, path))) if own else "data"
         if column.file is not None:
             file = self._open(self._folder / column.file, csv, (*path, "file"), owner)
             self._known(file, column.column, (*path, "column"))
@@ -203,14 +207,18 @@ def _clocks_of(block: Data) -> dict[str, set[str | None]]:
 
 @contextmanager
 def _told_with_place(owner: str) -> Iterator[None]:
-    """Readers of files know no keys: where they advise a key of ``csv``, it is told what that stands below."""
+    """Readers of files know no keys: where they advise ``csv``, or a clock of a file that only one signal has, it is
+    told what that stands below."""
     try:
         yield
     except ConfigError as error:
-        if _CSV_ADVICE not in error.message:
-            raise
-        message = f"{error.message}; csv goes below {owner}"
-        raise ConfigError(message, file=error.file, line=error.line, key=error.key) from None
+        said, file, line, key = error.message, error.file, error.line, error.key
+        if _CSV_ADVICE in said:
+            raise ConfigError(f"{said}; csv goes below {owner}", file=file, line=line, key=key) from None
+        if _TIME_ADVICE in said and owner != "data":
+            message = f"{said}; {owner} may have such a time of its own"
+            raise ConfigError(message, file=file, line=line, key=key) from None
+        raise
 
 
 def given_references(outputs: Sequence[Wanted], references: Sequence[Wanted]) -> Iterator[Note]:

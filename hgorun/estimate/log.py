@@ -66,9 +66,26 @@ class Log:
         blocks = [block[output] for block in (self.block.outputs, self.block.reference) if output in block]
         if not blocks:
             told = "neither data.outputs nor data.reference says"
-            raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands")
+            add = self._to_add(output, file)
+            raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands{add}")
         of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
         return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})
+
+    def _to_add(self, name: str, file: Path) -> str:
+        """The line that names the column of a quantity in a file; empty where the plant has no such quantity."""
+        from hgorun.simulation.blocks import plant_of  # long to import: only here
+
+        plant = plant_of(self.source)
+        if name not in (*plant.state_names, *plant.output_names):
+            return ""
+        stands = f"{{file: {self._written(file)}, column: COLUMN}}"
+        return f": write below data, with the column's name, reference: {{{name}: {stands}}}"
+
+    def _written(self, file: Path) -> str:
+        """A file as the configuration names it."""
+        near = file.absolute().is_relative_to(self.folder.absolute())
+        name = str(file.absolute().relative_to(self.folder.absolute()) if near else file.absolute())
+        return json.dumps(name, ensure_ascii=False)
 
     def held_out(self, recording: Recording, output: str, file: Path) -> tuple[Recording, Signal]:
         """A recording without what it has of an output from a file, and what is compared with estimates.
@@ -116,15 +133,13 @@ class Log:
         if columns.pop("available", None) is not None and self.block.faults.backwards is None:
             columns["faults"] = {"backwards": "sort", **columns.get("faults", {})}
         other = Measured(**{**columns, "file": str(file.absolute())})
-        near = file.absolute().is_relative_to(self.folder.absolute())
-        name = str(file.absolute().relative_to(self.folder.absolute()) if near else file.absolute())
         found = read(
             self.block.model_copy(update={"outputs": {output: other}, "inputs": {}, "reference": {}}),
             self.folder,
             time_unit=self.unit,
             units=self.units,
             beside=origin,
-            reference="" if own else f"data.reference: {{{output}: {{file: {json.dumps(name, ensure_ascii=False)}",
+            reference="" if own else f"data.reference: {{{output}: {{file: {self._written(file)}",
         )
         return found.outputs[output], [note for note in found.notes if note.kind in ("units", "clock")]
 

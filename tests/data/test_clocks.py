@@ -210,5 +210,5 @@ def test_hours_alone_are_a_zone_behind_a_time(tmp_path: Path) -> None:
     recording = recorded(tmp_path, content)
     assert recording.outputs["S"].taken.tolist() == [0, 60.5, 120]
     assert recording.origin.zone == "UTC"
-    with pytest.raises(ConfigError, match=r":2: t: expected a date of the form .*; this one is read with format: iso"):
+    with pytest.raises(ConfigError, match=r":2: t: .*; this one is read with time: {column: t, format: iso}"):
         recorded(tmp_path, content, {"time": {"column": "t", "format": "%Y-%m-%d %H:%M:%S%z"}})

@@ -99,3 +99,50 @@ def test_a_date_that_is_no_time_stamp_is_told_where_it_belongs(tmp_path: Path) -
     columns = {"t": [str(k) for k in range(9)], "y": stamped(BEGIN, "%Y-%m-%dT%H:%M:%S")}
     told = message_of(tmp_path, columns, {"time": "t", "outputs": {"y": "y"}})
     assert told.endswith("dates are read as time stamps, with time: {column: y, format: iso}")
+
+
+def test_a_file_of_one_signal_is_told_where_its_own_pattern_stands(tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_text("t;X\n28.03.2026 23:30;0,84\n29.03.2026 01:00;1,17\n")
+    columns = {"t": stamped(BEGIN, "%d.%m.%Y %H:%M:%S"), "y": [f"{k % 4}.5" for k in range(9)]}
+    reference: dict[str, object] = {"file": "lab.csv", "column": "X"}
+    said = {
+        "time": {"column": "t", "format": "%d.%m.%Y %H:%M:%S"},
+        "outputs": {"y": "y"},
+        "reference": {"X": reference},
+    }
+    told = message_of(tmp_path, columns, said)
+    found = re.search(
+        r"expected a date of the form %d.%m.%Y %H:%M:%S, found '28.03.2026 23:30'; a date of another form needs its "
+        r"pattern, such as (time: {.*}); data\.reference\.X may have such a time of its own$",
+        told,
+    )
+    assert found, told
+    reference |= yaml.safe_load(found[1])
+    assert message_of(tmp_path, columns, said) == ""
+
+
+def test_of_a_file_that_no_key_names_the_block_is_told_that_does(tmp_path: Path) -> None:
+    (tmp_path / "lab.csv").write_text("t;y\n28.03.2026 23:30;0,84\n")
+    said = {"time": {"column": "t", "format": "iso"}, "outputs": {"y": {"column": "y", "file": "lab.csv"}}}
+    told = r'; data\.reference: {y: {file: "lab\.csv", \.\.\.}} may have such a time of its own$'
+    with pytest.raises(HgorunError, match=told):
+        read(Data.model_validate(said), tmp_path, reference='data.reference: {y: {file: "lab.csv"')
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("2026-03-14 10:01:30", "; this one is read with time: {column: t, format: iso}"),
+        (
+            "14.03.2026 10:01",
+            '; a date of another form needs its pattern, such as time: {column: t, format: "%d.%m.%Y %H:%M"}',
+        ),
+        ("12.5", "; leave out format where stamps are numbers"),
+        ("31.02.2026 10:01:30", ""),
+    ],
+)
+def test_a_date_that_the_pattern_does_not_read(tmp_path: Path, text: str, told: str) -> None:
+    clock = {"column": "t", "format": "%d.%m.%Y %H:%M:%S"}
+    columns = {"t": [*stamped(BEGIN, "%d.%m.%Y %H:%M:%S"), text], "y": [f"{k % 4}.5" for k in range(10)]}
+    message = message_of(tmp_path, columns, {"time": clock, "outputs": {"y": "y"}})
+    assert message.endswith(f":11: t: expected a date of the form %d.%m.%Y %H:%M:%S, found {text!r}{told}")
