@@ -45,6 +45,7 @@ FIGURE = (
     "ensemble/collected.py",
     "ensemble/fronts.py",
     "ensemble/inference.py",
+    "ensemble/never.py",
     "ensemble/points.py",
     "ensemble/statistics.py",
     "figures",

@@ -22,6 +22,11 @@ def test_an_observer_without_covariance_is_not_told_of_one() -> None:
         experiment(PLANT, {"o": {"type": "shgo", "theta": 2, "P0": 1}})
 
 
+def test_another_key_of_a_filter_is_not_taken_for_a_covariance() -> None:
+    with pytest.raises(ConfigError, match=r"unknown key 'thetta'. Did you mean `theta`\? Known here"):
+        experiment(PLANT, {"o": {"type": "hg_ekf", "thetta": 1}})
+
+
 @pytest.mark.parametrize(
     ("value", "words"), [(5, r"\[-5, 5\], found 5"), (-0.5, r"\[-0.5, 0.5\], found -0.5"), (0, r"\[-1, 1\], found 0")]
 )
