@@ -178,7 +178,7 @@ def test_leftovers_of_dead_processes_go_and_of_living_ones_stay(tmp_path: Path) 
 def test_a_person_at_a_terminal_sees_progress(tmp_path: Path, jobs: str) -> None:
     import pty
 
-    names = studies(tmp_path, seeds=400, step=1e-4)
+    names = studies(tmp_path, seeds=2000, step=1e-4)  # takes longer than the bar waits
     ours, theirs = pty.openpty()
     command = [sys.executable, "-m", "hgorun.cli", "claims", *names, "-o", str(tmp_path / "out"), "--jobs", jobs]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=theirs, text=True)
