@@ -12,7 +12,6 @@ from typing import TypeAlias
 
 import numpy as np
 
-from hgorun.commands.outputs import refuse_unwritable
 from hgorun.commands.stream_lines import Sample, Samples
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimator import Estimator
@@ -50,10 +49,8 @@ class Progress(ABC):
         self._estimator, self._path = estimator, path
         self.t, self.shown = -math.inf, -math.inf
         taken = []
-        if path is not None:
-            refuse_unwritable(path, "--checkpoint", "file")
-            if path.exists():
-                taken = self._restore(path.read_bytes(), str(path))
+        if path is not None and path.exists():
+            taken = self._restore(path.read_bytes(), str(path))
         self._start(taken)
 
     def _restore(self, stored: bytes, file: str) -> list[_Key]:

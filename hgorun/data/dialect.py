@@ -13,7 +13,7 @@ from hgorun.config.data import Csv
 from hgorun.data.comments import is_comment
 from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
-from hgorun.data.units_row import are_units, is_value, may_state_units, states_units
+from hgorun.data.units_row import NUMBER, are_units, is_value, may_state_units, states_units
 from hgorun.errors import ConfigError
 
 _SEPARATORS = ("\t", ";", "|", ",")
@@ -22,7 +22,6 @@ SPACES = " "
 _LOOKED_AT = 200  # rows that decide how numbers are written
 _FEW = 8  # columns whose names a message writes
 
-_NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _COMMA = re.compile(r"[-+]?\d*,\d*(?:[eE][-+]?\d+)?", re.ASCII)
 _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 _SPACED = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # cells between spaces
@@ -254,7 +253,7 @@ def _has_comma(text: str) -> bool:
 
 
 def _has_point(text: str) -> bool:
-    return "." in text and bool(_NUMBER.fullmatch(text))
+    return "." in text and bool(NUMBER.fullmatch(text))
 
 
 def _mostly_commas(rows: Sequence[Sequence[str]]) -> bool:

@@ -68,7 +68,7 @@ def read(
     Problem
         When a key names what is not there.
     """
-    return Reader(block, folder, files, reference).recording(time_unit, units or {}, beside, reference)
+    return Reader(block, folder, files, reference).recording(time_unit, units or {}, beside)
 
 
 class Reader:
@@ -78,7 +78,7 @@ class Reader:
     """
 
     def __init__(self, block: Data, folder: Path, files: Sequence[Path] = (), reference: str = "") -> None:
-        self._block, sources = block, Sources(block, folder, files, reference)
+        self._block, self._reference, sources = block, reference, Sources(block, folder, files, reference)
         groups: dict[str, Mapping[str, Column]] = {
             "outputs": block.outputs,
             "inputs": block.inputs,
@@ -92,26 +92,24 @@ class Reader:
         self._found: list[Note] = list(lacking_columns(every, *sources.shared))
         self._tables = sources.tables()
 
-    def recording(
-        self, unit: str, units: Mapping[str, str], beside: Origin | None = None, reference: str = ""
-    ) -> Recording:
+    def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
         """All signals; arguments as of :func:`read`."""
-        self._around = (f"{reference}, ", "}}") if reference else None
+        self._around = (f"{self._reference}, ", "}}") if self._reference else None
         self._units, self._time_unit, self._notes = units, unit, list(self._found)
         signals = [signal for some in self._wanted.values() for signal in some]
-        clock = OneClock(self._block, signals, self._tables, unit, beside, reference)
+        clock = OneClock(self._block, signals, self._tables, unit, beside, self._reference)
         self._times, self._origin = clock.times, clock.origin
         self._notes += clock.notes
         sorted_out = self._all_sorted(signals)
         outputs = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["outputs"]}
         inputs = {one.name: self._input(one, sorted_out[one]) for one in self._wanted["inputs"]}
-        compared = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
+        reference = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
         self._notes += inputs_beyond(inputs, outputs, self._origin)
         self._notes += given_references(self._wanted["outputs"], self._wanted["reference"])
         return Recording(
             outputs=outputs,
             inputs=inputs,
-            reference=compared,
+            reference=reference,
             notes=tuple(told_once(self._notes)),
             origin=self._origin,
             first_samples=self._block.first_samples,
@@ -173,7 +171,7 @@ class Reader:
             When they say different ones.
         """
         column, taken = signal.block.column, signal.block.unit
-        said = {str(part.file.path): part.file.table.unit(column) for part in signal.parts}
+        said = _said_by_files(signal)
         require_one_unit(column, said, alike, signal.path)
         silent = list(silent_parts(column, said, taken or "", signal.key))
         if silent and taken is not None and not alike(taken, self._units.get(signal.name, "")):
@@ -206,8 +204,7 @@ class Reader:
             who="the model has",
             beside=self._around,
         )
-        says = {str(part.file.path): part.file.table.unit(column) for part in signal.parts}
-        self._notes.append(note_of(another, "units", signal.key, signal.path, but_silent(says)))
+        self._notes.append(note_of(another, "units", signal.key, signal.path, but_silent(_said_by_files(signal))))
 
     def _tell_rate(self, signal: Wanted, file: LogFile) -> None:
         """Tell that numbers are per another unit of time than the model's, which has no unit for them."""
@@ -283,6 +280,11 @@ class Reader:
             lines=samples.lines,
             source=samples.sources[0],
         )
+
+
+def _said_by_files(signal: Wanted) -> dict[str, str]:
+    """What each file says of the unit of a column; empty where it says nothing."""
+    return {str(part.file.path): part.file.table.unit(signal.block.column) for part in signal.parts}
 
 
 def _above_doubles(cells: Cells, table: Table) -> bool:

@@ -13,7 +13,7 @@ from datetime import datetime
 from hgorun.data.cells import looks_like_iso
 from hgorun.data.units import are_usual, is_time, is_unit
 
-_NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _BEGINS_AS_NUMBER = re.compile(r"[-+\u2010-\u2015\u2212<>=~\u2248\u2264\u2265\u00b1.,'\s]*\d")
 _NOTHING = re.compile(r"[-\u2010-\u2015=_:\s]*")  # also a ruler
 _IN_BRACKETS = re.compile(r"\[.*\]|\(.*\)|\{.*\}|<.*>")
@@ -23,7 +23,7 @@ _OF_DATES = re.compile(r"(?i)(?:utc|gmt)(?:\s?[-+][\d:]+)?|(?=.*(?:yy|jj|hh))[ym
 def is_value(text: str) -> bool:
     """Whether a cell is a number, with a decimal point or a comma, or a date of ISO 8601."""
     text = text.strip()
-    return bool(_NUMBER.fullmatch(text)) or looks_like_iso(text)
+    return bool(NUMBER.fullmatch(text)) or looks_like_iso(text)
 
 
 def may_state_units(

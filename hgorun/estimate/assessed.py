@@ -7,13 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.estimate.bands import FEWEST, WIDE, Band, band_of
+from hgorun.estimate.bands import FEWEST, Band, band_of
 from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of, settled, settled_from, since
 from hgorun.pieces import all_true
-from hgorun.result.recorded import Assessed
+from hgorun.result.recorded import WIDE, Assessed
 from hgorun.symbolic.evaluate import Floats
 
 _RESIDUALS = 1 << 20  # that a band is made of, evenly chosen where there are more

@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.native.places import places_in, since_last_in
+from hgorun.result.recorded import WIDE
 from hgorun.symbolic.evaluate import Floats
 
 LEVEL = 0.95
-WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers
 FEWEST = 19  # residuals from which a rank follows
 _OF_A_CLASS = 40
 _CLASSES = 5

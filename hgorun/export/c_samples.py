@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from hgorun.export.c_code import LAST
 from hgorun.export.c_functions import Part
@@ -57,14 +57,17 @@ class Samples(Part):
             yield f"    if (!(taken >= s->t) && (status == {u}OK)) {{"
             yield f"        status = {u}OLD;"
             yield "    }"
-        yield f"    if (!((taken >= 0.0) && (taken <= {LAST}))) {{"
-        yield f"        status = {u}BAD_TIME;"
+        yield from self._no_numbers("taken", [i for i, output in enumerate(observer.outputs) if output.sampled])
+
+    def _no_numbers(self, time: str, outputs: Sequence[int]) -> Iterator[str]:
+        """What is wrong with a time and values that are no numbers."""
+        yield f"    if (!(({time} >= 0.0) && ({time} <= {LAST}))) {{"
+        yield f"        status = {self.upper}BAD_TIME;"
         yield "    }"
-        for i, output in enumerate(observer.outputs):
-            if output.sampled:
-                yield f"    if ({self._none(i)}) {{"
-                yield f"        status = {u}NOT_FINITE;"
-                yield "    }"
+        for i in outputs:
+            yield f"    if ({self._none(i)}) {{"
+            yield f"        status = {self.upper}NOT_FINITE;"
+            yield "    }"
 
     def _none(self, i: int) -> str:
         """Whether an output is given, as something that is no number."""
@@ -181,14 +184,7 @@ class Samples(Part):
         yield "{"
         yield f"    uint32_t status = {u}OK;"
         yield ""
-        yield f"    if (!((t >= 0.0) && (t <= {LAST}))) {{"
-        yield f"        status = {u}BAD_TIME;"
-        yield "    }"
-        for i, output in enumerate(observer.outputs):
-            if output.continuous:
-                yield f"    if ({self._none(i)}) {{"
-                yield f"        status = {u}NOT_FINITE;"
-                yield "    }"
+        yield from self._no_numbers("t", [i for i, output in enumerate(observer.outputs) if output.continuous])
         for i, output in enumerate(observer.outputs):
             if output.continuous:
                 yield f"    if (((which & {1 << i}U) != 0U) && (status == {u}OK)) {{"

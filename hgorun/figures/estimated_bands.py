@@ -11,6 +11,7 @@ from hgorun.figures.data import Curve, inside
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import BAND, BAND_OF_SAMPLES, BAND_OPACITY, edged
 from hgorun.result.observer import ObserverResult
+from hgorun.result.recorded import WIDE
 from hgorun.tables.typeset import words
 
 if TYPE_CHECKING:
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 _TEETH = 60  # of a band in a panel: of more, tips are joined
 _MANY = 300  # samples in a band of samples
 _FLAT = 1e-9  # of the largest width: smaller differences are roundings
-_WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers
 
 
 def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
@@ -75,7 +75,7 @@ def _of_covariance(observer: ObserverResult) -> bool:
     half = (assessed.upper - assessed.lower) / 2
     deviation = np.sqrt(np.maximum(np.diagonal(P, axis1=1, axis2=2), 0.0))
     known = np.isfinite(half) & np.isfinite(deviation)
-    return bool(known.any() and np.allclose(half[known], _WIDE * deviation[known], rtol=1e-4, atol=1e-12))
+    return bool(known.any() and np.allclose(half[known], WIDE * deviation[known], rtol=1e-4, atol=1e-12))
 
 
 def _band(actor: Simulated, state: str) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
@@ -99,7 +99,7 @@ def _of_samples(actor: Simulated, state: str, output: str) -> tuple[np.ndarray, 
     if not known.size:
         return None
     known = known[np.argsort(one.taken[known], kind="stable")]
-    half = _WIDE * np.abs(innovation[known]) / np.sqrt(nis[known])
+    half = WIDE * np.abs(innovation[known]) / np.sqrt(nis[known])
     middle = one.y[known] - innovation[known]
     if known.size > _MANY:  # the estimate itself is smoother than what was predicted, and not to be told from it
         middle = np.interp(one.taken[known], result.time, actor.observer.xhat[:, result.states.index(state)])

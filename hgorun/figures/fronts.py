@@ -15,6 +15,7 @@ from hgorun.ensemble.points import points, thinned
 from hgorun.ensemble.statistics import quantiles
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.lost import lost_or_unsettled
 from hgorun.figures.style import styled
 
 if TYPE_CHECKING:
@@ -65,11 +66,10 @@ def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure
 def words_of_lost_points(members: Collected, metrics: Sequence[str]) -> str:
     """What is said of points at which so many members are lost, or never settle, that there is no median."""
     parts = [part for _, part in points(thinned(members, members.grid, _MOST_POINTS), members.grid)]
-    reasons = {
-        "are lost": any(2 * np.sum(part.sound, axis=0).min() <= len(part) for part in parts),
-        "never settle": any(2 * np.sum(never(part, m), axis=0).max() >= len(part) for part in parts for m in metrics),
-    }
-    said = " or ".join(reason for reason, occurs in reasons.items() if occurs)
+    said = lost_or_unsettled(
+        lost=any(2 * np.sum(part.sound, axis=0).min() <= len(part) for part in parts),
+        unsettled=any(2 * np.sum(never(part, m), axis=0).max() >= len(part) for part in parts for m in metrics),
+    )
     return f"; there is no point where half or more of its members {said}" if said else ""
 
 

@@ -128,6 +128,11 @@ def draw_crosses(ax: Axes, at: Floats, look: Look, order: int) -> None:
             zorder=4, clip_on=False, in_layout=False, transform=ax.get_xaxis_transform())  # fmt: skip
 
 
+def lost_or_unsettled(*, lost: bool, unsettled: bool) -> str:
+    """What members do of which a place has no number, or half of them has none; empty where there are none."""
+    return " or ".join(["are lost"] * lost + ["never settle"] * unsettled)
+
+
 def words_of_lost(
     sound: NDArray[np.bool_],
     groups: Iterable[NDArray[np.bool_]],
@@ -161,7 +166,7 @@ def words_of_lost(
     said += [f"estimates never settle in {unsettled} of {len(sound)} members; their times count as infinite"] * bool(
         unsettled
     )
-    half = " or ".join(["are lost"] * bool(lost) + ["never settle"] * bool(unsettled))
+    half = lost_or_unsettled(lost=bool(lost), unsettled=bool(unsettled))
     said += ["their lines end"] if as_lines else ["bands leave the panel there"] * leaving
     said += [f"×: half or more {half}" + " from then on" * along] * any(np.any(mostly_lost(one)) for one in rows)
     return "; " + "; ".join(said)

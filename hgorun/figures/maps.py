@@ -13,6 +13,7 @@ from hgorun.ensemble.never import never
 from hgorun.ensemble.statistics import quantiles
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, places, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
+from hgorun.figures.lost import lost_or_unsettled
 from hgorun.figures.page import AS_IT_IS, seen_on
 from hgorun.figures.style import styled
 from hgorun.tables.typeset import paragraph, words
@@ -72,8 +73,7 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
 
 
 def _title(members: Collected, axes: tuple[str, str], metric: str, cells: int) -> str:
-    reasons = {"are lost": not members.sound.all(), "never settle": never(members, metric).any()}
-    said = " or ".join(reason for reason, occurs in reasons.items() if occurs)
+    said = lost_or_unsettled(lost=not members.sound.all(), unsettled=bool(never(members, metric).any()))
     hatched = f"; hatched: most {said}" if said else ""
     if len(members) == cells:
         return f"each cell is a member{hatched}"

@@ -9,6 +9,8 @@ import numpy as np
 
 from hgorun.config.named import Named, name_keys
 
+WIDE = 1.959963984540054  # standard deviations to either side that hold 95 % of normal numbers
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class RecordedOutput:
