@@ -62,4 +62,11 @@ class Covariance:
         held : ndarray, shape (N, held numbers) or (held numbers,)
             What is held, of which inputs matter.
         """
-        return np.asarray(evaluate(self.spread.function, times[:, None], self.p, rows, held)[0] + self.noise)
+        return np.asarray(self._expected(times, rows, held)[:, : self.noise.size] + self.noise)
+
+    def offset(self, times: Floats, rows: Floats, held: Floats) -> Floats:
+        """What the observer expects samples to be, less C xhat, shape (N, q); arguments as of :meth:`variance`."""
+        return self._expected(times, rows, held)[:, self.noise.size :]
+
+    def _expected(self, times: Floats, rows: Floats, held: Floats) -> Floats:
+        return np.asarray(evaluate(self.spread.function, times[:, None], self.p, rows, held)[0])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import zip_longest
 from typing import Protocol
 
 import numpy as np
@@ -143,7 +144,8 @@ def evaluate_run(
     }
     see(prepared, instruments, times, everywhere)
     compared = {key: with_lag(one, instruments.get(key)) for key, one in compared.items()}
-    predicted = [innovations_of(prepared, i, times, everywhere, carried) for i in range(len(prepared.samples))]
+    outputs = range(len(prepared.samples))
+    predicted = [innovations_of(prepared, i, times, everywhere, carried, covariances) for i in outputs]
     aside = {name: one for (which, name), one in compared.items() if which == 0}
     normal = [
         None if one is None else _normal(prepared, one, carried, times, shown, predicted, aside, j)
@@ -182,7 +184,7 @@ def _normal(
     j: int,
 ) -> Normal:
     """What observer j knows of its errors, and what its innovations and held-out residuals are in its own eyes."""
-    model, layout = prepared.run.plant.model, prepared.run.structure.system.held
+    model = prepared.run.plant.model
     rows, kept = carried.raw.rows[:, :, 0], carried.raw.innovations[:, len(prepared.run.observers) + j, 0]
 
     def variance(moments: Floats, i: int) -> Floats:
@@ -190,9 +192,8 @@ def _normal(
         found = np.empty(moments.size)
         for start in range(0, moments.size, _PIECE):
             some = slice(start, start + _PIECE)
-            held = prepared.held(moments[some])
-            w = np.zeros(layout.size) if held is None else held
-            found[some] = covariance.variance(moments[some], rows[np.searchsorted(times, moments[some])], w)[:, i]
+            w, of = _held(prepared, moments[some]), rows[np.searchsorted(times, moments[some])]
+            found[some] = covariance.variance(moments[some], of, w)[:, i]
         return found
 
     def deviation(one: Compared) -> Floats:
@@ -212,12 +213,24 @@ def _normal(
     return Normal(covariance.deviation(rows[np.searchsorted(times, shown)]), nis, known)
 
 
+def _held(prepared: PreparedEstimate, moments: Floats) -> Floats:
+    """What is held at some times, of which inputs matter."""
+    held = prepared.held(moments)
+    return np.zeros(prepared.run.structure.system.held.size) if held is None else held
+
+
 def innovations_of(
-    prepared: PreparedEstimate, output: int, times: Floats, xhat: Sequence[Floats], carried: Carried
+    prepared: PreparedEstimate,
+    output: int,
+    times: Floats,
+    xhat: Sequence[Floats],
+    carried: Carried,
+    covariances: Sequence[Covariance | None] = (),
 ) -> Floats:
     """Measured minus estimated at the time of every sample of an output.
 
-    The innovation where a sample was known at once. Of a late one what had been estimated when it was taken.
+    The innovation where a sample was known at once. Of a late one what had been estimated when it was taken;
+    observers with covariances may expect another mean than that.
     """
     one, model = prepared.samples[output], prepared.run.plant.model
     innovations, observers = carried.raw.innovations, range(len(prepared.run.observers))
@@ -226,6 +239,10 @@ def innovations_of(
     if one.available is not one.taken and np.any(late := one.available > one.taken):
         taken = one.taken[late]
         places = np.searchsorted(times, taken)
-        for j, x in enumerate(xhat):
-            found[j, late] = model.wrapped(output, one.values[late] - prepared.outputs(taken, x[places])[:, output])
+        for (j, x), covariance in zip_longest(enumerate(xhat), covariances):
+            expected = prepared.outputs(taken, x[places])[:, output]
+            if covariance is not None:
+                rows = carried.raw.rows[places, :, 0]
+                expected = expected + covariance.offset(taken, rows, _held(prepared, taken))[:, output]
+            found[j, late] = model.wrapped(output, one.values[late] - expected)
     return np.asarray(found)

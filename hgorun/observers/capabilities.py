@@ -263,6 +263,12 @@ class NoiseInformed(Block):
 class KnownCovariance(BeginsWithCovariance):
     """The state ``P`` is the covariance of the error of xhat, in the coordinates where the observer computes."""
 
+    def expected(self, plant: Any, s: Symbols, k: Symbols) -> tuple[ca.SX, ca.SX]:
+        """What samples are expected to be, shape (q,), and the variances of that, without the noise of sensors."""
+        y = plant.output(s.xhat)
+        H = ca.jacobian(y, s.xhat)
+        return y, ca.diag(H @ s.P @ H.T)
+
 
 class EvenSamples(Block):
     """Derivatives that are right where the samples are even."""

@@ -41,10 +41,10 @@ class UnscentedKalmanFilter(Averaged, KalmanFilter, CorrectedObserver[Form, Mode
         S     = sum W^c (h(X) - yhat) (h(X) - yhat)^T + R,    P_xy = sum W^c (X - xhat) (h(X) - yhat)^T
         K     = P_xy S^-1,    xhat+ = xhat + K (y - yhat),    P+ = P - K S K^T
 
-    Rows and columns of outputs without a new sample are left out. Points are drawn at every stage of a step. Since
-    they come in pairs, sum W^m f(X) = f(xhat) + sum (f(X) - f(xhat))/(2 (n + lam)), which is how it is evaluated: a
-    small alpha, whose weights are large and of both signs, loses no digits that way, and M takes differences of
-    pairs alone.
+    A sample is compared with yhat, and a gate judges it by S. Rows and columns of outputs without a new sample are
+    left out. Points are drawn at every stage of a step. Since they come in pairs, sum W^m f(X) = f(xhat) + sum (f(X) -
+    f(xhat))/(2 (n + lam)), which is how it is evaluated: a small alpha, whose weights are large and of both signs,
+    loses no digits that way, and M takes differences of pairs alone.
 
     On a linear plant this is ``ekf``, whatever alpha, beta and kappa. It takes into account curvature on the scale of
     P^(1/2), such as the mean of x^2, and costs 2n + 1 evaluations of f and a Cholesky factor per stage: take it if
@@ -91,17 +91,30 @@ class UnscentedKalmanFilter(Averaged, KalmanFilter, CorrectedObserver[Form, Mode
         return Flow({"xhat": mean, "P": M + M.T + self.density(plant, s.xhat, k)})
 
     def correct(self, plant: ModelCopy, s: Symbols, arrival: Arrival, k: Symbols) -> Mapping[str, ca.SX]:
+        yhat, S, P_xy = self._moments(plant, s, k, noise=True)
+        joint = ca.blockcat([[s.P, P_xy], [P_xy.T, S]])
+        xhat, P = conditioned(ca.vertcat(s.xhat, yhat), joint, arrival.y, arrival.fresh)
+        return {"xhat": xhat, "P": P}
+
+    def expected(self, plant: ModelCopy, s: Symbols, k: Symbols) -> tuple[ca.SX, ca.SX]:
+        if ca.is_linear(plant.output(s.xhat), s.xhat):  # of which the points make the same
+            return super().expected(plant, s, k)
+        yhat, S, _ = self._moments(plant, s, k, noise=False)
+        return yhat, ca.diag(S)
+
+    def _moments(self, plant: ModelCopy, s: Symbols, k: Symbols, *, noise: bool) -> tuple[ca.SX, ca.SX, ca.SX]:
+        """yhat, S, with R or without it, and P_xy."""
         h, pairs = plant.output(s.xhat), _pairs(s.xhat, s.P, k.reach)
         both = [(shift, plant.output(s.xhat + shift), plant.output(s.xhat - shift)) for shift in pairs]
         yhat = h + k.weight * sum((up + down - 2 * h for _, up, down in both), ca.SX(0))
         P_xy = k.weight * sum((shift @ (up - down).T for shift, up, down in both), ca.SX(0))
-        S = k.middle * (h - yhat) @ (h - yhat).T + ca.diag(self.variance(yhat, k))
+        S = k.middle * (h - yhat) @ (h - yhat).T
+        if noise:
+            S += ca.diag(self.variance(yhat, k))
         for _, *ends in both:
             for end in ends:
                 S += k.weight * (end - yhat) @ (end - yhat).T
-        joint = ca.blockcat([[s.P, P_xy], [P_xy.T, S]])
-        xhat, P = conditioned(ca.vertcat(s.xhat, yhat), joint, arrival.y, arrival.fresh)
-        return {"xhat": xhat, "P": P}
+        return yhat, S, P_xy
 
 
 class ChainUnscentedKalmanFilter(ChainNoise, UnscentedKalmanFilter):

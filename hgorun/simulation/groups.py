@@ -72,7 +72,7 @@ class Part:
         self.placed: Placed = group.placed(s.t, s.z, s.plant, s.w, s.held)
         q = self.placed.y.numel()
         self.outputs = range(first, first + q)
-        self.guesses = [b.guess(s.t, self.placed.u, s.plant.parameters, s.z) for b in group.observers]
+        self.guesses = [b.compared(s.t, self.placed.u, s.plant.parameters, s.z) for b in group.observers]
         self.alphas = [b.symbols(s.z).alpha if has_alpha else ca.SX.zeros(q) for b in group.observers]
 
     def innovation(self, j: int, variant: Variant, signals: Mapping[tuple[int, int], Signal]) -> ca.SX:

@@ -121,6 +121,12 @@ class ObserverBlock:
                 return self.observer.compared(self.copy(t, u, p), self.symbols(z), self.k)
         return self.copy(t, u, p).output(self._estimate(z))
 
+    def compared(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
+        """What samples are compared with: where the observer expects another mean than C xhat, that."""
+        if isinstance(self.observer, KnownCovariance):
+            return self.observer.expected(self.copy(t, u, p), self.symbols(z), self.k)[0]
+        return self.guess(t, u, p, z)
+
     def signals(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """What it looks back at, shape (recalled, 1)."""
         if not isinstance(self.observer, RecallingObserver):
@@ -130,12 +136,14 @@ class ObserverBlock:
         return self._of_shape(found, (self.recalled, 1), "signals: what it looks back at")
 
     def spread(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX | None:
-        """The diagonal of H P H^T, shape (q,): the variance of C xhat where the observer knows that of xhat."""
+        """Of an observer that knows the covariance of xhat, of samples without noise: variances, means beside C xhat.
+
+        Shape (2q,).
+        """
         if not isinstance(self.observer, KnownCovariance):
             return None
-        s = self.symbols(z)
-        H = ca.jacobian(self.copy(t, u, p).output(s.xhat), s.xhat)
-        return ca.densify(ca.diag(H @ s.P @ H.T))
+        mean, variance = self.observer.expected(self.copy(t, u, p), self.symbols(z), self.k)
+        return ca.densify(ca.vertcat(variance, mean - self.guess(t, u, p, z)))
 
     def estimate(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX) -> ca.SX:
         """The estimate in the plant's coordinates, clipped where that is asked for."""

@@ -63,8 +63,8 @@ class Structure:
     reads : tuple of Reads
         The keys that the observers' equations depend on.
     spreads : tuple of Readout or None
-        Of every observer that has a covariance P of its errors, what P makes of its outputs: the diagonal of H P H^T,
-        shape (q,); only where innovations are kept.
+        Of every observer that has a covariance P of its errors, what it expects of samples, see
+        :meth:`~hgorun.simulation.observer_block.ObserverBlock.spread`; only where innovations are kept.
     """
 
     groups: tuple[Group, ...]
@@ -274,9 +274,9 @@ def _build(
 
 
 def _spreads(symbolic: Sequence[ca.SX], groups: Sequence[Group], spreads: Sequence[Readout | None]) -> ca.Function:
-    """Those of all outputs of all groups, for each observer, which are zero where nothing is known."""
+    """The variances of all outputs of all groups, for each observer, which are zero where nothing is known."""
     q = len(groups[0].truth.plant.model.outputs)
-    known = ca.horzcat(*(ca.SX(q, 1) if one is None else one.function(*symbolic) for one in spreads))
+    known = ca.horzcat(*(ca.SX(q, 1) if one is None else one.function(*symbolic)[:q] for one in spreads))
     return ca.Function("spreads", list(symbolic), [ca.densify(ca.vec(ca.repmat(known, len(groups), 1).T))])
 
 

@@ -80,3 +80,26 @@ def test_a_sample_is_judged_behind_a_late_one_that_comes_with_it(gate: float | N
         P, last = P + Q * (t - last), t
         assert one.outputs["a"].innovation[k, 0] == pytest.approx(y[k] - x, rel=1e-7)
         assert one.outputs["a"].nis[k, 0] == pytest.approx((y[k] - x) ** 2 / (P + R), rel=1e-7)
+
+
+@pytest.mark.parametrize("gate", [None, 5.0])
+@pytest.mark.parametrize("late", [0.0, 0.7])
+def test_the_unscented_filter_judges_samples_by_its_own_mean_and_variance(gate: float | None, late: float) -> None:
+    """Of y = x^2 with three points: E y = m^2 + P, var y = 2 P^2 + 4 m^2 P, cov(x, y) = 2 m P."""
+    taken = np.arange(0.5, 10.0)
+    y = 1 + 0.05 * np.random.default_rng(3).standard_normal(taken.size)
+    available = taken + np.where(np.arange(taken.size) % 3 == 1, late, 0.0)
+    block = {"type": "ukf", "Q": {"x": Q}, "R": R, "kappa": 2, "initial": {"x": 0.05}, "internal": {"P": 1.0}}
+    plant = {key: value for key, value in inline({"x": "0"}, {"y": "x**2"}).items() if key != "initial"}
+    config = {"plant": plant, "observers": {"U": {**block, "late": "replay"}}, "time": {"start": 0.0}}
+    recorded = recording(signal("y", taken, y, available, gate=gate))
+    result = estimate(source({**config, "solver": {"step": 0.1}}), recorded, sensitivity=False)
+    one = recorded_of(result).outputs["y"]
+    P, m, last = 1.0, 0.05, 0.0
+    for k, t in enumerate(taken):
+        P, last = P + Q * (t - last), t
+        S = 2 * P**2 + 4 * m**2 * P + R
+        assert one.innovation[k, 0] == pytest.approx(y[k] - m**2 - P, rel=1e-6)
+        assert one.nis[k, 0] == pytest.approx((y[k] - m**2 - P) ** 2 / S, rel=1e-5)
+        m, P = m + 2 * m * P / S * (y[k] - m**2 - P), P - (2 * m * P) ** 2 / S
+    assert one.used.all()
