@@ -46,16 +46,17 @@ with h5py.File(sys.argv[2], "w") as file:
                 data[first : first + count] = values[: shape[0] - first]
 """
 READ = "import sys, pandas; pandas.read_csv(sys.argv[1])"
+VERSION = "import pandas; print(pandas.__version__)"
 PIECE = 100_000  # lines that are written at a time
 
 
-def taken(command: Sequence[str | Path], folder: Path) -> tuple[float, float, int]:
+def taken(command: Sequence[str | Path], folder: Path, python: str = sys.executable) -> tuple[float, float, int]:
     """CPU and wall seconds of a process, and the most bytes that it had.
 
     Python keeps what it compiles, as it does for users: without that a process takes a second longer.
     """
     kept = {**os.environ, "PYTHONDONTWRITEBYTECODE": "", "PYTHONPYCACHEPREFIX": str(folder / "compiled")}
-    line, before = [sys.executable, *map(str, command)], time.perf_counter()
+    line, before = [python, *map(str, command)], time.perf_counter()
     with subprocess.Popen(line, cwd=folder, stdout=subprocess.DEVNULL, env=kept) as process:
         _, status, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(status)
@@ -106,18 +107,20 @@ def simulated(points: int, count: int, folder: Path) -> Iterator[Row]:
     )
 
 
-def estimated(rows: int, count: int, folder: Path) -> Iterator[Row]:
-    """``estimate`` of a CSV file with so many rows."""
+def estimated(rows: int, count: int, folder: Path, python: str) -> Iterator[Row]:
+    """``estimate`` of a CSV file with so many rows, beside the pandas of a Python."""
     (folder / "log.yaml").write_text(ESTIMATE)
     write_log(folder / "log.csv", rows)
     command = ["-m", "hgorun", "estimate", "log.yaml", "-o", "log.h5", "--quiet", "--no-plots"]
     taken(command, folder)
     (a, b, ratio), wall, memory = compared(
-        lambda: taken(command, folder), lambda: taken(["-c", READ, "log.csv"], folder), count
+        lambda: taken(command, folder), lambda: taken(["-c", READ, "log.csv"], folder, python), count
     )
     size = (folder / "log.csv").stat().st_size
-    yield Row("estimate / pandas.read_csv, CPU time", f"{ratio:.2f}", note=f"{a:.1f} s / {b:.1f} s, whole processes")
-    yield at_most("estimate / pandas.read_csv, wall time", wall[2], 2.0, f"{wall[0]:.1f} s / {wall[1]:.1f} s")
+    found = subprocess.run([python, "-c", VERSION], check=True, capture_output=True, text=True).stdout.strip()
+    name = f"estimate / read_csv of pandas {found}"
+    yield Row(f"{name}, CPU time", f"{ratio:.2f}", note=f"{a:.1f} s / {b:.1f} s, whole processes")
+    yield at_most(f"{name}, wall time", wall[2], 2.0, f"{wall[0]:.1f} s / {wall[1]:.1f} s")
     yield at_most("its memory / the CSV file", memory / size, 3.0, f"{memory / 2**20:.0f} MiB / {size / 2**20:.0f} MiB")
 
 
@@ -125,10 +128,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="many rows beside what they cost anyway")
     parser.add_argument("--rows", type=float, default=1e7, help="of each (default 1e7)")
     parser.add_argument("--pairs", type=int, default=3, help="of measurements (default 3)")
+    parser.add_argument(
+        "--pandas", default=sys.executable, metavar="PYTHON", help="that has the pandas to compare with"
+    )
     options = parser.parse_args()
     with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:
         folder, rows = Path(name), int(options.rows)
-        print(table([*simulated(rows, options.pairs, folder), *estimated(rows, options.pairs, folder)]))
+        print(table([*simulated(rows, options.pairs, folder), *estimated(rows, options.pairs, folder, options.pandas)]))
 
 
 if __name__ == "__main__":
