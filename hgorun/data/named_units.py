@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import yaml
 
+from hgorun.data.meant_units import meant_by
 from hgorun.data.recording import Note
 from hgorun.data.units import (
     NO_UNIT,
@@ -90,6 +91,8 @@ def of_another_kind_in_name(name: str, wanted: str) -> str:
     said = unit_in_name(name)
     if not said or said.isdigit() or (len(said) == 1 and not name.rstrip().endswith("]")):
         return ""
+    if (meant := meant_by(said)) and alike(meant, wanted):
+        return ""  # U/min is no enzyme beside rpm
     return said if is_unit(said) and is_unit(wanted) and _convertible(said, wanted) is None else ""
 
 
@@ -140,6 +143,8 @@ def loose_in_name(name: str, wanted: str) -> str:
             return said
         if unit_in_name(name):
             continue
+        if len(said) > 1 and said not in _ALSO_WORDS and meant_by(said) and foreign(said, wanted):
+            return said
         if len(said) > 1 and said not in _ALSO_WORDS and _convertible(said, wanted) and not alike(said, wanted):
             return said
     return ""

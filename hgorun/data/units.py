@@ -12,7 +12,9 @@ import numpy as np
 
 from hgorun.config.expressions import nearest
 from hgorun.config.time_units import SECONDS, SHORT, meant_unit
+from hgorun.data.meant_units import meant_by
 from hgorun.data.readable_units import DEFINED, may_be_read
+from hgorun.data.turns import counted_by, exponents, turns_alone
 from hgorun.data.usual_units import in_other_letters, is_usual, unusual
 from hgorun.data.written_units import is_misread, temperature_in, with_temperatures, without_reference
 from hgorun.errors import KeyPath, Problem
@@ -58,17 +60,7 @@ _TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
 _ABBREVIATED = re.compile(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
 _POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
-_TURNS = ("turn", "hertz", "revolutions_per_minute", "revolutions_per_second", "cycle")
 _BITS = ("bit", "byte")
-_ABBREVIATIONS = {
-    **dict.fromkeys(("mil", "mils"), "thou"),
-    "mD": "millidarcy",
-    **{"gpm": "gal/min", "fpm": "ft/min", "lbm": "lb", "sqft": "ft^2", "kp": "kgf", "PS": "metric_horsepower"},
-    **dict.fromkeys(("ft-lb", "lb-ft", "ft.lb", "ft·lb"), "ft_lb"),
-    **dict.fromkeys(("in-lb", "lb-in", "in.lb", "in·lb"), "in*lbf"),
-}
-"""What pint has none of or reads as something else, as it may be meant; none of these is converted."""
-_ANGLES = ("radian", "degree", "arcminute", "arcsecond", "grade")
 
 
 def seconds(unit: str, path: KeyPath) -> Fraction:
@@ -109,15 +101,16 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     registry = _registry()
     target = _parsed(registry, wanted, path)
     found = _parsed(registry, unit, path, target)
-    if _turns_alone(found, target):
-        message = f"{unit} cannot be converted to the model's {wanted}: one counts turns, and the other does not say"
-        raise Problem(path, f"{message} what it counts; {wanted} takes the numbers as they are")
+    if turns_alone(found, target):
+        message = f"{unit} cannot be converted to the model's {wanted}: one counts turns or angles, and the other does"
+        hint = f". {said}" if (said := counted_by(found)) else _meant(unit, target, ".") if meant_by(unit) else ""
+        raise Problem(path, f"{message} not say what it counts; {wanted} takes the numbers as they are{hint}")
     another = f"{unit} cannot be converted to the model's {wanted}: it is of another kind."
-    if _exponents(found, _BITS) != _exponents(target, _BITS):  # a byte is no bel, and to pint 8
+    if exponents(found, _BITS) != exponents(target, _BITS):  # a byte is no bel, and to pint 8
         raise Problem(path, another)
     try:
         numbers = np.asarray(registry.Quantity(values, found).to(target).magnitude, dtype=float)
-        cycles = _exponents(found, ("hertz",)) - _exponents(target, ("hertz",))
+        cycles = exponents(found, ("hertz",)) - exponents(target, ("hertz",))
         return numbers * (2 * np.pi) ** cycles if cycles else numbers
     except DimensionalityError:
         raise Problem(path, another + _meant(unit, target)) from None
@@ -126,21 +119,6 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
 def _written_out(unit: str) -> str:
     """A unit without the points of an abbreviation: a.u. and au, p.u. and pu are one notation."""
     return unit.replace(".", "").replace(" ", "") if _ABBREVIATED.fullmatch(unit) else unit
-
-
-def _exponents(unit: pint.Unit, names: tuple[str, ...]) -> float:
-    """Of what units with these names, or with a prefix before them, are raised to, the sum."""
-    return sum(float(Fraction(str(power))) for name, power in unit._units.items() if name.endswith(names))
-
-
-def _turns_alone(unit: pint.Unit, other: pint.Unit) -> bool:
-    """Whether one counts turns and the other neither turns nor angles: 1/min is rpm to some, and 2 pi less to others.
-
-    To pint a turn is 2 pi and a hertz 1/s, as if it were a radian a second.
-    """
-    turns = [_exponents(one, _TURNS) for one in (unit, other)]
-    angles = [_exponents(one, (*_TURNS, *_ANGLES)) for one in (unit, other)]
-    return any(turns) and angles[0] != angles[1]
 
 
 def are_usual(*units: str) -> bool:
@@ -216,12 +194,15 @@ def foreign(unit: str, wanted: str) -> bool:
 
 def _meant_alone(unit: str) -> str:
     """The unit that an abbreviation stands for, without what is told of a zero of pressure or of conditions."""
-    return _ABBREVIATIONS.get(unit) or without_reference(unit) or unit
+    plain = without_reference(unit) or unit
+    return meant_by(plain) or plain
 
 
 def _read_as(unit: str, wanted: str) -> bool | None:
     """Whether a library reads a text as the same unit as another; None where it is of another kind or none."""
     two, written = np.array([0.0, 1.0]), [_usual(one) for one in (unit, wanted)]
+    if unit == "percent" and wanted in NO_UNIT:
+        return False
     if unit.isdigit() or not all(_UNIT.fullmatch(one) and may_be_read(one) for one in written):
         return None
     with suppress(Exception), np.errstate(divide="ignore"):  # whatever its parser stumbles over
@@ -280,11 +261,31 @@ def _usual(text: str) -> str:
 
 
 def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
-    """The most similar of common units of a kind, as a question; empty where none is."""
+    """What may be meant by a unit where one of a kind is wanted, as a question; empty where nothing is.
+
+    That is what an abbreviation stands for, the same in other letters, or the most similar of common units.
+    """
     if wanted is None:
         return ""
     meant = "deg" if text in ("Grad", "grad") else temperature_in(text)  # German; to others 0.9 of that
     if meant:
         return f"{before} Did you mean `{meant}`?"
-    close = nearest(text, [unit for unit in _COMMON if _registry().Unit(unit).is_compatible_with(wanted)])
+    if _fits(text, wanted, anything=True) and (counts := counted_by(_registry().Unit(_usual(text)))):
+        return f"{before} It does not say what it counts: {counts}."
+    if (plain := without_reference(text)) and _fits(_meant_alone(text), wanted):
+        meant = f"Did you mean `{meant_by(plain) or plain}`?"
+        return f"{before} {meant} Where its zero lies, or which conditions are meant, it does not say."
+    for one in (meant_by(text), *in_other_letters(text)):
+        if one is not None and _fits(one, wanted):
+            return f"{before} Did you mean `{one}`?"
+    close = nearest(text, [unit for unit in _COMMON if unit != text and _fits(unit, wanted)])
     return before + close if close else ""
+
+
+def _fits(text: str, wanted: pint.Unit, *, anything: bool = False) -> bool:
+    """Whether a text is a unit of the same kind as another; of turns or of anything, where that is said."""
+    try:
+        found = _parsed(_registry(), text, ())
+    except Problem:
+        return False
+    return found.is_compatible_with(wanted) and (anything or not turns_alone(found, wanted))

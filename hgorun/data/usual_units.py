@@ -50,7 +50,7 @@ _PREFIXES = {
 _ALONE = """
     min h hr sec d yr deg ° °C °F degC degF degR degK delta_degC delta_degF % percent ppm rpm rps turn cycle gon sr dB
     Np psi atm torr mmHg kgf lbf lb lbs oz ft inch in yd mile mi gal hp Btu BTU kn knot mph kph ha acre angstrom Å a
-    arcmin arcsec cmH2O mmH2O inH2O ftH2O cmHg inHg nmi kts ksi kip dyn erg cc fps thou ft_lb dBm dBW ‰ ppb
+    arcmin arcsec mH2O cmH2O mmH2O inH2O ftH2O cmHg inHg nmi kts ksi kip dyn erg cc fps thou ft_lb dBm dBW ‰ ppb
     mins hrs secs msec usec msecs usecs
 """  # without a prefix
 # g/L, m/s, L/h, ... in capitals: gauss per litre, molar per siemens and litre per henry are nobody's units
@@ -64,7 +64,8 @@ _NAMES = """
     katal enzyme_unit dalton count dimensionless celsius fahrenheit degree_Celsius degree_Fahrenheit becquerel sievert
     revolutions_per_minute revolutions_per_second standard_gravity g_0 g_n pound_force kilogram_force volt_ampere
     watt_hour ampere_hour nautical_mile micron thou fathom furlong slug dyne erg gauss oersted darcy curie rem permille
-    foot_pound poundal grain carat
+    foot_pound poundal grain carat oil_barrel metric_horsepower thousand_cubic_feet million_cubic_feet thousand_Btu
+    million_Btu
 """
 _WORDS = frozenset(_NAMES.split())
 _LONG_PREFIXES = ("femto", "pico", "nano", "micro", "milli", "centi", "deci", "hecto", "kilo", "mega", "giga", "tera")

@@ -41,6 +41,13 @@ _AT_THE_END = re.compile(rf"({_CUBED})(\s*/\s*[^\W\d_]+)(?:\s*\(\s*(?:{_AT}|s)\s
 _FLOWS = {
     **{"cfm": "ft^3/min", "scfm": "ft^3/min", "cfs": "ft^3/s", "scfh": "ft^3/h", "scfd": "ft^3/d", "scf": "ft^3"},
     **{"lpm": "L/min", "slpm": "L/min", "nlpm": "L/min", "slm": "L/min", "sccm": "mL/min", "sccs": "mL/s"},
+    **{
+        "mscf": "thousand_cubic_feet",
+        "mscfd": "thousand_cubic_feet/d",
+        "mscfh": "thousand_cubic_feet/h",
+        "mmscf": "million_cubic_feet",
+    },
+    **{"mmscfd": "million_cubic_feet/d", "mmscfh": "million_cubic_feet/h"},
 }
 
 
