@@ -17,6 +17,7 @@ import numpy as np
 
 from hgorun.config.types import describe
 from hgorun.data.date_hints import clock_key, form_hint, has_form
+from hgorun.data.zones import ZONES, date_of, names_zone
 
 NAT = int(np.iinfo(np.int64).min)
 """The stamp of a missing value: that of numpy."""
@@ -275,11 +276,16 @@ def _as_written(text: str, key: str, column: str) -> str:
 
 def _patterned(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, bool]:
     try:
-        moment = datetime.strptime(text, pattern)
+        read = date_of(text, pattern)
     except ValueError:
-        raise ValueError(f"expected a date of the form {pattern}, found {describe(text)}{hint(text)}") from None
-    offset = moment.utcoffset()
-    past = moment.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
+        said = f"expected a date of the form {pattern}, found {describe(text)}"
+        if names_zone(pattern):
+            raise ValueError(
+                f"{said}; %Z reads {ZONES}: of another zone write the offset, such as -05:00, and %z"
+            ) from None
+        raise ValueError(said + hint(text)) from None
+    offset = read.utcoffset()
+    past = read.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
     return _in_range((past // timedelta(microseconds=1)) * 1000, text), offset is not None
 
 

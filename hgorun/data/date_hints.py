@@ -9,6 +9,8 @@ from datetime import datetime
 
 import yaml
 
+from hgorun.data.zones import without_zone
+
 _DATES = {
     "%d.%m.%Y": "",
     "%Y.%m.%d": "",
@@ -65,6 +67,10 @@ def with_exchanged(form: str) -> str:
 
 def _patterns_of(text: str) -> Iterator[str]:
     """Those that read a text; a year in front is followed by the month, unless that cannot be."""
+    if (bare := without_zone(text)) != text:
+        between = " " if text[len(bare)] == " " else ""
+        yield from (f"{form}{between}%Z" for form in _patterns_of(bare))
+        return
     month_first = any(_reads(text, f"%Y-%m-%d{between}{time}") for time in _TIMES for between in ("", " ", "T"))
     for date in ("", *_DATES):
         if date == "%Y-%d-%m" and month_first:

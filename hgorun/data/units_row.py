@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping, Sequence
-from datetime import datetime
 
 from hgorun.data.cells import looks_like_iso
 from hgorun.data.units import are_usual, is_time, is_unit
+from hgorun.data.zones import date_of
 
 NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _BEGINS_AS_NUMBER = re.compile(r"[-+\u2010-\u2015\u2212<>=~\u2248\u2264\u2265\u00b1.,'\s]*\d")
@@ -76,7 +76,7 @@ def _reads(text: str, form: str | None) -> bool:
     if form is None or "%" not in form:
         return False  # numbers and ISO 8601 are known as such
     try:
-        datetime.strptime(text, form)
+        date_of(text, form)
     except ValueError:
         return False
     return True
