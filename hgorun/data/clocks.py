@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -13,12 +14,16 @@ from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp, looks_like
 from hgorun.data.date_hints import clock_key
 from hgorun.data.dates import counted
 from hgorun.data.day_counts import DAY, WORKBOOKS, Span, dates_in_digits, odd_days, odd_seconds, out_of_range
+from hgorun.data.faults import usual_step
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile
 from hgorun.data.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
 
 _COUNTED = ("unix", *WORKBOOKS)  # formats of numbers that are dates
+_FIRST = 100_000  # stamps that show whether all are whole numbers
+_WHOLE = 2.0**53  # up to which all whole numbers are doubles
+_ROUNDED = 1e-3  # of a step: what rounding may move stamps by
 
 
 @dataclass(frozen=True)
@@ -116,16 +121,35 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
     return told and f"column {column.cells.column!r}: {told}"
 
 
-def digits_of_dates(column: ClockColumn, table: Table) -> str | None:
-    """What is to be told of numbers that look like dates without signs between their parts; nothing if a unit is."""
-    pattern = None if column.clock.unit is not None else dates_in_digits(table.columns[column.cells])
-    if pattern is None:
-        return None
-    name, key = column.cells.column, str(column.path[-1])
-    return (
-        f"column {name!r}: its numbers look like dates, and are taken as numbers: if they are dates, "
-        f"{clock_key(key, name, pattern)}"
-    )
+def odd_numbers(column: ClockColumn, table: Table) -> Iterator[str]:
+    """What is to be told of numbers that look like dates, or are so large that doubles round their steps."""
+    if not isinstance(column.cells, Numbers):
+        return
+    name, values = column.cells.column, table.columns[column.cells]
+    pattern = dates_in_digits(values) if not column.absolute and column.clock.unit is None else None
+    if pattern is not None:
+        yield (
+            f"column {name!r}: its numbers look like dates, and are taken as numbers: if they are dates, "
+            f"{clock_key(str(column.path[-1]), name, pattern)}"
+        )
+    apart, step = _rounding(values), usual_step(values)
+    if step > 0 and apart > _ROUNDED * step:
+        yield (
+            f"column {name!r}: numbers of this size are rounded to multiples of {apart:.3g}, and a usual step is "
+            f"{step:.3g}: numbers that count from the first one, or dates as text, are exact"
+        )
+
+
+def _rounding(values: np.ndarray) -> float:
+    """How far apart doubles are at the end of a column; 0 where its numbers are whole ones that all are doubles."""
+    first, last = values[:_FIRST], np.abs(values[-1:])
+    whole = bool(np.all((first == np.floor(first)) | np.isnan(first)))
+    return 0.0 if np.isnan(last).any() or (whole and last < _WHOLE) else float(np.spacing(last[0]))
+
+
+def above_doubles(cells: Cells, table: Table) -> bool:
+    """Whether stamps are numbers so large that doubles hold not all whole ones, as nanoseconds since 1970 are."""
+    return isinstance(cells, Numbers) and bool(np.any(np.abs(table.columns[cells][[0, -1]]) >= _WHOLE))
 
 
 def origin_stamp(said: str | float, clock: ClockColumn) -> int:

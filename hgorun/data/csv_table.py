@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
+from dataclasses import replace
 from itertools import accumulate, chain, islice
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 
 from hgorun.ahead import ahead
 from hgorun.config.data import Csv
+from hgorun.data import grouped
 from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Numbers
 from hgorun.data.comments import is_comment
@@ -97,7 +99,8 @@ class CsvFile:
         if block is None:
             raise ConfigError("no rows", file=str(self._path))
         columns = Columns(wanted, _expected_rows(block, size), budget, self._path)
-        reading = _Reading(Rows(self._path, dialect, wanted), dialect, Bulk(dialect, wanted), columns)
+        rows = Rows(self._path, dialect, wanted)
+        reading = _Reading(rows, dialect, Bulk(dialect, wanted), columns)
         if size <= _SMALL:
             reading.read(chain([block], rest))
         else:
@@ -107,7 +110,14 @@ class CsvFile:
         for cells_of, values in table.columns.items():
             if isinstance(cells_of, Numbers):
                 leave_out(dialect.missing_numbers, values)
-        return table
+        return replace(table, remarks=[*rows.remarks(), *self._points(table)])
+
+    def _points(self, table: Table) -> Iterator[tuple[int, str]]:
+        """What is told of points that may stand between thousands."""
+        for cells_of, values in table.columns.items():
+            sample = self.dialect.grouped.get(cells_of.column)
+            if sample is not None and isinstance(cells_of, Numbers) and grouped.still_may_be(values):
+                yield 0, grouped.told(cells_of.column, sample)
 
 
 class _Reading:

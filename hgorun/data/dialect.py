@@ -5,12 +5,13 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
 
 from hgorun.config.data import Csv
 from hgorun.data.comments import is_comment
+from hgorun.data.grouped import may_be_grouped
 from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
 from hgorun.data.units_row import NUMBER, are_units, is_value, may_state_units, states_units
@@ -58,6 +59,8 @@ class Dialect:
         The first row of values.
     doubtful : bool
         Whether that row has neither numbers nor dates, and nothing is told of a row of units.
+    grouped : mapping of str to str
+        Columns whose points may stand between thousands, and a cell of each.
     """
 
     separator: str
@@ -72,6 +75,7 @@ class Dialect:
     missing_numbers: tuple[float, ...] = ()
     thousands: str | None = None
     doubtful: bool = False
+    grouped: Mapping[str, str] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -122,8 +126,8 @@ def dialect_of(
         units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
     missing = missing_texts(told)
     known = clocks or {}
-    untold = told.units_row is None and bool(body) and not units
-    doubtful = untold and may_state_units(body[0][1], names, missing, known)
+    rows_untold = told.units_row is None and bool(body) and not units
+    doubtful = rows_untold and may_state_units(body[0][1], names, missing, known)
     if told.units_row or (doubtful and states_units(body[0][1], names, known)):
         units = list(body[0][1]) if body else []
         if any(unit.strip() != "1" and is_value(unit) for unit in units):
@@ -136,6 +140,8 @@ def dialect_of(
     ends = len(sample) == len(names) + 1 and not sample[-1].strip()
     shown = [(line.number, ["" if text.strip().lower() in missing else text for text in row]) for line, row in body]
     decimal = told.decimal or _OTHER.get(told.thousands or "") or _decimal(shown, path)
+    untold = told.decimal is None and told.thousands is None and decimal == "."
+    grouped = may_be_grouped([row for _, row in shown], separator) if untold else ()
     return Dialect(
         separator=separator,
         decimal=decimal,
@@ -149,7 +155,13 @@ def dialect_of(
         missing_numbers=missing_numbers(told, decimal),
         thousands=told.thousands,
         doubtful=doubtful,
+        grouped={name: _pointed(shown, k) for k, name in enumerate(map(str.strip, names)) if k in grouped},
     )
+
+
+def _pointed(rows: Sequence[tuple[int, Sequence[str]]], place: int) -> str:
+    """The first cell of a column with a point."""
+    return next(row[place].strip() for _, row in rows if place < len(row) and "." in row[place])
 
 
 def _such_as(columns: int, separator: str) -> str:

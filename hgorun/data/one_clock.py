@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.config.data import Data, has_date
 from hgorun.data.cells import NAT, Stamps
-from hgorun.data.clocks import ClockColumn, digits_of_dates, odd_dates, origin, origin_stamp, stamps, times_since
+from hgorun.data.clocks import ClockColumn, odd_dates, odd_numbers, origin, origin_stamp, stamps, times_since
 from hgorun.data.date_hints import clock_key, with_exchanged
 from hgorun.data.date_order import a_day_too_early, days_counted, exchanged, known_after, passes_midnight, unlike_others
 from hgorun.data.day_counts import four_years_apart, span_of
@@ -244,7 +244,7 @@ class OneClock:
             When the configuration does not say which of the two is right.
         """
         column, key = clock.cells.column, ".".join(map(str, clock.path))
-        if not clock.absolute and (told := digits_of_dates(clock, self._tables[file])):
+        for told in odd_numbers(clock, self._tables[file]):
             yield Note(kind="clock", signal=key, file=str(file.path), message=told)
         said, source = file.table.unit(column).partition(" since ")[0], "the file"
         if not said:

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
-from hgorun.data.cells import Cells, Numbers
+from hgorun.data import sentinels
+from hgorun.data.clocks import above_doubles
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.named_units import (
     AnotherUnit,
@@ -25,8 +26,7 @@ from hgorun.data.parts import but_silent, lacking_columns, require_one_unit, sil
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
-from hgorun.data.sources import LogFile, Part, Sources, Wanted, given_references
-from hgorun.data.table import Table
+from hgorun.data.sources import LogFile, Part, Sources, Wanted, given_references, remarks_on
 from hgorun.data.told_once import told_once
 from hgorun.data.units import alike, converted
 
@@ -91,6 +91,7 @@ class Reader:
         every = [signal for some in self._wanted.values() for signal in some]
         self._found: list[Note] = list(lacking_columns(every, *sources.shared))
         self._tables = sources.tables()
+        self._found += (note for file, table in self._tables.items() for note in remarks_on(file, table))
 
     def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
         """All signals; arguments as of :func:`read`."""
@@ -125,7 +126,7 @@ class Reader:
             table.columns[part.quality] for table, part in zip(tables, parts, strict=True) if part.quality is not None
         ]
         counts = [table.lines.size for table in tables]
-        return Samples(
+        samples = Samples(
             key=signal.key,
             taken=taken,
             available=_joined(known) if known else taken,
@@ -137,8 +138,10 @@ class Reader:
             good=_joined(good) if good else None,
             sources=tuple(part.file.path for part in parts),
             time_unit=self._unit_of_times(parts),
-            coarse=any(_above_doubles(part.time.cells, table) for part, table in zip(parts, tables, strict=True)),
+            coarse=any(above_doubles(part.time.cells, table) for part, table in zip(parts, tables, strict=True)),
         )
+        self._notes += sentinels.told(samples, values, signal.block, parts[0].file.owner)
+        return samples
 
     def _unit_of_times(self, parts: Sequence[Part]) -> str:
         """That in which times stand in the files, where all are numbers; else that of the run."""
@@ -285,12 +288,6 @@ class Reader:
 def _said_by_files(signal: Wanted) -> dict[str, str]:
     """What each file says of the unit of a column; empty where it says nothing."""
     return {str(part.file.path): part.file.table.unit(signal.block.column) for part in signal.parts}
-
-
-def _above_doubles(cells: Cells, table: Table) -> bool:
-    """Whether stamps are numbers so large that doubles hold not all whole ones, as nanoseconds since 1970 are."""
-    ends = table.columns[cells][[0, -1]]
-    return isinstance(cells, Numbers) and bool(np.any(np.abs(ends) >= 2.0**53))
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:

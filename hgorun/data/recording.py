@@ -115,7 +115,8 @@ class Note:
     ----------
     kind : str
         ``missing``, ``unknown``, ``implausible``, ``quality``, ``repeated``, ``backwards``, ``gaps``, ``filled``,
-        ``stuck``, ``slips``, ``units``, ``clock``, ``late``, ``format``, ``used``.
+        ``stuck``, ``slips``, ``units``, ``clock``, ``late``, ``format``, ``used``,
+        ``sentinel``.
     signal : str
         The signal it is about, or several, with commas; empty where it is about a file.
     file : str

@@ -14,6 +14,7 @@ from hgorun.data.comments import is_comment
 from hgorun.data.dialect import SPACES, Dialect
 from hgorun.data.dialect import cells as cells_of
 from hgorun.data.text import Block
+from hgorun.data.units_row import is_value
 from hgorun.errors import ConfigError
 
 _AT_ONCE = 20_000  # rows that are held as text
@@ -33,6 +34,14 @@ class Rows:
         self._path, self._dialect, self._wanted = path, dialect, wanted
         self._readers = [cells.reader(dialect.decimal, dialect.missing, dialect.thousands) for cells in wanted]
         self._places = [dialect.names.index(cells.column) for cells in wanted]
+        self._inside: list[tuple[int, int, int]] = []
+
+    def remarks(self) -> Iterator[tuple[int, str]]:
+        """What is told of cells that hold lines which look like rows: where the first one opens, and a sentence."""
+        for begin, end, count in self._inside[:1]:
+            many = f", and {len(self._inside) - 1:,} more cells hold such" if len(self._inside) > 1 else ""
+            rows = "1 line that looks like a row" if count == 1 else f"{count:,} lines that look like rows"
+            yield begin, f"a quote that opens here closes on line {end}: {rows} in it{many}; one too many loses rows"
 
     def arrays(self, blocks: Iterator[Block]) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
         """Lines and columns of all rows, some thousands at a time.
@@ -100,6 +109,8 @@ class Rows:
         reader = csv.reader(lines, delimiter=self._dialect.separator, strict=True, skipinitialspace=True)
         try:
             for row in reader:
+                if lines.inside:
+                    self._inside.append((lines.begin, lines.end, lines.inside))
                 yield lines.taken(), row
         except csv.Error as error:
             # what the reader takes in is a quote that is not closed, if it comes to no end of the row
@@ -120,19 +131,22 @@ class _Lines:
 
     Attributes
     ----------
-    begin : int
-        The line on which the present row began.
+    begin, end : int
+        The line on which the present row began, and the last one so far.
+    inside : int
+        How many of its lines, behind the first, look like rows.
     """
 
     def __init__(self, blocks: Iterator[Block], dialect: Dialect) -> None:
         self._lines = _numbered(blocks)
         self._dialect = dialect
         self._open = False
-        self.begin = dialect.first
+        self.begin = self.end = dialect.first
+        self.inside = 0
 
     def taken(self) -> int:
         """Where the row began that has ended now."""
-        self._open = False
+        self._open, self.inside = False, 0
         return self.begin
 
     def __iter__(self) -> Iterator[str]:
@@ -142,7 +156,15 @@ class _Lines:
                 if number < d.first or not text.strip() or is_comment(text, d.comment, d.missing, d.separator):
                     continue
                 self._open, self.begin = True, number
+            else:
+                self.inside += self._looks_like_a_row(text)
+            self.end = number
             yield f"{text}\n"  # inside quotes it belongs to the cell
+
+    def _looks_like_a_row(self, text: str) -> bool:
+        """Whether a line has as many cells as a row, and a number or a date among them."""
+        found = cells_of(text, self._dialect.separator)
+        return len(found) == self._dialect.width and any(map(is_value, found))
 
 
 def _numbered(blocks: Iterator[Block]) -> Iterator[tuple[int, str]]:

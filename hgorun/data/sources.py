@@ -232,6 +232,13 @@ def given_references(outputs: Sequence[Wanted], references: Sequence[Wanted]) ->
             yield Note(kind="used", signal=one.key, file=str(files[0].path), message=told)
 
 
+def remarks_on(file: LogFile, table: Table) -> Iterator[Note]:
+    """What is told of how a file is written."""
+    for line, said in table.remarks:
+        told = f"{said}; csv goes below {file.owner}" if _CSV_ADVICE in said else said
+        yield Note(kind="format", signal="", file=str(file.path), line=line, message=told)
+
+
 def _visible(name: str) -> str:
     """A name with escapes for characters that one does not see, such as a mark of the byte order inside a file."""
     return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in name)

@@ -24,11 +24,14 @@ class Table:
         The line of every row.
     columns : mapping of Cells to ndarray, shape (n,)
         Numbers as floats, dates as nanoseconds since 1970, whether a flag is good as 1 or 0.
+    remarks : sequence of (int, str)
+        What is to be told of the file: a line, 0 where it is about none, and a sentence.
     """
 
     path: Path
     lines: np.ndarray
     columns: Mapping[Cells, np.ndarray]
+    remarks: Sequence[tuple[int, str]] = ()
 
 
 class TableFile(Protocol):

@@ -244,3 +244,21 @@ def test_a_column_called_as_parquet_begins_is_one_of_a_text(tmp_path: Path) -> N
     (tmp_path / "log.csv").write_text("PAR1,t,y\n7,0,1.5\n8,1,2.5\n")
     block = {"file": "log.csv", "time": "t", "outputs": {"S": "PAR1"}}
     np.testing.assert_array_equal(read(Data.model_validate(block), tmp_path).outputs["S"].values, [7.0, 8.0])
+
+
+@pytest.mark.parametrize(("quote", "rows"), [("b", 3), ("", 3)])
+def test_a_quote_too_many_is_told_where_it_opens(tmp_path: Path, quote: str, rows: int) -> None:
+    content = f't,glucose,note\n0,1,a\n1,2,"{quote}\n2,3,c\n3,5,d\n4,6,e"\n5,8,f\n6,7,"g\n7,8,h"\n'
+    found = recorded(tmp_path, content)
+    assert found.outputs["S"].taken.tolist() == [0, 1, 5, 6]
+    (note,) = found.notes
+    assert (note.line, note.kind) == (3, "format")
+    assert note.message.startswith(
+        f"a quote that opens here closes on line 6: {rows} lines that look like rows in it, and 1"
+    )
+
+
+def test_a_remark_of_several_lines_is_no_fault(tmp_path: Path) -> None:
+    content = 't,glucose,note\n0,1,"two\nlines, of text"\n1,2,"a, b\nc"\n2,4,\n'
+    found = recorded(tmp_path, content)
+    assert (found.outputs["S"].values.tolist(), found.notes) == ([1, 2, 4], ())

@@ -1,0 +1,141 @@
+"""What nothing in a file tells apart is told: points between digits, numbers for no value, stamps beyond doubles."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from logs import noisy, recorded, table
+
+from hgorun.data.recording import Recording
+from hgorun.data.sentinels import sentinels
+
+TIMES, VALUES = noisy()
+GROUPED = ("1.234", "12.345", "1.301", "9.876", "15.001", "1.200")
+
+
+def of_kind(recording: Recording, kind: str) -> list[str]:
+    return [str(note).partition("log.csv")[2] for note in recording.notes if note.kind == kind]
+
+
+def rows(values: tuple[str, ...], separator: str = ";", more: str = "") -> str:
+    head = separator.join(("t", "glucose", *(["other"] if more else [])))
+    lines = (separator.join((str(k), value, *([more] if more else []))) for k, value in enumerate(values))
+    return "\n".join([head, *lines, ""])
+
+
+DOUBTFUL = {
+    "nothing tells": (GROUPED, ";", ""),
+    "by tabs": (GROUPED, "\t", ""),
+    "decimal commas beside": (GROUPED, ";", "0,5"),
+    "commas and large numbers beside": (GROUPED, ";", "1500,25"),
+    "small ones have no point": (("950", "1.012", "998", "1.100", "1.050"), ",", "0.5"),
+}
+DECIMALS = {
+    "below one": ((*GROUPED, "0.512"), ";", ""),
+    "above a thousand": ((*GROUPED, "1234.567"), ";", ""),
+    "other lengths": ((*GROUPED, "1.5"), ";", ""),
+    "another column shows it": (GROUPED, ";", "12.5"),
+    "whole numbers beyond 999": (GROUPED, ";", "1013"),
+    "by commas": (GROUPED, ",", ""),
+    "zeros that were cut off": (("5", "5.001", "4.999", "5.002"), ",", "7"),
+    "too few": (GROUPED[:2], ";", ""),
+    "below one far down": ((*GROUPED * 40, "0.512"), ";", ""),
+}
+
+
+@pytest.mark.parametrize("case", DOUBTFUL)
+def test_points_that_may_stand_between_thousands_are_told(tmp_path: Path, case: str) -> None:
+    values, separator, more = DOUBTFUL[case]
+    content = rows(values, separator, more)
+    faults: dict[str, Any] = {"faults": {"slips": "report"}}
+    (said,) = of_kind(recorded(tmp_path, content, faults), "format")
+    first = next(value for value in values if "." in value)
+    assert f"column 'glucose': the point in {first} is read as a decimal point" in said
+    assert said.endswith('{decimal: "."} that it does not; csv goes below data')
+    whole = recorded(tmp_path, content, faults | {"csv": {"thousands": "."}})
+    assert whole.outputs["S"].values.tolist() == [int(value.replace(".", "")) for value in values]
+    as_read = recorded(tmp_path, content, faults | {"csv": {"decimal": "."}})
+    assert as_read.outputs["S"].values.tolist() == [float(value) for value in values]
+    assert of_kind(whole, "format") == of_kind(as_read, "format") == []
+
+
+@pytest.mark.parametrize("case", DECIMALS)
+def test_decimals_as_loggers_write_them_are_not(tmp_path: Path, case: str) -> None:
+    assert of_kind(recorded(tmp_path, rows(*DECIMALS[case])), "format") == []
+
+
+@pytest.mark.parametrize(
+    ("number", "places"), [(-9999.0, [7]), (-999.0, [0]), (999999.0, [39]), (-99.9, [3, 20]), (9999.0, [*range(8, 14)])]
+)
+def test_a_number_for_no_value_is_told_with_its_line(tmp_path: Path, number: float, places: list[int]) -> None:
+    values = VALUES.copy()
+    values[places] = number
+    content = table(TIMES, values)
+    (said,) = of_kind(recorded(tmp_path, content), "sentinel")
+    count = "1 value is" if len(places) == 1 else f"{len(places)} values are"
+    assert said.startswith(f":{places[0] + 2}: outputs.S: {count} {number:g}, far outside of the others (")
+    assert f"csv: {{missing: [{number:g}]}}; csv goes below data" in said
+    left = recorded(tmp_path, content, {"csv": {"missing": [number]}})
+    assert left.outputs["S"].values.tolist() == np.delete(VALUES, places).tolist()
+    assert of_kind(left, "sentinel") == []
+
+
+def test_it_is_compared_as_the_file_writes_it_and_only_where_it_is_used(tmp_path: Path) -> None:
+    values = VALUES.copy()
+    values[7] = -9999
+    column: dict[str, Any] = {"column": "glucose", "unit": "mg/L"}
+    content = table(TIMES, values)
+    assert len(of_kind(recorded(tmp_path, content, {"outputs": {"S": column}}, units={"S": "g/L"}), "sentinel")) == 1
+    for more in ({"plausible": [0, 1]}, {"quality": {"column": "glucose", "good": VALUES.tolist()}}):
+        found = recorded(tmp_path, content, {"outputs": {"S": column | more}}, units={"S": "g/L"})
+        assert of_kind(found, "sentinel") == []
+
+
+@pytest.mark.parametrize(
+    ("values", "found"),
+    [
+        ([5, 5, -9999, 5, 5], [-9999]),
+        ([0, 0, 999, 999, 0, 0], []),  # a step of what is measured
+        ([300, 2, 700, -999, 1000], [-999]),
+        ([300, -400, 700, -999, 1000], []),
+        ([0, 500, 998, 999, 700], []),
+        ([1, 2, np.nan, -9999, 9999, 3], [-9999, 9999]),
+        ([1.5, 2, 1e30, 3, 2], [1e30]),
+        ([1, 2, -9999], []),
+        ([-9999, -9999], []),
+        ([np.nan, np.nan], []),
+        ([], []),
+    ],
+)
+def test_others_are_measured(values: list[float], found: list[float]) -> None:
+    assert [number for number, *_ in sentinels(np.array(values, dtype=float))] == found
+
+
+NANOSECONDS = 1732800000123456789
+
+
+@pytest.mark.parametrize(
+    ("stamps", "clock", "said"),
+    [
+        ([NANOSECONDS + 300 * k for k in range(9)], {"unit": "ns"}, "rounded to multiples of 256"),
+        ([NANOSECONDS + 300 * k for k in range(9)], {"unit": "ns", "format": "unix"}, "rounded to multiples of 256"),
+        ([f"17328000{k:02d}.12345678" for k in range(9)], {}, ""),
+        (
+            [f"1732800000.{12345000 + 1000 * k}" for k in range(9)],
+            {"format": "unix"},
+            "rounded to multiples of 2.38e-07",
+        ),
+        ([NANOSECONDS + 10**6 * k for k in range(9)], {"unit": "ns"}, ""),
+        ([NANOSECONDS // 1000 + k for k in range(9)], {"unit": "us"}, ""),
+        ([300 * k for k in range(9)], {"unit": "ns"}, ""),
+    ],
+)
+def test_stamps_whose_steps_doubles_round_are_told(
+    tmp_path: Path, stamps: list[int | str], clock: dict[str, str], said: str
+) -> None:
+    content = "t,glucose\n" + "".join(f"{stamp},{k % 3}\n" for k, stamp in enumerate(stamps))
+    notes = of_kind(recorded(tmp_path, content, {"time": {"column": "t"} | clock}), "clock")
+    assert [said in note for note in notes] == ([True] if said else [])
