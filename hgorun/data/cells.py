@@ -40,6 +40,8 @@ _WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*((?![eE]$)[^\W\d_¹²³][^\s\d]
 _OF_MICROSOFT = re.compile(r"[-+]?1\.#[A-Z]+\d*")  # 1.#QNAN, -1.#IND: what C once wrote there for no number
 _DASHES = "\u2010\u2011\u2012\u2013\u2212"
 _WORD = 40  # characters of a text that may mean a missing value
+IF_MISSING = "; if it means a missing value: "
+"""So begins what is told of a word in place of a number, behind what was found."""
 _TRUTH = {"true": 1.0, "false": 0.0}
 _EPOCH = datetime(1970, 1, 1)
 _SECOND = timedelta(seconds=1)

@@ -6,7 +6,7 @@ import csv
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import zip_longest
+from itertools import takewhile, zip_longest
 from pathlib import Path
 
 from hgorun.config.data import Csv
@@ -57,8 +57,9 @@ class Dialect:
         The row of units; empty without one.
     sample : tuple of str
         The first row of values.
-    doubtful : bool
-        Whether that row has neither numbers nor dates, and nothing is told of a row of units.
+    doubtful : int
+        How many rows, from that one on, have neither numbers nor dates, as lines of a header have; 0 where it is told
+        that no row of units follows the header.
     grouped : mapping of str to str
         Columns whose points may stand between thousands, and a cell of each.
     """
@@ -74,7 +75,7 @@ class Dialect:
     sample: tuple[str, ...]
     missing_numbers: tuple[float, ...] = ()
     thousands: str | None = None
-    doubtful: bool = False
+    doubtful: int = 0
     grouped: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -126,16 +127,19 @@ def dialect_of(
         units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
     missing = missing_texts(told)
     known = clocks or {}
-    rows_untold = told.units_row is None and bool(body) and not units
-    doubtful = rows_untold and may_state_units(body[0][1], names, missing, known)
-    if told.units_row or (doubtful and states_units(body[0][1], names, known)):
+    of_units = bool(body) and may_state_units(body[0][1], names, missing, known)
+    if told.units_row or (told.units_row is None and of_units and not units and states_units(body[0][1], names, known)):
         units = list(body[0][1]) if body else []
         if any(unit.strip() != "1" and is_value(unit) for unit in units):
             message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
             raise ConfigError(message, file=str(path), line=body[0][0].number)
-        body, doubtful = body[1:], False
+        body = body[1:]
     if not body:
         raise ConfigError("a header without values below it", file=str(path), line=header.number)
+
+    def of_header(row: tuple[_Line, list[str]]) -> bool:
+        return may_state_units(row[1], names, missing, known)
+
     first, sample = body[0]
     ends = len(sample) == len(names) + 1 and not sample[-1].strip()
     shown = [(line.number, ["" if text.strip().lower() in missing else text for text in row]) for line, row in body]
@@ -154,7 +158,7 @@ def dialect_of(
         sample=tuple(sample),
         missing_numbers=missing_numbers(told, decimal),
         thousands=told.thousands,
-        doubtful=doubtful,
+        doubtful=0 if told.units_row is False else sum(1 for _ in takewhile(of_header, body)),
         grouped={name: _pointed(shown, k) for k, name in enumerate(map(str.strip, names)) if k in grouped},
     )
 
@@ -214,7 +218,7 @@ def _separator(lines: Sequence[_Line]) -> str:
     if found:
         return max(found, key=bare.count)
     width = len(cells(header, SPACES))
-    return SPACES if width > 1 and len(cells(below, SPACES)) == width else ","
+    return SPACES if width > 1 and len(cells(below, SPACES)) in (width, width + 1) else ","
 
 
 def _bare(comment: _Line, sign: str, separator: str) -> list[str]:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hgorun.data.cells import Cells, Flags, is_word
+from hgorun.data.cells import IF_MISSING, Cells, Flags, is_word
 from hgorun.data.comments import is_comment
 from hgorun.data.dialect import SPACES, Dialect
 from hgorun.data.dialect import cells as cells_of
@@ -66,6 +66,7 @@ class Rows:
         for line, cells in self._cells(blocks):
             if len(cells) != width or (width > names and cells[-1].strip()):
                 what = self._commas(cells) or (self._no_sample(cells[0]) if len(cells) < names else "")
+                what += self._name_of_row(cells) if line == self._dialect.first else ""
                 raise self._error(line, f"{_cells(len(cells))}, where the header has {names}{what}")
             try:
                 yield (line, *(read(cells[place]) for place, read in plan))
@@ -75,9 +76,19 @@ class Rows:
     def _commas(self, cells: Sequence[str]) -> str:
         """What may be the reason for too many cells, where commas separate them."""
         digits = sum(cell.strip().isdigit() for cell in cells)
-        if self._dialect.separator != "," or len(cells) <= len(self._dialect.names) or digits < 2:
+        points = any("." in cell and is_value(cell) for cell in cells)
+        if self._dialect.separator != "," or len(cells) <= len(self._dialect.names) or digits < 2 or points:
             return ""
         return "; decimal commas in a file separated by commas: separate by ; or put such numbers in quotes"
+
+    def _name_of_row(self, cells: Sequence[str]) -> str:
+        """What may be the reason for one cell more than the header has, from the first row on."""
+        if len(cells) != len(self._dialect.names) + 1:
+            return ""
+        return (
+            "; where each row begins with its name or number, as write.table of R writes it, the header needs a name "
+            "for that column, too (col.names = NA)"
+        )
 
     def _no_sample(self, cell: str) -> str:
         """What to do with a line that begins with a word, as one of totals below a table does."""
@@ -92,12 +103,20 @@ class Rows:
                 read(row[place])
             except ValueError as error:
                 when = not isinstance(cells, Flags) and cells.key == "time"
+                said, hint = str(error), self._no_sample(row[place]) if when else ""
                 if line == self._dialect.first and self._dialect.doubtful:
-                    hint = "; if this line belongs to the header, as one of units does: csv: {units_row: true}"
-                else:
-                    hint = self._no_sample(row[place]) if when else ""
-                return self._error(line, f"{error}{hint}", cells.column)
+                    said, hint = said.partition(IF_MISSING)[0], self._of_header()
+                return self._error(line, f"{said}{hint}", cells.column)
         raise AssertionError("a row was refused and read")
+
+    def _of_header(self) -> str:
+        """What to do about the first row where it looks like a line of the header."""
+        count, sign = self._dialect.doubtful, self._dialect.comment
+        if count == 1 and not self._dialect.units:
+            return "; if this line belongs to the header, as one of units does: csv: {units_row: true}"
+        if count == 1:
+            return f"; if this line belongs to the header: begin it with {sign}, as a comment"
+        return f"; if this line and the next belong to the header: begin them with {sign}, as comments"
 
     def _cells(self, blocks: Iterator[Block]) -> Iterator[tuple[int, list[str]]]:
         """The cells of every row, and the line it begins on."""
