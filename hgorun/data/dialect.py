@@ -127,8 +127,10 @@ def dialect_of(
         units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
     missing = missing_texts(told)
     known = clocks or {}
-    of_units = bool(body) and may_state_units(body[0][1], names, missing, known)
-    if told.units_row or (told.units_row is None and of_units and not units and states_units(body[0][1], names, known)):
+    may_state = bool(body) and may_state_units(body[0][1], names, missing, known)
+    if told.units_row or (
+        told.units_row is None and may_state and not units and states_units(body[0][1], names, known)
+    ):
         units = list(body[0][1]) if body else []
         if any(unit.strip() != "1" and is_value(unit) for unit in units):
             message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"

@@ -12,6 +12,7 @@ from hgorun.config.data import MISSING
 from hgorun.data.arrays import ArrayColumn
 from hgorun.data.matlab import is_across, is_logical, is_of_matlab, no_column
 from hgorun.data.netcdf import absent_texts, text, unpacked
+from hgorun.data.unwritten import unwritten
 from hgorun.errors import ConfigError, printable
 
 _DEEP = 5  # groups inside each other
@@ -138,14 +139,17 @@ def _values(data: h5py.Dataset, place: int | None, path: Path, name: str) -> np.
     kind = data.dtype.kind
     if kind not in "fiub":
         return _texts(data, place)
-    where = slice(None) if place is None else (place, slice(None)) if is_across(data) else (slice(None), place)
+    across = place is not None and is_across(data)
+    where = slice(None) if place is None else (place, slice(None)) if across else (slice(None), place)
     stored = np.asarray(data[where])
     if kind == "b" or is_logical(data):
         return stored.astype(bool)
     try:
-        return unpacked(stored, data.attrs, data.fillvalue)
+        values = unpacked(stored, data.attrs, data.fillvalue)
     except ValueError as error:
         raise ConfigError(str(error), file=str(path), key=name) from None
+    gone = unwritten(data, stored, int(across), place)
+    return np.where(gone, np.nan, values) if gone.any() else values
 
 
 def _texts(data: h5py.Dataset, place: int | None, count: int | None = None) -> np.ndarray:
