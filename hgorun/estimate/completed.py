@@ -161,9 +161,8 @@ def _with(source: Source, changes: Mapping[str, Any]) -> Source:
 def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
     start, end = recording.span
     found: dict[str, Any] = {"start": start, "end": end, "unit": recording.origin.unit} | dict(given)
-    if end > start and _numbers(found) and (found["start"] >= end or found["end"] <= start):
-        key = "start" if found["start"] >= end else "end"
-        raise Problem(("time", key), f"there are no data then: they are from {start:g} to {end:g}")
+    if _numbers(found):
+        _require_data(found["start"], found["end"], start, end)
     if "output_step" not in found:
         gap = recording.median_gap
         span = float(found["end"]) - float(found["start"]) if _numbers(found) else end - start
@@ -171,12 +170,28 @@ def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
     return found
 
 
+def _require_data(begin: float, stop: float, start: float, end: float) -> None:
+    """Refuse a run without data, and one of no length: of samples of one time, ``time`` may give it one.
+
+    Raises
+    ------
+    Problem
+    """
+    one_time = not end > start
+    if one_time and begin == stop == start:
+        message = f"all samples are of one time, {start:g}: there is nothing to follow but in a longer run, of time.end"
+        raise Problem(("data",), message)
+    if begin > end or stop < start or (not one_time and (begin == end or stop == start)):
+        key = "start" if begin >= end else "end"
+        raise Problem(("time", key), f"there are no data then: they are from {start:g} to {end:g}")
+
+
 def _numbers(time: Mapping[str, Any]) -> bool:
     return all(isinstance(time[key], (int, float)) for key in ("start", "end"))
 
 
 def _measurement(given: Mapping[str, Any], recording: Recording, start: float) -> dict[str, Any]:
-    """The noise of the block, and every output sampled about as often as it was recorded."""
+    """The noise of the block, and every output sampled about as often as it was recorded; of one sample as it says."""
     found = {key: given[key] for key in _OF_NOISE if key in given}
     outputs: dict[str, Any] = {}
     of_outputs = given.get("outputs") or {}
@@ -185,7 +200,8 @@ def _measurement(given: Mapping[str, Any], recording: Recording, start: float) -
         outputs[name] = {key: block[key] for key in _OF_NOISE if key in block}
         signal = recording.outputs.get(name)
         if signal is not None:
-            outputs[name]["sampling"] = {"period": _period(signal.taken), **_offset(signal.taken, start)}
+            told = (block.get("sampling") or given.get("sampling")) if signal.taken.size == 1 else None
+            outputs[name]["sampling"] = told or {"period": _period(signal.taken), **_offset(signal.taken, start)}
     std = {name: signal.std for name, signal in recording.outputs.items() if signal.std is not None}
     return {**found, "outputs": noisy(outputs, std)}
 
@@ -222,7 +238,7 @@ def plant_units(source: Source) -> dict[str, str]:
 
 
 def _check_outputs(outputs: tuple[str, ...], recording: Recording) -> None:
-    """Every output has to be recorded, nothing else can be, and there has to be some time between samples."""
+    """Every output has to be recorded, and nothing else can be."""
     for name in recording.outputs:
         if name not in outputs:
             raise Problem(
@@ -232,9 +248,6 @@ def _check_outputs(outputs: tuple[str, ...], recording: Recording) -> None:
     missing = [name for name in outputs if name not in recording.outputs]
     if missing:
         raise Problem(("data", "outputs"), f"the output {missing[0]} of the plant is not among them")
-    start, end = recording.span
-    if not end > start:
-        raise Problem(("data",), f"all samples are of one time, {start:g}: there is nothing to follow")
 
 
 def _check_names(experiment: Experiment, recording: Recording) -> None:

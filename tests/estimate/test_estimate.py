@@ -213,6 +213,29 @@ def test_what_was_recorded_has_to_be_of_use(log: Recording, message: str) -> Non
         estimate(source({"plant": PENDULUM, "observers": observers("shgo")}), log)
 
 
+@pytest.mark.parametrize(
+    ("time", "points"),
+    [
+        ({"end": 3.0}, [1.0, 3.0]),
+        ({"start": 0.0}, [0.0, 1.0]),
+        ({"start": 0.0, "end": 3.0, "output_step": 1.0}, [0, 1, 2, 3]),
+    ],
+)
+def test_samples_of_one_time_are_followed_in_a_run_that_has_a_length(
+    time: dict[str, float], points: list[float]
+) -> None:
+    config = {"plant": PENDULUM, "observers": observers("shgo"), "time": time}
+    found = estimate(source(config), recording(signal("a", [1.0], [0.5])), sensitivity=False)
+    assert found.time.tolist() == points
+
+
+@pytest.mark.parametrize(("time", "key"), [({"start": 2.0, "end": 3.0}, "start"), ({"start": -1.0, "end": 0.5}, "end")])
+def test_nor_do_they_lie_outside_of_it(time: dict[str, float], key: str) -> None:
+    config = {"plant": PENDULUM, "observers": observers("shgo"), "time": time}
+    with pytest.raises(ConfigError, match=rf"time\.{key}: there are no data then: they are from 1 to 1"):
+        estimate(source(config), recording(signal("a", [1.0], [0.5])))
+
+
 def test_a_reference_is_a_state_or_an_output() -> None:
     log = recording(signal("a", [0, 1], [0, 1]), reference={"z": signal("z", [0], [0])})
     with pytest.raises(ConfigError, match="neither a state nor an output"):

@@ -53,6 +53,7 @@ class Samples:
 LOGS: Mapping[str, Samples] = {
     "even": Samples(EVEN, EVEN),
     "no sample at the start": Samples(EVEN + 4 * GRID, EVEN + 4 * GRID),
+    "one sample": Samples(EVEN[3:4], EVEN[3:4]),
     "a gap": Samples(np.delete(EVEN, 5), np.delete(EVEN, 5)),
     "uneven": Samples(UNEVEN, UNEVEN),
     "one output missing": Samples(EVEN, EVEN, lacks=True),
@@ -161,6 +162,11 @@ def some(*labels: str) -> dict[str, Samples]:
 )
 def test_a_stream_refuses_what_a_file_refuses(name: str, keys: Block, labels: list[str], refused: set[str]) -> None:
     assert compared(name, keys, some(*labels)) == refused
+
+
+@pytest.mark.parametrize("name", ["shgo", "ekf"])
+def test_samples_of_one_time_are_followed_by_both(name: str) -> None:
+    assert compared(name, {}, some("one sample")) == set()
 
 
 @pytest.mark.slow
