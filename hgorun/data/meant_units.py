@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import re
 
-_FOOT_POUND, _INCH_POUND, _HORSE = "ft_lb", "in*lbf", "metric_horsepower"
 _AS_WRITTEN = {
     **dict.fromkeys(("mil", "mils"), "thou"),
-    **{"mD": "millidarcy", "lbm": "lb", "sqft": "ft^2", "kp": "kgf", "PS": _HORSE, "CV": _HORSE, "g": "g_0"},
-    **dict.fromkeys(("ft-lb", "lb-ft", "ft.lb", "ft·lb"), _FOOT_POUND),
-    **dict.fromkeys(("in-lb", "lb-in", "in.lb", "in·lb"), _INCH_POUND),
+    **{"mD": "millidarcy", "lbm": "lb", "sqft": "ft^2", "kp": "kgf", "PS": "metric_horsepower", "g": "g_0"},
+    **dict.fromkeys(("ft-lb", "lb-ft", "ft.lb", "ft·lb"), "ft_lb"),
+    **dict.fromkeys(("in-lb", "lb-in", "in.lb", "in·lb"), "in*lbf"),
     **{"mPas": "mPa s", "Pas": "Pa s", "cps": "cP", "at": "kgf/cm2"},
     **{"mho": "S", "mho/cm": "S/cm", "mmho/cm": "mS/cm", "umho/cm": "uS/cm", "µmho/cm": "uS/cm"},
 }

@@ -22,7 +22,6 @@ DEFINED = (
     "million_cubic_feet = 1e6 foot ** 3",
     "thousand_Btu = 1000 Btu",
     "million_Btu = 1e6 Btu",
-    "meter_of_water = 9806.65 pascal = mH2O",
     "part_per_billion = 1e-9 = ppb",
 )
 """Units that it is given, for it has none of them, or in a system where they are of another kind."""
