@@ -14,13 +14,14 @@ from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp, looks_like
 from hgorun.data.date_hints import clock_key
 from hgorun.data.dates import counted
 from hgorun.data.day_counts import DAY, WORKBOOKS, Span, dates_in_digits, odd_days, odd_seconds, out_of_range
-from hgorun.data.faults import usual_step
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile
 from hgorun.data.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
 
 _COUNTED = ("unix", *WORKBOOKS)  # formats of numbers that are dates
+EXACT = "numbers that count from the first one, or dates as text, are exact"
+"""What is said of stamps that doubles round."""
 _FIRST = 100_000  # stamps that show whether all are whole numbers
 _WHOLE = 2.0**53  # up to which all whole numbers are doubles
 _ROUNDED = 1e-3  # of a step: what rounding may move stamps by
@@ -132,24 +133,28 @@ def odd_numbers(column: ClockColumn, table: Table) -> Iterator[str]:
             f"column {name!r}: its numbers look like dates, and are taken as numbers: if they are dates, "
             f"{clock_key(str(column.path[-1]), name, pattern)}"
         )
-    apart, step = _rounding(values), usual_step(values)
-    if step > 0 and apart > _ROUNDED * step:
+    apart, step = rounding(column.cells, table)
+    if apart > _ROUNDED * step > 0:
         yield (
             f"column {name!r}: numbers of this size are rounded to multiples of {apart:.3g}, and a usual step is "
-            f"{step:.3g}: numbers that count from the first one, or dates as text, are exact"
+            f"{step:.3g}: {EXACT}"
         )
 
 
-def _rounding(values: np.ndarray) -> float:
-    """How far apart doubles are at the end of a column; 0 where its numbers are whole ones that all are doubles."""
-    first, last = values[:_FIRST], np.abs(values[-1:])
-    whole = bool(np.all((first == np.floor(first)) | np.isnan(first)))
-    return 0.0 if np.isnan(last).any() or (whole and last < _WHOLE) else float(np.spacing(last[0]))
+def rounding(cells: Cells, table: Table) -> tuple[float, float]:
+    """How far apart doubles are at the end of a column of stamps, and its usual step.
 
-
-def above_doubles(cells: Cells, table: Table) -> bool:
-    """Whether stamps are numbers so large that doubles hold not all whole ones, as nanoseconds since 1970 are."""
-    return isinstance(cells, Numbers) and bool(np.any(np.abs(table.columns[cells][[0, -1]]) >= _WHOLE))
+    The first is 0 of whole numbers that all are doubles, and of decimals where that step is much longer.
+    """
+    if not isinstance(cells, Numbers):
+        return 0.0, 0.0
+    first, last = table.columns[cells][:_FIRST], np.abs(table.columns[cells][-1:])
+    steps = np.diff(first)
+    steps = steps[steps > 0]  # of equal stamps nothing is known but that they are
+    step = float(np.median(steps)) if steps.size else 0.0
+    whole = bool(np.all((first == np.floor(first)) | np.isnan(first))) and last < _WHOLE
+    apart = 0.0 if whole or np.isnan(last).any() else float(np.spacing(last[0]))
+    return (apart if last >= _WHOLE or apart > _ROUNDED * step > 0 else 0.0), step
 
 
 def origin_stamp(said: str | float, clock: ClockColumn) -> int:

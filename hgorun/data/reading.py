@@ -11,7 +11,7 @@ import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.data import sentinels
-from hgorun.data.clocks import above_doubles
+from hgorun.data.clocks import rounding
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.named_units import (
     AnotherUnit,
@@ -138,7 +138,7 @@ class Reader:
             good=_joined(good) if good else None,
             sources=tuple(part.file.path for part in parts),
             time_unit=self._unit_of_times(parts),
-            coarse=any(above_doubles(part.time.cells, table) for part, table in zip(parts, tables, strict=True)),
+            coarse=max(rounding(part.time.cells, table)[0] for part, table in zip(parts, tables, strict=True)),
         )
         self._notes += sentinels.told(samples, values, signal.block, parts[0].file.owner)
         return samples

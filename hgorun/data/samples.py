@@ -25,8 +25,8 @@ class Samples:
     sources : tuple of Path
     time_unit : str
         In which messages say times: that of the files where their times are numbers, else that of the run.
-    coarse : bool
-        Whether stamps are numbers above 2^53, of which different ones may be the same double.
+    coarse : float
+        How far apart doubles are where the stamps are so large that different ones may be the same one; else 0.
     """
 
     key: str
@@ -38,7 +38,7 @@ class Samples:
     good: np.ndarray | None
     sources: tuple[Path, ...]
     time_unit: str
-    coarse: bool = False
+    coarse: float = 0.0
 
     @property
     def late(self) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data import faults
-from hgorun.data.clocks import duration_shown, shown
+from hgorun.data.clocks import EXACT, duration_shown, shown
 from hgorun.data.recording import Note, Origin
 from hgorun.data.samples import Samples
 from hgorun.errors import ConfigError
@@ -160,7 +160,7 @@ class Sorting:
         where = f"line {line}" if file == samples.place(k)[0] else f"line {line} of {file}"
         what = f"the time stamp {stamp} has come before, on {where}"
         if samples.coarse:
-            what += ", or is the same only as a double: above 2^53 these are more than 1 apart"
+            what += f", or is the same only as a double, which are {samples.coarse:.3g} apart here: {EXACT}"
         if told is None or told == "refuse":
             raise self._refused(samples, k, what, "faults: {repeated: first}, last, mean or keep if this is known")
         self._note("repeated", samples, k, again.size, f"{_samples(again.size)} ({told}): {what}")

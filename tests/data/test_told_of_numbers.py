@@ -11,6 +11,7 @@ from logs import noisy, recorded, table
 
 from hgorun.data.recording import Recording
 from hgorun.data.sentinels import sentinels
+from hgorun.errors import ConfigError
 
 TIMES, VALUES = noisy()
 GROUPED = ("1.234", "12.345", "1.301", "9.876", "15.001", "1.200")
@@ -139,3 +140,23 @@ def test_stamps_whose_steps_doubles_round_are_told(
     content = "t,glucose\n" + "".join(f"{stamp},{k % 3}\n" for k, stamp in enumerate(stamps))
     notes = of_kind(recorded(tmp_path, content, {"time": {"column": "t"} | clock}), "clock")
     assert [said in note for note in notes] == ([True] if said else [])
+
+
+@pytest.mark.parametrize(
+    ("stamps", "apart"),
+    [
+        ([NANOSECONDS + 100 * k for k in range(9)], "256"),
+        ([f"1732800000.{123456700 + 100 * k}" for k in range(9)], "2.38e-07"),
+        ([NANOSECONDS, NANOSECONDS + 1], "256"),
+        ([NANOSECONDS + 10**9 * k for k in range(4)] + [NANOSECONDS + 3 * 10**9 + 1], "256"),
+        ([1, 2, 3, 3], ""),
+        (["0.1", "0.2", "0.2"], ""),
+        (["1732800000.1", "1732800000.2", "1732800000.2"], ""),
+    ],
+)
+def test_equal_stamps_may_be_so_only_as_doubles(tmp_path: Path, stamps: list[int | str], apart: str) -> None:
+    content = "t,glucose\n" + "".join(f"{stamp},{k % 3}\n" for k, stamp in enumerate(stamps))
+    with pytest.raises(ConfigError, match="has come before, on line") as caught:
+        recorded(tmp_path, content)
+    said = f"which are {apart} apart here: numbers that count from the first one, or dates as text, are exact"
+    assert (said in caught.value.message) is bool(apart)
