@@ -12,6 +12,7 @@ from pathlib import Path
 
 PAGE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
 EXTRAS = (
+    "control",
     "dask",
     "explore",
     "fmu",
