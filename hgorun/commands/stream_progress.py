@@ -38,6 +38,8 @@ class Progress(ABC):
         The time up to which samples have been taken; -inf before the first.
     shown : float
         The last time of a grid at which the estimates have been told; -inf before the first.
+    late : Counter
+        By output, how many samples were late.
 
     Raises
     ------
@@ -48,6 +50,7 @@ class Progress(ABC):
     def __init__(self, estimator: Estimator, path: Path | None) -> None:
         self._estimator, self._path = estimator, path
         self.t, self.shown = -math.inf, -math.inf
+        self.late = Counter[str]()
         taken = []
         if path is not None and path.exists():
             taken = self._restore(path.read_bytes(), str(path))
@@ -58,10 +61,11 @@ class Progress(ABC):
             raise ConfigError("this is not a checkpoint of a stream, or one of another version", file=file)
         head, _, rest = stored[len(_MAGIC) :].partition(b"\n")
         try:
-            t, shown, taken = json.loads(head)
+            t, shown, taken, *late = json.loads(head)  # older ones do not count
+            self.late = Counter({str(name): int(count) for counts in late for name, count in counts.items()})
             self.t, self.shown = float(t), float(shown)
             keys = [(str(name), float(at), None if y is None else float(y)) for name, at, y in taken]
-        except (ValueError, TypeError) as error:
+        except (ValueError, TypeError, AttributeError) as error:
             raise ConfigError(f"the checkpoint is damaged: {error}", file=file) from None
         try:
             self._estimator.restore(rest)
@@ -75,7 +79,7 @@ class Progress(ABC):
             return
         with uninterrupted():
             sys.stdout.flush()
-            head = json.dumps([self.t, self.shown, self._keys()]).encode()
+            head = json.dumps([self.t, self.shown, self._keys(), self.late]).encode()
             with written_whole(self._path, durable=True) as part:
                 part.write_bytes(_MAGIC + head + b"\n" + self._estimator.checkpoint())
 

@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 import math
-from collections import Counter
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from itertools import chain, repeat
 from typing import TextIO
 
@@ -135,20 +134,13 @@ def refuse_results(options: Estimate) -> None:
 
 @dataclass(frozen=True)
 class OneByOne:
-    """What becomes of single samples.
-
-    Attributes
-    ----------
-    late : Counter
-        By output, how many samples were late.
-    """
+    """What becomes of single samples."""
 
     estimator: Estimator
     inputs: tuple[str, ...]
     grid: Grid
     progress: Progress
     writer: Writer
-    late: Counter[str] = field(default_factory=Counter)
 
     def take(self, sample: Sample) -> None:
         """Take a sample, and write what is known then."""
@@ -176,13 +168,13 @@ class OneByOne:
         else:
             self.estimator.update(sample.t, {sample.signal: sample.y}, sample.available)
             if sample.available is not None and sample.available > sample.t:
-                self.late[sample.signal] += 1
+                self.progress.late[sample.signal] += 1
 
 
 def tell_left_out(one_by_one: OneByOne, experiment: Experiment) -> None:
     """On stderr, at the end: how many samples gates have left out, and how many since they were late."""
     if all(treatment_of(observer) == "drop" for observer in experiment.observers.values()):
-        for output, count in one_by_one.late.items():
+        for output, count in one_by_one.progress.late.items():
             left_out = f"{count} samples of {output} were left out since they were late (late: drop)"
             say(f"hgorun: {experiment.name}: {left_out}")
     for label, of_outputs in one_by_one.estimator.gated.items():

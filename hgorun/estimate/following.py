@@ -14,6 +14,7 @@ from hgorun.engine.turns import without
 from hgorun.estimate import notes
 from hgorun.estimate.action_rows import ActionRows
 from hgorun.estimate.event import Event
+from hgorun.estimate.first_told import begin
 from hgorun.estimate.gate import Gate
 from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
@@ -45,6 +46,8 @@ class Following:
         When the newest sample of each output that each observer has used had been taken.
     limited : list of bool
         Which outputs have a gate.
+    unchecked : bool
+        Whether time has not gone on yet, so that the start may still depend on inputs that come with samples.
     offered, outliers : list of tuple of int
         How many samples of each output with a gate each observer has judged, and how many of them it has left out.
     """
@@ -65,11 +68,12 @@ class Following:
         self._pending = [0] * len(limits)
         self._last_sample = math.nan
         self._told: dict[int, float] = {}
+        self.unchecked = bool(system.inputs)
         self._rows = ActionRows(system)
         self._held = system.structure.system.held
         self._regime = system.regimes[self.heard]
         self._taken = (-math.inf,) * len(limits)  # when the newest sample of each output was, whoever has used it
-        self._decides = self.gate is not None or bool(system.steps or system.driven or system.timed)
+        self._decides = self.gate is not None or bool(system.steps or system.timed)
 
     @property
     def regime(self) -> int:
@@ -99,7 +103,7 @@ class Following:
         if self._decides or event.inputs or event.taken != t or not len(event.take) == len(samples) > 0:
             self._carry_out(event)
             return
-        if event.take[0] != samples[0][:2]:  # kept for others that come later
+        if self.unchecked or event.take[0] != samples[0][:2]:  # kept for others that come later
             self._carry_out(event)
             return
         live = self.live
@@ -118,8 +122,9 @@ class Following:
             require_whole(system, event, self.newest)
         if system.timed and event.samples:
             self._taken = require_times(system, event, self._taken)
-        if system.driven and live.t <= 0.0 and not any(self.heard):
-            self._begin(event)
+        if self.unchecked:
+            self._told = begin(system, live, event, self._told, heard=any(self.heard))
+            self.unchecked = event.t <= 0.0
         if system.steps or event.inputs or not (event.take or event.samples):
             live.advance(event.t, self._regime)
             for number, value in event.inputs:
@@ -181,27 +186,6 @@ class Following:
         out = [j for j in self._every if j in outliers or j not in taking]
         self.newest[i] = tuple([old if j in out else event.taken for j, old in enumerate(self.newest[i])])
         return out
-
-    def _begin(self, event: Event) -> None:
-        """Let observers start with the inputs that are known by now.
-
-        Raises
-        ------
-        ValueError
-            Where they cannot, and something follows from their states.
-        """
-        system, live = self.system, self.live
-        first = {number: value for number, value in event.inputs if event.t <= 0.0 or number not in self._told}
-        if first:
-            told = self._told | first
-            live.z[...] = system.start_with(told)
-            self._told = told
-        if (event.samples or event.t > live.t) and np.isnan(live.z).any():
-            missing = ", ".join(name for name, number in system.inputs.items() if number not in self._told)
-            raise ValueError(
-                f"{', '.join(system.driven)}: the derivatives of the output at the start depend on inputs, and "
-                f"{missing} is not known yet: give inputs before the first sample, or with it"
-            )
 
     def _jump_without(
         self, event: Event, j: int, samples: list[tuple[int, int]], actions: Integers, z: Floats, w: Floats
@@ -282,6 +266,7 @@ class Following:
         if self.gate is not None and gate is not None:
             self.gate.restore(gate)
         self.live.restore(numbers)
+        self.unchecked = bool(self.system.inputs) and self.live.t <= 0.0
 
     def told(self, states: Sequence[State]) -> tuple[dict[str, Floats], list[list[Any]]]:
         """Some states for a checkpoint: numbers by name, those of each state in a row, and notes as JSON has them."""

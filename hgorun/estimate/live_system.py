@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
 
-from hgorun.config.models import Time
 from hgorun.engine.live import Live
 from hgorun.engine.memory import Start
 from hgorun.engine.plan import Floats
 from hgorun.errors import Problem
+from hgorun.estimate.beginning import Begun, numbers_at_start
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.refused import refuse, require_used
 from hgorun.measurement.late import Treatment
@@ -20,14 +20,10 @@ from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import BeginsWithASample
 from hgorun.observers.treatment import treatment_of
-from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.preparation import numbers_of
-from hgorun.simulation.prepared import Numbers
 from hgorun.simulation.start import check_start
 from hgorun.simulation.structure import Structure, structure_of
 from hgorun.simulation.truth import Recording
@@ -119,9 +115,9 @@ class LiveSystem:
         structure = structure_of([truth], [designs], stretches, variants, plant.everything, innovations=True)
         require_used(model, truth.recorded, structure)
         driven = tuple(design.label for design in designs if inputs and isinstance(design.form, Driven))
-        numbers = _numbers(experiment, structure, truth.recorded, {}, driven)
+        numbers = numbers_at_start(experiment, structure, truth.recorded, {}, driven)
         if not inputs:  # else nothing is known of them yet
-            check_start(_Begun(plant, experiment.time, structure, numbers))
+            check_start(Begun(plant, experiment.time, structure, numbers))
         corrections = tuple(number for number, _, _ in structure.system.corrections)
         return cls(
             experiment=experiment,
@@ -178,11 +174,34 @@ class LiveSystem:
         ------
         ValueError
         """
-        recorded = tuple(self.experiment.plant.model.inputs.index(name) for name in self.inputs)
         try:
-            return _numbers(self.experiment, self.structure, recorded, told, self.driven).z0
+            return numbers_at_start(self.experiment, self.structure, self._recorded, told, self.driven).z0
         except Problem as problem:
             raise ValueError(problem.message) from problem
+
+    def check_start_with(self, told: Mapping[int, float], w: Floats) -> None:
+        """Refuse a start at which a right-hand side is not a number, as a file does.
+
+        Parameters
+        ----------
+        told : mapping of int to float
+            As in :meth:`start_with`.
+        w : ndarray
+            What is held at the start, the inputs among it.
+
+        Raises
+        ------
+        Problem
+        """
+        experiment, held = self.experiment, self.structure.system.held
+        numbers = numbers_at_start(experiment, self.structure, self._recorded, told, self.driven)
+        lines = tuple((place, float(w[held.input(i)[0]]), 0.0) for i, place in enumerate(self._recorded))
+        check_start(Begun(experiment.plant, experiment.time, self.structure, numbers, lines))
+
+    @property
+    def _recorded(self) -> tuple[int, ...]:
+        """The inputs that come with samples, by their numbers among all inputs."""
+        return tuple(self.experiment.plant.model.inputs.index(name) for name in self.inputs)
 
     @property
     def joint(self) -> bool:
@@ -236,38 +255,6 @@ class LiveSystem:
             known = ", ".join(self.inputs) or "none"
             raise ValueError(f"the input {name!r} is not given with samples; those that are: {known}")
         return self.inputs[name]
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class _Begun:
-    """What is known at the start of a stream without inputs."""
-
-    plant: BuiltPlant
-    time: Time
-    structure: Structure
-    numbers: Numbers
-    recorded: Recorded = ()
-
-
-def _numbers(
-    experiment: Experiment,
-    structure: Structure,
-    recorded: Sequence[int],
-    told: Mapping[int, float],
-    driven: Sequence[str],
-) -> Numbers:
-    """The numbers at the start, inputs that are not known yet at zero; or at NaN where zero does not do."""
-
-    def with_others_at(value: float) -> Numbers:
-        lines = tuple((place, told.get(number, value), 0.0) for number, place in enumerate(recorded))
-        return numbers_of(structure, experiment.plant, experiment, list(experiment.designs.values()), lines)
-
-    try:
-        return with_others_at(0.0)
-    except Problem:
-        if not driven or len(told) == len(recorded):
-            raise
-        return with_others_at(np.nan)
 
 
 def _check(experiment: Experiment, inputs: tuple[str, ...]) -> None:

@@ -200,6 +200,24 @@ def test_a_stream_tells_how_many_samples_were_left_out(
     assert err.count("2 samples of a were left out since they were late (late: drop)") == expected
 
 
+@pytest.mark.parametrize(("older", "expected"), [(False, 3), (True, 1)])
+def test_late_samples_are_counted_over_all_starts(
+    older: bool, expected: int, shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those that come again count once. A checkpoint of an older version has no counts, and is read."""
+    words = ("--set", "observers={A: {type: shgo, theta: 2, poles: -1, late: drop}}", "--checkpoint", "state")
+    rows, state = ("0.3,a,0.3,0.4\n", "0.35,a,0.3,0.5\n", "0.45,a,0.4,0.6\n"), shell.folder / "state"
+    for last, count in ((2, 2), (3, expected)):
+        monkeypatch.setattr(sys, "stdin", io.StringIO(LATE + "".join(rows[:last])))
+        code, _, err = shell("estimate", "pendulum.yaml", "-", *words)
+        assert code == 0
+        assert f"{count} samples of a were left out since they were late (late: drop)" in err
+        head, _, rest = state.read_bytes().partition(b"\n")
+        if older:
+            magic, told = head[:16], json.loads(head[16:])
+            state.write_bytes(magic + json.dumps(told[:3]).encode() + b"\n" + rest)
+
+
 @pytest.mark.parametrize("column", ["", ",known"])
 def test_what_is_held_out_need_not_say_when_it_was_known(column: str, shell: Shell) -> None:
     """Only the times at which it was taken matter; rows may stand in the order of their arrival."""

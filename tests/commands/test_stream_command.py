@@ -174,7 +174,12 @@ def test_a_folder_in_place_of_a_checkpoint_is_named(
 
 
 @pytest.mark.parametrize(
-    ("stored", "message"), [(b"x", "not a checkpoint of a stream"), (b"hgorun-stream-1 [0]\n", "is damaged")]
+    ("stored", "message"),
+    [
+        (b"x", "not a checkpoint of a stream"),
+        (b"hgorun-stream-1 [0]\n", "is damaged"),
+        (b"hgorun-stream-1 [0, 0, [], 1]\n", "is damaged"),
+    ],
 )
 def test_a_file_that_is_no_checkpoint_is_named(
     shell: Shell, monkeypatch: pytest.MonkeyPatch, stored: bytes, message: str

@@ -255,3 +255,45 @@ def test_a_recorded_input_is_what_it_is_at_the_start() -> None:
     data = recording(signal("y", EVEN, np.cos(w * EVEN)), u=held_input("u", EVEN, np.full(13, 2.0)))
     xhat = estimate(source(text), data, sensitivity=False).observers["O"].xhat
     np.testing.assert_allclose(xhat[-1], [np.cos(1.5 * w), -w * np.sin(1.5 * w)], rtol=0, atol=1e-8)
+
+
+def singular_with(u: float) -> tuple[Block, Block]:
+    """b' = -1/(a u), which is no number where u is 0."""
+    plant = inline({"a": "b", "b": "-1/(a*u)"}, {"y": "a"}, inputs={"u": "1"})
+    text: Block = {
+        "time": {"start": 0.0, "end": 1.5, "output_step": 0.125},
+        "plant": plant,
+        "observers": {"O": {"type": "shgo", "theta": 2, "initial": {"a": 1.0, "b": 0.0}}},
+        "solver": {"step": 1 / 64},
+    }
+    return text, {**text, "measurement": {"sampling": {"period": 0.125}}}
+
+
+def test_a_start_that_is_singular_for_its_inputs_is_refused_of_both() -> None:
+    """When time goes on; what was refused has not been, and with another input the stream begins."""
+    of_file, of_stream = singular_with(0.0)
+    message = r"is not a finite number at the start of the run: division by zero, at a = 1, b = 0: "
+    data = recording(signal("y", EVEN, np.cos(EVEN)), u=held_input("u", EVEN, np.zeros(13)))
+    with pytest.raises(HgorunError, match=message):
+        estimate(source(of_file), data, sensitivity=False)
+    estimator = Estimator(Experiment(of_stream), inputs=("u",))
+    estimator.update(0.0, {"y": 1.0})
+    estimator.update(0.0, {}, u={"u": 0.0})
+    stored = estimator.checkpoint()
+    assert not estimator.at_once(np.array([0.125]), np.array([0]))
+    with pytest.raises(ValueError, match=message):
+        estimator.update(0.125, {"y": 1.0})
+    assert estimator.t == 0.0
+    estimator.update(0.0, {}, u={"u": 2.0})
+    estimator.update(0.125, {"y": 1.0})
+    assert not estimator.any_lost
+    restored = Estimator(Experiment(of_stream), inputs=("u",))
+    restored.restore(stored)
+    with pytest.raises(ValueError, match=message):
+        restored.update(0.125, {"y": 1.0})
+
+
+def test_a_start_that_is_singular_without_its_inputs_names_them() -> None:
+    estimator = Estimator(Experiment(singular_with(0.0)[1]), inputs=("u",))
+    with pytest.raises(ValueError, match=r"^observers.O: .*; u is not known yet and counts as 0: give it at the"):
+        estimator.update(0.125, {"y": 1.0}, u={"u": 2.0})
