@@ -34,8 +34,14 @@ class Unit:
         self.get = self.unit.getReal if two else self.unit.getFloat64
         self.set = self.unit.setReal if two else self.unit.setFloat64
         # a logger of its own: FMPy's lets C call the one that was given last, which may be gone
-        self.callbacks = fmi2CallbackFunctions(fmi2CallbackLoggerTYPE(lambda *_: None))
-        self.unit.instantiate(**({"callbacks": self.callbacks} if two else {}))
+        self.said: list[tuple[int, str, str]] = []  # status, category and text of messages
+
+        def log(*words: Any) -> None:
+            status, category, text = words[-3:]
+            self.said.append((status, category.decode(), text.decode()))
+
+        self.callbacks = fmi2CallbackFunctions(fmi2CallbackLoggerTYPE(log))
+        self.unit.instantiate(**({"callbacks": self.callbacks} if two else {"logMessage": log}))
         if two:
             self.unit.setupExperiment(startTime=5.0)
         self.unit.enterInitializationMode(**({} if two else {"startTime": 5.0}))

@@ -78,6 +78,8 @@ def costs(source: Source) -> Mapping[str, Cost]:
     if observer.jump is not None:
         of_jump = observer.jump.needed("jump")
         sample += Cost(**observer.jump.count(of_jump))
+    if observer.period is not None:
+        sample += Cost(plain=8, divisions=1, functions=1)
     found["sample"] = sample
     found["estimate"] = whole("estimate")
     return found

@@ -107,6 +107,7 @@ STATUS = {  # of a function, and its meaning
     "BAD_TIME": "a time that goes back, or is none: nothing was done",
     "TOO_FAR": "more steps than a prediction may take: nothing was done",
     "INCOMPLETE": "this observer needs all outputs at once: nothing was done",
+    "BAD_GAP": "a sample that is no whole number of periods after the last one: nothing was done",
 }
 
 
@@ -138,6 +139,8 @@ def _prototypes(source: Source, real: str, p: str) -> Iterator[str]:
         late = ("it may be earlier than now" if observer.remembered else "now") + "; a later one counts as now"
         steps = observer.jump is not None and not observer.corrected
         whole = "\n * All outputs at once, and once at a time: a second sample of it is OLD." if steps else ""
+        if observer.period is not None:
+            whole = f"\n * Whole periods of {observer.period!r} after the last one: at other times BAD_GAP."
         yield (
             f"/* Samples that arrive now. taken: the time they were measured, {late}.\n"
             f" * y: one value an output; which: a bit for each output that has one (ALL for all).{whole} */"

@@ -59,10 +59,10 @@ def members(source: Source) -> list[Member]:
         found += [Member(f"{p}line", "line", line, 8, q)]
     if observer.inputs:
         found += [Member(f"{p}line", "input", line, 8, m)]
-    if observer.jump is not None and not observer.corrected:
+    if observer.clocks:
         found += [Member("double", "sampled", 8, 8, meaning="the time of the last sample, if there was one")]
         found += [Member("uint32_t", "samples", 4, 4)]
-        found += [reals("before", m)] if m else []
+        found += [reals("before", m)] if m and not observer.corrected else []
     if observer.pieces:
         found += [Member("uint32_t", "pieces", 4, 4), Member("uint32_t", "newest", 4, 4), reals("first", late)]
         found += [Member(f"{p}piece", "past", _padded(16 + 4 * r * late), 8, observer.pieces)]

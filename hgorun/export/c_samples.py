@@ -7,6 +7,7 @@ from collections.abc import Iterator, Sequence
 from hgorun.export.c_code import LAST
 from hgorun.export.c_functions import Part
 from hgorun.export.equations import Output
+from hgorun.observers.whole_periods import UNEVEN
 
 
 class Samples(Part):
@@ -57,7 +58,22 @@ class Samples(Part):
             yield f"    if (!(taken >= s->t) && (status == {u}OK)) {{"
             yield f"        status = {u}OLD;"
             yield "    }"
+        if observer.period is not None:
+            yield from self._off_period(observer.period)
         yield from self._no_numbers("taken", [i for i, output in enumerate(observer.outputs) if output.sampled])
+
+    def _off_period(self, period: float) -> Iterator[str]:
+        """Whether a sample is no whole number of periods after the last one, as well as the period is known."""
+        number, u = repr(period), self.upper
+        yield f"    if ((s->samples > 0U) && (which != 0U) && (status == {u}OK)) {{"
+        yield "        const double gap = s->t - s->sampled;"
+        yield f"        const double periods = floor((gap / {number}) + 0.5);"
+        yield f"        const double most = {UNEVEN * period!r} * ((periods > 1.0) ? periods : 1.0);"
+        yield ""
+        yield f"        if (!(fabs(gap - (periods * {number})) <= most)) {{"
+        yield f"            status = {u}BAD_GAP;"
+        yield "        }"
+        yield "    }"
 
     def _no_numbers(self, time: str, outputs: Sequence[int]) -> Iterator[str]:
         """What is wrong with a time and values that are no numbers."""
@@ -119,6 +135,9 @@ class Samples(Part):
         yield "        }"
         yield f"        {jump.call('after', z='s->z', y='s->y')}"
         yield from self._becomes_after("        ")
+        if observer.clocks:
+            yield "        s->samples = 1U;"
+            yield "        s->sampled = s->t;"
         yield "        (void)fresh;"
         yield "    }"
 

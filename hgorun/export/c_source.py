@@ -114,7 +114,7 @@ class Source:
         if observer.continuous:
             yield f"        {self.prefix}hold(&s->line[i], 0.0, {zero});"
         yield "    }"
-        if observer.jump is not None and not observer.corrected:
+        if observer.clocks:
             yield "    s->samples = 0U;"
             yield "    s->sampled = 0.0;"
         if observer.inputs:

@@ -12,10 +12,7 @@ EXPORT const char *FMIGetVersion(void)
 
 EXPORT int FMISetDebugLogging(void *c, BOOL on, size_t n, const char *const categories[])
 {
-    (void)c;
-    (void)on;
-    (void)n;
-    (void)categories;
+    hear((instance *)c, (on) ? 1 : 0, n, categories);
     return 0;
 }
 

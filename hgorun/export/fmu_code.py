@@ -10,7 +10,7 @@ from hgorun.export.c_source import Source
 from hgorun.export.fmi_functions import FMI2, FMI3
 from hgorun.export.fmu_access import access
 from hgorun.export.fmu_stubs import stubs
-from hgorun.export.fmu_templates import CORE, TOP, Version
+from hgorun.export.fmu_templates import CORE, LEAVE, TOP, Version
 from hgorun.export.fmu_variables import Variable
 
 _LOGGERS: dict[Version, tuple[str, str]] = {  # what simulators call theirs by, and the first arguments
@@ -32,6 +32,13 @@ typedef struct {
         "typedef void (*logger)(void *environment, int status, const char *category, const char *text);\n",
         "m->environment",
     ),
+}
+
+
+_LEFT_OUT = {  # statuses of samples without which the unit goes on
+    "OLD": f"left out: {STATUS['OLD'].removesuffix(': left out')}",
+    "INCOMPLETE": "left out: a sample without those of all other outputs, which this observer needs at once",
+    "BAD_GAP": f"left out: {STATUS['BAD_GAP'].removesuffix(': nothing was done')}",
 }
 
 
@@ -58,6 +65,7 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
         "@M@": str(m),
         "@LOGGER@": _LOGGERS[version][0],
         "@SAID@": _LOGGERS[version][1],
+        "@LEAVE@": LEAVE if observer.sampled else "",
         "@WHY@": _words_of_status(source),
         "@TELL@": "\n".join(_told(source)),
         "@ACCESS@": "\n".join(access(variables, version)),
@@ -70,11 +78,11 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
 
 
 def _words_of_status(source: Source) -> str:
-    """What is said of a status, as in the header."""
+    """What is said of a status: as in the header, where nothing else is to be said of a unit."""
     given = "; inputs that are not given are 0" if source.observer.inputs else ""
     found = f'"{STATUS["NOT_FINITE"]}{given}"'
-    for name in ("BAD_TIME", "TOO_FAR"):
-        found = f'(status == {source.upper}{name}) ? "{STATUS[name]}" : {found}'
+    for name, words in {**{name: STATUS[name] for name in ("BAD_TIME", "TOO_FAR")}, **_LEFT_OUT}.items():
+        found = f'(status == {source.upper}{name})\n        ? "{words}"\n        : ({found})'
     return found
 
 
@@ -104,8 +112,9 @@ def _told(source: Source) -> Iterator[str]:
         yield "        if ((which != 0U) && (status == ~~OK)) {"
         # what was taken before the start is of the start, as in a run; an age that is no number is refused
         yield f"            status = ~update(s, ((taken < 0.0) && (taken >= -{LAST})) ? 0.0 : taken, y, which);"
-        yield "            if ((status == ~~OLD) || (status == ~~INCOMPLETE)) {"
-        yield "                status = ~~OK; /* it is left out */"
+        yield "            if ((status == ~~OLD) || (status == ~~INCOMPLETE) || (status == ~~BAD_GAP)) {"
+        yield "                leave_out(m, status);"
+        yield "                status = ~~OK;"
         yield "            }"
         yield "        }"
         yield "    }"

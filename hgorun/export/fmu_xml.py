@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from xml.etree import ElementTree as Xml
 
-from hgorun.export.fmu_templates import Version
+from hgorun.export.fmu_templates import ERROR, WARNING, Version
 from hgorun.export.fmu_variables import Variable
 from hgorun.export.observer import Exported
 from hgorun.version import __version__
@@ -34,6 +34,9 @@ def description(
         modelIdentifier=model_identifier(observer),
         canHandleVariableCommunicationStepSize="true",
     )
+    logged = Xml.SubElement(root, "LogCategories")
+    for name, meaning in ((WARNING, "a sample is left out, or a step ends in the past"), (ERROR, "a step fails")):
+        Xml.SubElement(logged, "Category", name=name, description=meaning)
     Xml.SubElement(root, "DefaultExperiment", startTime="0", stepSize=repr(observer.gap))
     if version == "2.0":
         root.set("guid", token)

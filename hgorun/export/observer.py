@@ -112,6 +112,17 @@ class Exported:
         """Whether it jumps at samples of any of its outputs; others that jump need all outputs at once."""
         return isinstance(self.block.observer, CorrectedObserver)
 
+    @cached_property
+    def period(self) -> float | None:
+        """The period of which samples have to be whole multiples apart; None where their times do not matter."""
+        observer = self.design.observer
+        return observer.whole_periods(self.design.form) if isinstance(observer, CorrectedObserver) else None
+
+    @property
+    def clocks(self) -> bool:
+        """Whether it keeps when the last sample was."""
+        return self.period is not None or (self.jump is not None and not self.corrected)
+
     @property
     def inputs(self) -> tuple[str, ...]:
         """The inputs that are told to it."""

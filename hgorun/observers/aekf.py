@@ -17,7 +17,7 @@ from hgorun.observers.extension import with_unknown_inputs
 from hgorun.observers.gaussian import linear_update
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.scaled_filter import ScaledFilter
-from hgorun.observers.whole_periods import off_period
+from hgorun.observers.whole_periods import UNEVEN, off_period
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.scaled import ScaledCopy
@@ -28,7 +28,6 @@ _WINDOW, _GROWTH, _RETURN = 5.0, 0.1, 0.1  # d theta_1, dT theta_1, lam d
 _STEEP, _LEAST = 10.0, 5.0  # beta m
 _ABOVE_NOISE = 4.0  # m, in what the noise alone costs
 _ROUNDING = 1e-9  # relative, of sums of steps
-_UNEVEN = 1e-6  # of a period
 
 
 class AdaptiveFilter(NoiseInformed, ScaledFilter):
@@ -238,20 +237,20 @@ class SampledAdaptiveFilter(AdaptiveFilter, CorrectedObserver[Form, ScaledCopy])
 
     def design(self, form: Form) -> dict[str, np.ndarray]:
         numbers = super().design(form)
-        T = self._interval(form)
+        T = self.whole_periods(form)
         return numbers | {"R": numbers["R"] / T, "T": np.array(T)}
 
-    def _interval(self, form: Form) -> float:
+    def whole_periods(self, form: Form) -> float:
         intervals = mean_intervals(self.interval, self._sensors, form, "interval")
-        if np.ptp(intervals) > _UNEVEN * intervals[0]:
+        if np.ptp(intervals) > UNEVEN * intervals[0]:
             raise Problem(("update",), "jump needs all outputs sampled with one period")
         return float(intervals[0])
 
     def horizon(self, form: Form) -> float:
-        return self.copies * self._interval(form)
+        return self.copies * self.whole_periods(form)
 
     def check_times(self, form: Form, times: Mapping[str, np.ndarray], origin: float) -> None:
-        why = off_period(times, self._interval(form), origin)
+        why = off_period(times, self.whole_periods(form), origin)
         if why is not None:
             raise Problem(
                 ("update",), f"jump is for one period of all outputs, but {why}: take update: flow, or hg_ekf"

@@ -261,6 +261,10 @@ class CorrectedObserver(ContinuousObserver[FormT, CopyT]):
             With a path inside this block.
         """
 
+    def whole_periods(self, form: FormT) -> float | None:
+        """The period of which samples have to be whole multiples apart; None where their times do not matter."""
+        return None
+
     @property
     def asks_of_times(self) -> bool:
         """Whether it may refuse times: a stream asks at every sample then."""

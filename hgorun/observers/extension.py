@@ -196,6 +196,10 @@ class CorrectedExtension(Extension, CorrectedObserver[Form, Any]):
         assert issubclass(self.family, CorrectedObserver)
         self.family.check_times(self, longer(form, self.added), times, origin)
 
+    def whole_periods(self, form: Form) -> float | None:
+        assert issubclass(self.family, CorrectedObserver)
+        return self.family.whole_periods(self, longer(form, self.added))
+
     @property
     def asks_of_times(self) -> bool:
         assert issubclass(self.family, CorrectedObserver)

@@ -14,12 +14,10 @@ from hgorun.observers.base import Arrival, Flow, PeriodLimit, observer
 from hgorun.observers.capabilities import NoiseInformed
 from hgorun.observers.kalman import mean_intervals
 from hgorun.observers.sample_clock import SampleClock
-from hgorun.observers.whole_periods import off_period
+from hgorun.observers.whole_periods import UNEVEN, off_period
 from hgorun.symbolic.linear import LinearForm, linear_form
 from hgorun.symbolic.smooth import SmoothCopy
 from hgorun.symbolic.symbols import Symbols
-
-_UNEVEN = 1e-6  # of a period
 
 
 @observer("luenberger_exact")
@@ -66,16 +64,16 @@ class ExactLuenbergerObserver(NoiseInformed, SampleClock[LinearForm, SmoothCopy]
         if isinstance(self.poles, tuple) and len(self.poles) != n:
             raise Problem(("poles",), f"expected {n} numbers, or one number for all; found {len(self.poles)}")
         poles = np.resize(np.atleast_1d(np.asarray(self.poles, dtype=complex)), n)
-        return {"L": sampled_gain(form.A, form.C, poles, self._period(form))}
+        return {"L": sampled_gain(form.A, form.C, poles, self.whole_periods(form))}
 
-    def _period(self, form: LinearForm) -> float:
+    def whole_periods(self, form: LinearForm) -> float:
         periods = mean_intervals(self.period, self._sensors, form, "period")
-        if np.ptp(periods) > _UNEVEN * periods[0]:
+        if np.ptp(periods) > UNEVEN * periods[0]:
             raise Problem(("period",), f"the outputs have periods from {np.min(periods):.6g} to {np.max(periods):.6g}")
         return float(periods[0])
 
     def check_times(self, form: LinearForm, times: Mapping[str, np.ndarray], origin: float) -> None:
-        why = off_period(times, self._period(form), origin)
+        why = off_period(times, self.whole_periods(form), origin)
         if why is not None:
             raise Problem(
                 ("type",), f"the gain is for one period of all outputs, but {why}: take ekf or impulsive_riccati"

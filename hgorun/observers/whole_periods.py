@@ -8,7 +8,8 @@ import numpy as np
 
 from hgorun.observers.together import not_beside
 
-_UNEVEN = 1e-6  # of a period
+UNEVEN = 1e-6
+"""Of a period: as well as it is known."""
 
 
 def off_period(times: Mapping[str, np.ndarray], T: float, origin: float) -> str | None:
@@ -45,7 +46,7 @@ def off_period(times: Mapping[str, np.ndarray], T: float, origin: float) -> str 
 def _off(gaps: np.ndarray, T: float) -> np.ndarray:
     """Which are no whole number of periods, as well as the period is known."""
     count = np.rint(gaps / T)
-    return np.abs(gaps - count * T) > _UNEVEN * T * np.maximum(np.abs(count), 1)
+    return np.abs(gaps - count * T) > UNEVEN * T * np.maximum(np.abs(count), 1)
 
 
 def _apart(gaps: np.ndarray) -> str:

@@ -10,11 +10,12 @@ import pytest
 from examples import Block, chain, experiment, inline
 from exported_c import Compiled, load_all
 
+from hgorun.estimate.estimator import Estimator
 from hgorun.export.prepared import Wanted, exported
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
-OK, OLD, NOT_FINITE, BAD_TIME = range(4)
+OK, OLD, NOT_FINITE, BAD_TIME, TOO_FAR, INCOMPLETE, BAD_GAP = range(7)
 CHAIN = chain(2, "-x1", 1.0)
 SAMPLED: Block = {"sampling": {"period": 0.1}}
 STEPPING: dict[str, Block] = {
@@ -80,3 +81,35 @@ def test_times_of_what_is_continuous(tmp_path: Path) -> None:
     for each, t in ((one, 0.2), (other, 0.5)):
         assert each.measure(t, [0.9, 0.4], 3) == each.input(t, [0.3, 0.1]) == OK
     assert before != one.memory.raw == other.memory.raw
+
+
+OF_ONE_PERIOD: dict[str, Block] = {
+    "luenberger_exact": {"type": "luenberger_exact", "poles": [-1, -2]},
+    "extended": {"type": "aekf", "update": "jump", "theta_1": 2.0, "m": 0.05, "extend": 1},
+    "any": {"type": "ekf", "Q": {"x2": 0.01}},
+}
+TIMES = [0.0, 0.1, 0.2 + 1e-8, 0.35, 0.4, 0.4, 0.41, 0.499, 0.9, 1.0 + 3e-7, 1.25, 2.0, 2.1]
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("name", OF_ONE_PERIOD)
+def test_samples_that_are_not_whole_periods_apart(name: str, tmp_path: Path) -> None:
+    """What a stream refuses is not used, and changes nothing."""
+    noisy = {**SAMPLED, "noise": [{"type": "gaussian", "std": 0.1}]}
+    run = run_of(chain(2, "-x1", 1.0), {"O": OF_ONE_PERIOD[name]}, noisy)
+    one, stream, refused = load_all(tmp_path, exported(run), "-O0")["O"], Estimator(run.experiment), []
+    for t in TIMES:
+        stream.update(t, {})  # as far as the other, in the same steps
+        assert one.predict(t) == OK
+        before, found = one.memory.raw, one.update(t, [np.cos(t)], 1)
+        try:
+            stream.update(t, {"x1": np.cos(t)})
+        except ValueError:
+            refused.append(t)
+            assert found == BAD_GAP
+            assert one.memory.raw == before
+        else:
+            assert found == OK
+            np.testing.assert_allclose(one.estimate, stream.estimate()["O"], rtol=0, atol=1e-12)
+    assert refused == ([] if name == "any" else [0.35, 0.41, 0.499, 1.0 + 3e-7, 1.25])
+    assert one.update(2.1, [np.nan], 1) == NOT_FINITE

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import io
 import zipfile
 from pathlib import Path
@@ -102,6 +103,44 @@ def test_ages(version: Version, tmp_path: Path) -> None:
         with pytest.raises(FMICallException):
             unit.unit.doStep(6.5, 0.5)
         assert unit.get([unit.number["time"]]) == [6.5]
+
+
+LEFT_OUT = (1, "logStatusWarning", "left out: a sample older than one that was used, or than what is remembered")
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("version", VERSIONS)
+def test_what_is_left_out_is_told(version: Version, tmp_path: Path) -> None:
+    """Ten times, unless the category is switched off; a step that ends in the past is told, too."""
+    (observer,) = exported(run_of("late"))
+    file = tmp_path / "O.fmu"
+    file.write_bytes(fmu(observer, version, GCC[:1]))
+    assert validate_fmu(str(file)) == []
+    unit, old = Unit(file, version), 2 * observer.pieces * observer.step
+    debug = unit.unit.fmi3SetDebugLogging if version == "3.0" else unit.unit.fmi2SetDebugLogging
+    one = (ctypes.c_char_p * 1)(b"logStatusWarning")
+    other = (ctypes.c_char_p * 1)(b"logStatusError")
+    unit.tell(new_x1=0.0)
+    unit.unit.doStep(5.0, 1.0)
+    assert unit.said == []
+    unit.tell(new_x1=1.0, y_x1=2.0, age_x1=old)
+    for k, (on, count, names, told) in enumerate(
+        [(True, 0, None, 1), (False, 1, one, 1), (False, 1, other, 1), (True, 1, one, 2), (False, 0, None, 2)]
+    ):
+        debug(unit.unit.component, on, count, names)
+        unit.unit.doStep(6 + k / 10, 0.1)
+        assert unit.said == told * [LEFT_OUT]
+    debug(unit.unit.component, True, 0, None)
+    for k in range(10):
+        unit.unit.doStep(6.5 + k / 10, 0.1)
+    assert unit.said == 7 * [LEFT_OUT] + [(1, "logStatusWarning", "further samples that are left out are not told")]
+    unit.tell(new_x1=0.0)
+    unit.unit.doStep(6.0, 0.1)
+    assert unit.said[-1][2].startswith("the step ends before the time that has been reached")
+    unit.tell(new_x1=1.0, age_x1=np.nan)
+    with pytest.raises(FMICallException):
+        unit.unit.doStep(7.5, 0.1)
+    assert unit.said[-1] == (3, "logStatusError", "a time that goes back, or is none: nothing was done")
 
 
 @pytest.mark.costly
