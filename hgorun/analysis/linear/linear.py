@@ -139,10 +139,11 @@ class Linearisation:
         call()
         return Linear(*[np.ascontiguousarray(values.swapaxes(1, 2)) for values in results])
 
-    def at_truth(self, x: np.ndarray) -> np.ndarray:
+    def at_truth(self, x: np.ndarray, result: ObserverResult | None = None, i: int = 0) -> np.ndarray:
         """The states xi (N,) of an observer that has found the plant's state x, filters empty.
 
-        Matrices such as P start from their configured initial values.
+        Gains that are states, such as P, are those at point i of the output grid of a finished run, or as they start
+        where none is given.
         """
         b, form = self.block, self.block.form
         canonical = b.canonical
@@ -150,6 +151,10 @@ class Linearisation:
         place = b.states["xhat"]
         estimate = started(form, x, self.run.plant, canonical, self.run.recorded)
         z0[place.start - b.start :][: place.size] = b.observer.start(estimate, b.design)
+        for name, role in b.observer.roles(form).items() if result is not None else ():
+            if role == "gain" and b.states[name].size:
+                own = b.states[name]
+                z0[own.start - b.start :][: own.size] = own.flattened(result.internal[name][[i]])[0]
         return z0
 
     def along(self, result: ObserverResult, i: int) -> np.ndarray:

@@ -61,7 +61,8 @@ def amplitude(
     omega : float or ndarray, shape (W,)
         For noise sin(omega t/eps) give omega/eps.
     x : ndarray, shape (n,), optional
-        The plant's state to linearise at, the observer being at rest there (default: the initial one).
+        The plant's state to linearise at, which the observer has found (default: the initial one). Gains that are
+        states are as they start.
     output : int
         Which output is noisy.
 

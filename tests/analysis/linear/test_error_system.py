@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from examples import Block, chain, experiment, inline
+from scipy.integrate import solve_ivp
 
 from hgorun.analysis.linear.error_system import error_system
 from hgorun.analysis.linear.linear import Linearisation
@@ -77,3 +78,25 @@ def test_an_observer_without_theta_has_no_exponent_in_it() -> None:
     in_eps, in_theta = exponents(observer.at(0.0, observer.at_truth(np.zeros(2))), None, 1e3)
     assert np.all(np.isfinite(in_eps))
     assert np.all(np.isnan(in_theta))
+
+
+def test_a_gain_that_is_a_state_is_the_one_of_the_time() -> None:
+    """P of a Kalman-Bucy filter follows P' = A P + P A^T + Q - P C^T C P/R, which scipy integrates beside it."""
+    plant = inline({"a": "b", "b": "-a"}, {"y": "a"}, 1.0)
+    P0 = np.array([[2.0, 0.3], [0.3, 1.0]])
+    block: Block = {"type": "kalman_bucy", "Q": {"b": 0.5}, "R": 0.2, "internal": {"P": P0.tolist()}}
+    run = prepare(experiment(plant, {"o": block}, end=3.0, output_step=0.5))
+    found, observer = simulate_prepared(run).observers["o"], Linearisation(run, "o")
+    A, Q = np.array([[0.0, 1.0], [-1.0, 0.0]]), np.diag([0.0, 0.5])
+
+    def rate(_: float, p: np.ndarray) -> np.ndarray:
+        P = p.reshape(2, 2)
+        return np.ravel(A @ P + P @ A.T + Q - np.outer(P[:, 0], P[:, 0]) / 0.2)
+
+    P = solve_ivp(rate, (0, 3), P0.ravel(), t_eval=np.arange(7) / 2, rtol=1e-10, atol=1e-12).y.T.reshape(-1, 2, 2)
+    x = np.array([0.7, -0.2])
+    for i in (0, 1, 6):
+        there = observer.at(run.grid[i], observer.at_truth(x, found, i))
+        np.testing.assert_allclose(there.A[:2, :2], A - np.outer(P[i, :, 0], [1, 0]) / 0.2, rtol=0, atol=1e-5)
+    np.testing.assert_array_equal(observer.at_truth(x), observer.at_truth(x, found, 0))
+    np.testing.assert_array_equal(observer.at_truth(x, found, 6)[:2], x)
