@@ -6,10 +6,12 @@ from collections.abc import Iterator
 
 import casadi as ca
 
+from hgorun.config.time_units import SHORT
 from hgorun.config.yaml_source import Source
-from hgorun.data.unit_per_time import per_time, unlike_rate
-from hgorun.data.units import not_known
+from hgorun.data.unit_per_time import factors_of, per_time, unlike_rate, written
+from hgorun.data.units import is_time, not_known
 from hgorun.errors import printable
+from hgorun.simulation.units_of_terms import mistaken_terms
 from hgorun.symbolic.plant import PlantModel
 
 
@@ -33,6 +35,20 @@ def unit_remarks(source: Source, model: PlantModel) -> Iterator[str]:
                 f"{per_time(of_state, per)}, since {name} is in {of_state} and time in {per}: {printable(wrong)}. "
                 "Write the unit that the numbers have, or the factor into the equation"
             )
+    known = {name: found for name, unit in units.items() if (found := factors_of(unit)) is not None}
+    for name, one in mistaken_terms(model, known, SHORT.get(clock, clock)) if is_time(clock) else ():
+        term, other = one.term, one.other
+        own, beside = written(term.unit), written(other.unit)
+        place = source.told(("plant", "dynamics", name))
+        what = f"its term of {' and '.join(term.signals)}" if len(term.signals) > 1 else term.signals[0]
+        if one.rate:
+            says = f"its derivative in {beside}, with time in {printable(clock)}"
+        else:
+            says = f"{' and '.join(other.signals)}, to which it is added, in {beside}"
+        yield (
+            f"{place}: {what} is in {own}, and {says}: 1 {beside} is {one.factor:.6g} {own}. "
+            "Write the units that the numbers have, or the factor into the equation"
+        )
 
 
 def _derivatives(model: PlantModel) -> Iterator[tuple[str, str]]:

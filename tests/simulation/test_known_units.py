@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from fractions import Fraction
+from pathlib import Path
 
 import pytest
 from examples import VAN_DER_POL, experiment, inline
 
+import hgorun
 from hgorun import ConfigError
 from hgorun.config.time_units import SECONDS, SHORT
 from hgorun.data.units import _registry, not_known
@@ -138,10 +140,80 @@ def test_the_unit_of_a_derivative_is_that_of_its_state_per_time(place: str, spee
     assert found == [wrong] * (wrong != "")
 
 
-@pytest.mark.parametrize("right_side", ["2*x2", "-x2", "x2 + 0.1*x1"])
+@pytest.mark.parametrize("right_side", ["2*x2", "x2*cos(x1)", "x2/60 + 0.1*x1", "sin(x2)"])
 def test_with_a_factor_nothing_is_said_of_a_derivative(right_side: str) -> None:
     plant = inline({"x1": right_side, "x2": "-x1"}, "x1", units={"x1": "rad", "x2": "deg/s"})
     assert not remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"}))
+
+
+FED = {"S": "g/L", "X": "mg/L", "D": "1/h"}
+
+
+@pytest.mark.parametrize(
+    ("rate", "time", "told"),
+    [
+        (
+            "-D*S + 0.1*X",
+            "min",
+            "D and S is in g/(h L), and its derivative in g/(L min), with time in min: 1",
+        ),
+        ("D*(20 - S) + 0.1*X", "min", "D and S is in g/(h L), and its derivative in g/(L min)"),
+        (
+            "S*D - S*D/3 + 0.1*X",
+            "d",
+            "S and D is in g/(L h), and its derivative in g/(L d), with time in d: 1 g/(L d) is 0.0416667 g/(L h)",
+        ),
+        ("0.1*(X - S)", "h", "X is in mg/L, and S, to which it is added, in g/L: 1 g/L is 1000 mg/L. Write"),
+        ("-D*X", "h", "D and X is in mg/(h L), and its derivative in g/(L h), with time in h: 1 g/(L h) is 1000 mg"),
+        ("D*D*S/D + 0.1*X", "minutes", "D and S is in g/(h L)"),
+        ("(D*S)**2/S/D + 0.1*X", "min", "D and S is in g/(h L)"),
+        *((right, "h", "") for right in ("-D*S + 0.1*X", "D*(20 - S) + 0.1*X", "0.1*X - S", "-S + 0.1*X", "S*X")),
+        *((right, "min", "") for right in ("-D*S/60 + 0.1*X", "-S*S*D + 0.1*X", "D + 0.1*X", "-2*D*S + sin(X)")),
+        ("-D*S + 0.1*X", "step", ""),
+    ],
+)
+def test_terms_are_in_the_unit_of_the_rate_or_of_another_kind(rate: str, time: str, told: str) -> None:
+    """A factor that is not written may have a unit of another kind, and a number or a function any."""
+    plant = inline({"S": rate, "X": "-0.1*X"}, ["S", "X"], inputs={"D": "0.3"}, units=FED)
+    found = [one for one in remarks(experiment(plant, OBSERVER).varied({"time.unit": time})) if " is in " in one]
+    assert len(found) == (told != "")
+    assert told in "".join(found)
+
+
+@pytest.mark.parametrize(
+    ("one", "other", "told"),
+    [
+        ("degC", "degF", "K is"),
+        ("degC", "K", ""),
+        ("m", "m^3", ""),
+        ("rad", "deg", "1 rad is 57.2958 deg"),
+        ("rad", "1", ""),
+        ("Hz", "1/s", ""),
+        ("a.u.", "m", ""),
+        ("m", "m)(", ""),
+        ("deg", "-", ""),
+        ("m/s/s", "m s^-2", ""),
+        ("L", "dm^3", ""),
+    ],
+)
+def test_what_is_added_is_of_one_unit_or_of_another_kind(one: str, other: str, told: str) -> None:
+    plant = inline({"x1": "0.1*(x1 + x2)", "x2": "-0.1*x2"}, "x1", units={"x1": other, "x2": one})
+    found = [one for one in remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"})) if " is in " in one]
+    assert len(found) == (told != "")
+
+
+def test_units_of_time_that_differ_ask_for_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
+    plant = inline({"S": "-D*S"}, "S", inputs={"D": "0.3"}, units={"S": "g/L", "D": "1/h"})
+    monkeypatch.setitem(sys.modules, "pint", None)
+    _registry.cache_clear()
+    (found,) = remarks(experiment(plant, OBSERVER).varied({"time.unit": "min"}))
+    assert "1 g/(L min) is 60 g/(h L)" in found
+
+
+@pytest.mark.parametrize("name", ["motor", "fermentation"])
+def test_built_in_plants_with_units_have_no_other_ones(name: str) -> None:
+    file = Path(__file__).parents[2] / "experiments" / "benchmark" / f"{name}.yaml"
+    assert not [one for one in remarks(hgorun.load(file, run="low noise")) if " is in " in one]
 
 
 def test_a_derivative_with_its_own_unit_asks_for_no_library(monkeypatch: pytest.MonkeyPatch) -> None:

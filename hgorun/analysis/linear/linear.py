@@ -151,8 +151,8 @@ class Linearisation:
         place = b.states["xhat"]
         estimate = started(form, x, self.run.plant, canonical, self.run.recorded)
         z0[place.start - b.start :][: place.size] = b.observer.start(estimate, b.design)
-        for name, role in b.observer.roles(form).items() if result is not None else ():
-            if role == "gain" and b.states[name].size:
+        for name, role in b.observer.roles(form).items():
+            if result is not None and role == "gain" and b.states[name].size:
                 own = b.states[name]
                 z0[own.start - b.start :][: own.size] = own.flattened(result.internal[name][[i]])[0]
         return z0
