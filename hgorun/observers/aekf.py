@@ -12,7 +12,7 @@ from pydantic import Field, ModelWrapValidatorHandler, model_validator
 from hgorun.config.types import Number, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver, Flow, Role, observer
-from hgorun.observers.capabilities import NoiseInformed
+from hgorun.observers.capabilities import NoiseInformed, OneGain, SeveralGains
 from hgorun.observers.extension import with_unknown_inputs
 from hgorun.observers.gaussian import linear_update
 from hgorun.observers.kalman import mean_intervals
@@ -171,7 +171,7 @@ class AdaptiveFilter(NoiseInformed, ScaledFilter):
 
 
 @observer("aekf")
-class AdaptiveKalmanFilter(AdaptiveFilter, DecidedObserver[Form, ScaledCopy]):
+class AdaptiveKalmanFilter(SeveralGains, AdaptiveFilter, DecidedObserver[Form, ScaledCopy]):
     """Adaptive high-gain extended Kalman filter, for plants that are chains or triangular block by block.
 
     It is ``hg_ekf`` with a theta(t), which is 1, an ordinary Kalman filter, as long as the filter's predictions are
@@ -230,6 +230,13 @@ class AdaptiveKalmanFilter(AdaptiveFilter, DecidedObserver[Form, ScaledCopy]):
 
     def longest_step(self, form: Form) -> float:
         return self.horizon(form) / self.copies
+
+    def alone(self) -> list[OneGain]:
+        """hg_ekf with the largest theta, to which it grows and where it stays while errors are large."""
+        own = {name for name in AdaptiveFilter.model_fields if name not in ScaledFilter.model_fields}
+        block = self.model_dump(exclude_unset=True, exclude={*own, "type", "internal"})
+        theta = {"type": "hg_ekf", "theta": 2 * self.theta_1}
+        return [OneGain({**block, **theta}, "theta_1", 0.5, "as long as theta is 2 theta_1, which they keep it at")]
 
 
 class SampledAdaptiveFilter(AdaptiveFilter, CorrectedObserver[Form, ScaledCopy]):

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import casadi as ca
@@ -103,6 +104,36 @@ class GainOfErrors(Block):
     def unhindered(self) -> float:
         """An innovation so small that it changes no slope but the gain's own, which is the whole one there."""
         return 0.0
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class OneGain:
+    """An observer of one gain whose errors those of another observer are like, while it has this gain.
+
+    Attributes
+    ----------
+    block : mapping
+        Of the configuration.
+    key : str
+        What the gain is called in the other observer.
+    part : float
+        What the key is there, over what sets the speed here.
+    while_so : str
+        When the errors are alike, as the end of a sentence.
+    """
+
+    block: Mapping[str, object]
+    key: str
+    part: float
+    while_so: str
+
+
+class SeveralGains(Block):
+    """Gains that are chosen by how large errors are, each that of an observer of its own."""
+
+    @abstractmethod
+    def alone(self) -> list[OneGain]:
+        """Those observers, the fastest first: where the errors of one grow, it may be lost."""
 
 
 class SettlingGain(FollowingGain):

@@ -18,7 +18,7 @@ from hgorun.observers.base import (
     DecidedObserver,
     Role,
 )
-from hgorun.observers.capabilities import HighGain, NoiseInformed, NotLinear
+from hgorun.observers.capabilities import HighGain, NoiseInformed, NotLinear, OneGain, SeveralGains
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.keys import Keys
 from hgorun.observers.recalling import RecallingObserver
@@ -31,7 +31,7 @@ _NOT_INSIDE = frozenset(Keys.model_fields) - {"type"}
 _MOST = 20  # modes
 
 
-class ObserverBank(NoiseInformed, NotLinear, DecidedObserver):
+class ObserverBank(NoiseInformed, NotLinear, SeveralGains, DecidedObserver):
     """The keys of a bank, and what its modes have in common."""
 
     lacks = {"extend": "it is a key of the modes: give it in the block of their observer"}
@@ -165,6 +165,16 @@ class ObserverBank(NoiseInformed, NotLinear, DecidedObserver):
 
     def error_rate(self, form: CanonicalForm) -> float:
         return self.modes[0].error_rate(form)
+
+    def alone(self) -> list[OneGain]:
+        """The modes: one whose numbers overflow takes all others with it."""
+        if self.thetas is not None:
+            blocks = [{**self.observer, "theta": theta} for theta in sorted(self.thetas, reverse=True)]
+        else:
+            base = {name: value for name, value in self.observer.items() if name != "poles"}
+            blocks = [{**base, "gains": list(gains)} for gains in self.gains or ()]
+        initial, key = {"initial": dict(self.initial)}, "observer.theta" if self.thetas is None else "thetas"
+        return [OneGain({**block, **initial}, key, 1.0, "in this mode") for block in blocks]
 
     def flow(
         self, plant: PlantCopy, s: Symbols, errors: list[ca.SX], k: Symbols

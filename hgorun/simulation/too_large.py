@@ -8,8 +8,9 @@ estimate comes to rest there, however good it was at the start.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeAlias
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,12 +18,21 @@ from hgorun.engine.memory import Raw
 from hgorun.errors import HgorunError, printable
 from hgorun.measurement.blocks import Periodic
 from hgorun.observers.base import AnyObserver, ContinuousObserver, DecidedObserver
-from hgorun.observers.capabilities import FollowingGain, GainOfErrors, NotLinear, SlidingMode, Speed
+from hgorun.observers.capabilities import (
+    FollowingGain,
+    GainOfErrors,
+    NotLinear,
+    OneGain,
+    SeveralGains,
+    SlidingMode,
+    Speed,
+)
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.apart import Apart
 from hgorun.simulation.design import Design
 from hgorun.simulation.monodromy import exponentials, monodromy, on_their_way
 from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.resting import Unsettled, at_rest
 from hgorun.simulation.slopes import at_truth, slopes
@@ -47,6 +57,8 @@ class _Gain:
 
     key: str | None
     value: float
+    said: str = ""  # another key that it follows from
+    part: float = 1.0  # what that is of it
 
     @classmethod
     def of(cls, observer: AnyObserver, block: ObserverBlock, error: _Error) -> list[_Gain]:
@@ -60,7 +72,8 @@ class _Gain:
     def told(self, unit: str) -> str:
         """The subject of a sentence."""
         if self.key is not None:
-            return f"{self.key} = {self.value:.4g} is"
+            follows = f", which follows from {self.said} = {self.part * self.value:.4g}," if self.part != 1 else ""
+            return f"{self.key} = {self.value:.4g}{follows} is"
         return f"the gains, which make it as fast as {self.value:.3g} per {unit or 'time unit'}, are"
 
 
@@ -70,8 +83,25 @@ def too_large(run: PreparedRun, raw: Raw, j: int) -> str | None:
     Of gains that are states it is that of large errors, where they follow errors, or where they rest, where they
     follow the plant. Not said of others, and of what decides otherwise, jumps, looks back or has no linearisation.
     """
-    timing = _timing(run, treatment_of(run.observers[j].observer))
-    return None if timing is None else _found(run, run.observers[j], timing, raw.rows[:, run.structure.truths[j], 0])
+    block = run.observers[j]
+    timing, x = _timing(run, treatment_of(block.observer)), raw.rows[:, run.structure.truths[j], 0]
+    if timing is None:
+        return None
+    return (
+        _of_each(run, block, timing, x) if isinstance(block.observer, SeveralGains) else _found(run, block, timing, x)
+    )
+
+
+def _of_each(run: PreparedRun, block: ObserverBlock, timing: AnyTiming, x: Floats) -> str | None:
+    """Of an observer that chooses among gains: of the first one with which errors grow."""
+    assert isinstance(block.observer, SeveralGains)
+    others: dict[str, Any] = {f"observers.{label}": None for label in run.experiment.observers if label != block.label}
+    for one in block.observer.alone():
+        with suppress(HgorunError):  # it needs what the other one does not
+            alone = prepare(run.experiment.varied({**others, f"observers.{block.label}": dict(one.block)}))
+            if (told := _found(alone, alone.observers[0], timing, x, of=one)) is not None:
+                return told
+    return None
 
 
 def too_large_for(run: PreparedRun, j: int, timing: AnyTiming) -> str | None:
@@ -80,8 +110,13 @@ def too_large_for(run: PreparedRun, j: int, timing: AnyTiming) -> str | None:
     return _found(run, run.observers[j], timing, np.asarray(begins), " where the estimate begins")
 
 
-def _found(run: PreparedRun, block: ObserverBlock, timing: AnyTiming, x: Floats, where: str = "") -> str | None:
-    """Of an observer, along the states x of the plant; ``where`` these are, if it is not on its whole way."""
+def _found(
+    run: PreparedRun, block: ObserverBlock, timing: AnyTiming, x: Floats, where: str = "", of: OneGain | None = None
+) -> str | None:
+    """Of an observer, along the states x of the plant; ``where`` these are, if it is not on its whole way.
+
+    ``of``: it stands for another one.
+    """
     observer = block.observer
     if not isinstance(observer, ContinuousObserver) or block.recalled or run.closed:
         return None
@@ -92,6 +127,9 @@ def _found(run: PreparedRun, block: ObserverBlock, timing: AnyTiming, x: Floats,
     try:
         error = _Error(run, block, x)
         gains = _Gain.of(observer, block, error)
+        if of is not None:
+            gains = [replace(gain, said=of.key, part=of.part) for gain in gains]
+            where = f" {of.while_so}".rstrip()
         told = (_limits(run, error, gains[i:], timing, len(gains) > 1, where) for i in range(len(gains)))
         return next(filter(None, told), None)
     except (HgorunError, Unsettled, ValueError, RuntimeError, np.linalg.LinAlgError):  # no slopes, or no observer
@@ -119,7 +157,8 @@ def _limits(
     limit = (
         None
         if value is None
-        else f"{gain.key} of at most {below(value)}" + "".join(f" with {key} below it" for key in beside)
+        else f"{gain.said or gain.key} of at most {below(gain.part * value)}"
+        + "".join(f" with {key} below it" for key in beside)
     )
     holds = f"they do not with {timing.limits(limit, part, unit)}"
     told = f"{gain.told(unit)} too large for {timing.told(unit)}, since {what} grow{where}: {holds}"
