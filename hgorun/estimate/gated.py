@@ -24,6 +24,7 @@ from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
+from hgorun.estimate.starting import left_out_of_start
 from hgorun.estimate.turns import Turns
 from hgorun.symbolic.evaluate import Floats
 
@@ -58,10 +59,11 @@ class _GatedRun:
         self._turns = Turns(prepared.run.structure.system, self._taken)
         self._equal = same_time(prepared.run.origin, prepared.run.time.end)
         self._covariances = prepared.covariances()
-        labels = [block.label for block in prepared.run.observers]
-        self._stepping = stepping(prepared.experiment, labels)
+        self._stepping = stepping(prepared.experiment, [block.label for block in prepared.run.observers])
         self._rows = SteppedRows.of(prepared)
         self._own = OwnSteps(prepared.run.structure.system, self._rows.channels)
+        self._at_start, there = left_out_of_start(prepared)
+        self._beginning = {j for j in there if self._covariances[j] is None}
         self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], self._covariances)
         self._entering: dict[int, list[Entering]] = {}
         for place, one in where_entering(prepared):
@@ -90,10 +92,11 @@ class _GatedRun:
         """Whether a place is not passed with others.
 
         There observers are taken back or will be taken back to, or a sample comes after a newer one, which not every
-        observer may have used, or after one that was taken at the same time, which has corrected them.
+        observer may have used, or after one that was taken at the same time, or the start has left it out.
         """
         entering = self._entering.get(place, [])
-        older = any(not self._in_order[one.used] and not self._goes_back(one) for one in entering)
+        known = any(one.used in self._at_start for one in entering)
+        older = known or any(not self._in_order[one.used] and not self._goes_back(one) for one in entering)
         again = len(entering) > 1 and any(self._turns.again(entering))
         return not entering or older or again or place in self._begins or place in self._saving
 
@@ -258,7 +261,9 @@ class _GatedRun:
     def _left_out(self, one: Entering, innovations: Floats, t: float, z: Floats, w: Floats) -> set[int]:
         """The observers that do not take a sample."""
         members = self._offered_to(one)
-        found = self._gate.outliers(one.output, innovations, t, z, w, members)
+        known = self._beginning.intersection(members) if one.used in self._at_start else set()
+        others = [j for j in members if j not in known]
+        found = known.union(self._gate.outliers(one.output, innovations, t, z, w, others))
         taking = [j for j in members if j not in found]
         self._offered[one.used, list(members)] = True
         self._used[one.used, list(one.members)] = [j in taking for j in one.members]

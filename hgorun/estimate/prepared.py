@@ -8,6 +8,7 @@ from itertools import pairwise
 import numpy as np
 
 from hgorun.config.models import Method
+from hgorun.data.recording import FirstSamples
 from hgorun.data.recording import Recording as Recorded
 from hgorun.engine.memory import Start
 from hgorun.engine.methods import METHODS
@@ -53,11 +54,14 @@ class PreparedEstimate:
         Of every output.
     inputs : RecordedInputs, optional
         Those that are recorded.
+    first_samples : int or "auto"
+        How many of them the start is fitted to, of observers that have none of their own; 1: to none.
     """
 
     run: PreparedRun
     samples: tuple[Sampled, ...]
     inputs: RecordedInputs | None
+    first_samples: FirstSamples = 1
 
     @property
     def experiment(self) -> Experiment:
@@ -244,7 +248,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         check_punctual(run)
         check_corrections(run)
         check_start(run)
-        prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs)
+        prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs, first_samples=recording.first_samples)
     return prepared
 
 

@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Hashable
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import casadi as ca
 import numpy as np
 
 from hgorun.data.recording import AUTO, FirstSamples
+from hgorun.engine.plan import Integers
 from hgorun.errors import Problem
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
-from hgorun.memo import Memo, same
+from hgorun.estimate.start_task import StartTask
+from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
-from hgorun.symbolic.plant import PlantModel
 
-_STEPS = 8  # of the classical method of Runge and Kutta, between two samples
 _PASSES = 50
 _ENOUGH = 1e-9  # of the residuals: what a pass has to make them smaller by for another one
 _TOLD = 1e-6  # singular values below that part of the largest: directions that the samples do not tell
@@ -28,8 +25,7 @@ _AGREEMENT = 4.0  # standard deviations: each of some 20 fits has to agree, and 
 _DIGITS = 10  # of the start: those behind are the C library's, since here CasADi's own functions are called, for speed
 _REWEIGHTED = 30  # passes in which errors of a start count by their size
 _NORMAL = 1.4826  # standard deviations of normal numbers in their median size
-_FUNCTIONS: Memo[tuple[ca.Function, ca.Function]] = Memo(16)
-_MAPPED: Memo[tuple[ca.Function, ca.Function]] = Memo(64)
+_SPARE = 2  # samples beyond twice the states, among which outliers are looked for where a start is fitted to fewer
 _FITS: Memo[_Fit | None] = Memo(64)
 
 
@@ -38,8 +34,8 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
 
     x(0) minimises the sum of ((y_k - h(x(t_k)))/std)^2 over the first samples of every output, x being the solution of
     the model from x(0), by the method of Gauss and Newton with the derivatives of the solution. Where no ``std`` is
-    stated it is 1. What the samples do not tell stays at the initial state of the plant. Samples of a number that is
-    given are left out where the output has a gate and a ``std``, and they are outliers to the others.
+    stated it is 1. What the samples do not tell stays at the initial state of the plant. Samples are left out where the
+    output has a gate and a ``std``, and they are outliers to the others.
 
     Parameters
     ----------
@@ -56,18 +52,56 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
     if count == AUTO:
         _require_noise(prepared)
     model = prepared.run.plant.model
-    guess = dict(prepared.experiment.plant_block.initial)
-    x = np.array([float(guess.get(state, 0.0)) for state in model.states])
-    whole = _Task.of(prepared, _MOST if count == AUTO else count)  # gains of observers, which are tried, change nothing
-    found = _FITS.get(
-        (count == AUTO, x.tobytes(), whole.key),
-        lambda: _agreeing(prepared, x) if count == AUTO else _without_outliers(whole, x),
-    )
+    found = _found(prepared, count)
     if found is None:
         first = _FEWEST if count == AUTO else count
         message = f"from the first of {first} samples the model leaves all bounds before the last of them"
         raise Problem(("data", "first_samples"), message)
     return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(model.states, found.x.tolist(), strict=True)}
+
+
+def left_out_of_start(prepared: PreparedEstimate) -> tuple[set[int], set[int]]:
+    """The samples that a fitted start has left out, by their numbers among all, and the observers that begin there.
+
+    They are none where no start is fitted.
+    """
+    count = prepared.first_samples
+    if count == 1 or not any(one.gate is not None for one in prepared.samples):
+        return set(), set()
+    found = _found(prepared, count)
+    if found is None:
+        return set(), set()
+    start = fitted_start(prepared, count)
+    slots = zip(prepared.slots, found.left, strict=True)
+    begins = [prepared.experiment.observers[block.label].initial for block in prepared.run.observers]
+    there = {j for j, initial in enumerate(begins) if any(initial.get(name) == x for name, x in start.items())}
+    return {slot.start + int(k) for slot, left in slots for k in left}, there
+
+
+def _found(prepared: PreparedEstimate, count: FirstSamples) -> _Fit | None:
+    """The fit that a start follows from; gains of observers, which are tried, change nothing of it."""
+    guess = dict(prepared.experiment.plant_block.initial)
+    x = np.array([float(guess.get(state, 0.0)) for state in prepared.run.plant.model.states])
+    whole = StartTask.of(prepared, _MOST if count == AUTO else max(count, 2 * x.size + _SPARE))
+    return _FITS.get((count, x.tobytes(), whole.key), lambda: _fitted(prepared, count, x))
+
+
+def _fitted(prepared: PreparedEstimate, count: FirstSamples, x: Floats) -> _Fit | None:
+    """That fit.
+
+    Of few samples none tells which is an outlier: those that come next are looked at, too, and the fit is to as many
+    others.
+    """
+    looked_at = 2 * x.size + _SPARE
+    left: list[Integers] | None = None
+    if count == AUTO or count < looked_at:
+        more = StartTask.of(prepared, looked_at)
+        judged = _without_outliers(more, x) if np.isfinite(more.gates).any() else None
+        left = judged.left if judged is not None and any(one.size for one in judged.left) else None
+    if left is None:
+        return _agreeing(prepared, x) if count == AUTO else _without_outliers(StartTask.of(prepared, count), x)
+    found = _agreeing(prepared, x, left) if count == AUTO else _fit(StartTask.of(prepared, count, left), x)
+    return None if found is None else replace(found, left=left)
 
 
 def _require_noise(prepared: PreparedEstimate) -> None:
@@ -80,10 +114,18 @@ def _require_noise(prepared: PreparedEstimate) -> None:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Fit:
-    """A start, and the derivatives by it of what is estimated over the standard deviation."""
+    """A start, and the derivatives by it of what is estimated over the standard deviation.
+
+    Attributes
+    ----------
+    x, slope : ndarray
+    left : list of ndarray
+        Of each output the numbers of the samples that are left out.
+    """
 
     x: Floats
     slope: Floats
+    left: list[Integers]
 
     @property
     def spread(self) -> Floats:
@@ -98,7 +140,7 @@ class _Fit:
         return np.asarray(np.where(untold, np.inf, np.linalg.norm(inverse[:, None] * rows, axis=0) / sizes))
 
 
-def _fit(task: _Task, x: Floats) -> _Fit | None:
+def _fit(task: StartTask, x: Floats) -> _Fit | None:
     """The start near x from which the model passes nearest; None where it leaves the numbers."""
     error, slope = task.weighted(x)
     for _ in range(_PASSES):
@@ -116,10 +158,11 @@ def _fit(task: _Task, x: Floats) -> _Fit | None:
         x, error, slope = tried, found, its_slope
         if less < _ENOUGH:
             break
-    return _Fit(x, slope) if np.all(np.isfinite(error)) else None
+    none = [first[:0] for first in task.numbers]
+    return _Fit(x, slope, none) if np.all(np.isfinite(error)) else None
 
 
-def _without_outliers(task: _Task, x: Floats) -> _Fit | None:
+def _without_outliers(task: StartTask, x: Floats) -> _Fit | None:
     """The fit to all samples, or where gates leave some out, that to the others.
 
     If all are within the gates of the fit to all, that is the one. Otherwise what is far off counts by its size and no
@@ -141,11 +184,12 @@ def _without_outliers(task: _Task, x: Floats) -> _Fit | None:
     kept = np.abs(error) <= task.gates * max(1.0, _NORMAL * float(np.median(free)))
     if kept.all() or 2 * np.count_nonzero(kept) <= kept.size:
         return found
-    return _fit(replace(task, weights=kept.astype(float)), bent.x) or found
+    others = _fit(replace(task, weights=kept.astype(float)), bent.x)
+    return found if others is None else replace(others, left=task.chosen(~kept))
 
 
-def _agreeing(prepared: PreparedEstimate, x: Floats) -> _Fit | None:
-    """The fit to as many first samples as agree on the start.
+def _agreeing(prepared: PreparedEstimate, x: Floats, left: Sequence[Integers] | None = None) -> _Fit | None:
+    """The fit to as many first samples as agree on the start, without those that are left out.
 
     Of more samples the start has less noise and more of what the model does not describe. Their number grows until a
     state of the start leaves the bounds that the noise permits about one of the starts found before (the rule of
@@ -155,7 +199,7 @@ def _agreeing(prepared: PreparedEstimate, x: Floats) -> _Fit | None:
     low, high = np.full(x.size, -np.inf), np.full(x.size, np.inf)
     count, best = _FEWEST, None
     while True:
-        found = _fit(_Task.of(prepared, count), x)
+        found = _fit(StartTask.of(prepared, count, left), x)
         if found is None or np.any((found.x < low) | (found.x > high)):
             return best
         best, x, reach = found, found.x, _AGREEMENT * found.spread
@@ -170,126 +214,3 @@ def _least_squares(slope: Floats, error: Floats) -> Floats:
     sizes = np.linalg.norm(slope, axis=0)
     sizes = np.where(sizes > 0, sizes, 1.0)
     return np.asarray(np.linalg.lstsq(slope / sizes, error, rcond=_TOLD)[0] / sizes)
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class _Task:
-    """The first samples, and the model's way along them.
-
-    Attributes
-    ----------
-    times : ndarray, shape (k,)
-        From the start on, those of the samples among them.
-    u : ndarray, shape (k - 1, steps, 3, m)
-        Inputs at the beginning, middle and end of every step.
-    seen : list of tuple
-        Of each output the places of its samples in ``times``, their values, and the standard deviation.
-    gates : ndarray
-        Of every sample, in the order of ``seen``; infinite without one, or where the noise is not known.
-    weights : ndarray or float
-        By which the errors of the samples are multiplied.
-    """
-
-    model: PlantModel
-    parameters: np.ndarray
-    times: Floats
-    u: Floats
-    seen: list[tuple[np.ndarray, Floats, float]]
-    gates: Floats
-    steps: ca.Function
-    output: ca.Function
-    weights: Floats | float = 1.0
-
-    @classmethod
-    def of(cls, prepared: PreparedEstimate, count: int) -> _Task:
-        model, known = prepared.run.plant.model, stated(prepared.experiment)
-        firsts = [np.argsort(one.taken, kind="stable")[:count] for one in prepared.samples]
-        taken = [one.taken[first] for one, first in zip(prepared.samples, firsts, strict=True)]
-        times = distinct(np.concatenate([[0.0], *taken]))
-        seen = [
-            (np.searchsorted(times, t), one.values[first], known.get(one.output, 1.0))
-            for one, first, t in zip(prepared.samples, firsts, taken, strict=True)
-        ]
-        part = np.arange(_STEPS)[:, None] + np.array([0.0, 0.5, 1.0])
-        moments = times[:-1, None, None] + np.diff(times)[:, None, None] * part / _STEPS
-        u = prepared.u(moments.ravel()).reshape(*moments.shape, len(model.inputs))
-        limits = [math.inf if one.gate is None or one.output not in known else one.gate for one in prepared.samples]
-        gates = np.repeat(limits, [first.size for first in firsts])
-        along = _MAPPED.get((same(model), times.size), lambda: _along(model, times.size))
-        return cls(model, prepared.run.plant.parameters, times, u, seen, gates, *along)
-
-    @property
-    def key(self) -> Hashable:
-        """All that a fit depends on, beside its first guess."""
-        numbers = self.parameters, self.times, self.u, self.gates
-        seen = ((places.tobytes(), values.tobytes(), std) for places, values, std in self.seen)
-        return same(self.model), *(one.tobytes() for one in numbers), *seen
-
-    def residuals(self, x: Floats) -> tuple[Floats, Floats]:
-        """Estimated minus measured over the standard deviation, and its derivative by the state at the start."""
-        errors, slopes = [], []
-        with np.errstate(all="ignore"):  # from a bad guess the model may leave the numbers
-            y, by_start = self._along(x)
-            for i, (places, values, std) in enumerate(self.seen):
-                errors.append(self.model.wrapped(i, y[places, i] - values) / std)
-                slopes.append(by_start[places, i] / std)
-        return np.concatenate(errors), np.concatenate(slopes)
-
-    def weighted(self, x: Floats) -> tuple[Floats, Floats]:
-        """The same, multiplied by the weights."""
-        error, slope = self.residuals(x)
-        return error * self.weights, slope * np.reshape(self.weights, (-1, 1))
-
-    def _along(self, x: Floats) -> tuple[Floats, Floats]:
-        """The outputs at every time, shape (k, q), and their derivatives by the state at the start, (k, q, n)."""
-        n, k, q = x.size, self.times.size, len(self.seen)
-        states, by_start = x[:, None], np.eye(n)
-        if k > 1:
-            gaps = np.diff(self.times)[:, None] / _STEPS
-            t = (self.times[:-1, None] + gaps * np.arange(_STEPS)).reshape(1, -1)
-            lines = self.u.reshape(t.size, 3, self.u.shape[-1]).transpose(1, 2, 0)
-            h = np.broadcast_to(gaps, (k - 1, _STEPS)).reshape(1, -1)
-            along, by_first = _numbers(self.steps, x, by_start, t, h, *lines, self._everywhere(t.size))
-            states = np.column_stack([states, along[:, _STEPS - 1 :: _STEPS]])
-            by_first = by_first.reshape(n, -1, n)[:, _STEPS - 1 :: _STEPS].reshape(n, -1)
-            by_start = np.column_stack([by_start, by_first])
-        u = np.concatenate([self.u[:, 0, 0], self.u[-1:, -1, -1]]).T if k > 1 else np.zeros((self.u.shape[-1], 1))
-        y, by_state = _numbers(self.output, self.times[None], states, u, self._everywhere(k))
-        by_state = by_state.reshape(q, k, n).transpose(1, 0, 2)
-        return y.T, by_state @ by_start.reshape(n, k, n).transpose(1, 0, 2)
-
-    def _everywhere(self, count: int) -> Floats:
-        """The parameters, for so many times."""
-        return np.tile(self.parameters[:, None], count)
-
-
-def _numbers(function: ca.Function, *arguments: float | Floats) -> list[Floats]:
-    """The matrices that a function gives."""
-    return [np.array(one) for one in function(*arguments)]
-
-
-def _along(model: PlantModel, count: int) -> tuple[ca.Function, ca.Function]:
-    """All steps between so many times, one after the other, and the outputs at all of them."""
-    step, output = _FUNCTIONS.get(same(model), lambda: (_step(model), _output(model)))
-    return step.mapaccum("steps", _STEPS * (count - 1), 2) if count > 1 else step, output.map(count)
-
-
-def _step(model: PlantModel) -> ca.Function:
-    """A step of the classical method of Runge and Kutta: the state, and its derivative by the start."""
-    t, h, x, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("x", model.n), ca.SX.sym("p", len(model.parameters))
-    a, b, c = (ca.SX.sym(name, len(model.inputs)) for name in "abc")
-    k1 = model.f(t, x, a, p)
-    k2 = model.f(t + h / 2, x + h / 2 * k1, b, p)
-    k3 = model.f(t + h / 2, x + h / 2 * k2, b, p)
-    k4 = model.f(t + h, x + h * k3, c, p)
-    then = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    by_start = ca.SX.sym("by_start", model.n, model.n)
-    by_both = ca.densify(ca.mtimes(ca.jacobian(then, x), by_start))
-    return ca.Function("step", [x, by_start, t, h, a, b, c, p], [then, by_both])
-
-
-def _output(model: PlantModel) -> ca.Function:
-    """The output, and its derivative by the state."""
-    y = ca.densify(model.output)
-    arguments = [model.t, model.x, model.u, model.p]
-    return ca.Function("output", arguments, [y, ca.densify(ca.jacobian(y, model.x))])

@@ -15,6 +15,7 @@ from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate import starting
 from hgorun.estimate.completed import completed, known_later, known_too_late
+from hgorun.estimate.start_task import StartTask
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
 
@@ -204,7 +205,7 @@ def test_a_fit_is_made_again_only_where_what_it_depends_on_is_another(monkeypatc
     made: list[int] = []
     fit = starting._fit
 
-    def counted(task: starting._Task, x: np.ndarray) -> starting._Fit | None:
+    def counted(task: StartTask, x: np.ndarray) -> starting._Fit | None:
         made.append(1)
         return fit(task, x)
 
@@ -258,3 +259,16 @@ def test_a_gate_changes_no_start_where_samples_agree_or_are_too_few() -> None:
     assert line_of(10, {}, 5.0) == line_of(10, {}, None)
     assert line_of(3, {1: 100.0}, 5.0) == line_of(3, {1: 100.0}, None)
     assert line_of(10, {}, 5.0, bend=4.0) == line_of(10, {}, None, bend=4.0)  # the model is wrong, no sample is
+
+
+@pytest.mark.one_in(3)
+@pytest.mark.parametrize("outlier", [0, 1, 2])
+def test_of_few_samples_an_outlier_shows_beside_those_that_follow(outlier: int) -> None:
+    """What is found is the line through as many others."""
+    t = 0.1 * np.arange(12)
+    a = 1 - 2 * t + 0.01 * np.random.default_rng(1).standard_normal(12)
+    kept = np.delete(np.arange(12), outlier)[:3]
+    log = recording(signal("a", t, a + 0.5 * (np.arange(12) == outlier), std=0.01, gate=5))
+    found = start_of(plant_of({"a": "b", "b": "0"}, "a"), log, 3)
+    slope, value = np.polyfit(t[kept], a[kept], 1)
+    np.testing.assert_allclose([found["a"], found["b"]], [value, slope], rtol=0, atol=1e-7)

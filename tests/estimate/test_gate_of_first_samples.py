@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from examples import Block, inline
 from recordings import POLES, assessed_of, recorded_of, recording, signal, source
 
+from hgorun.data.recording import FirstSamples
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.estimator import Estimator
 from hgorun.result.result import Result
@@ -99,3 +102,27 @@ def test_a_stream_that_goes_on_from_a_checkpoint_judges_as_the_file(at: int) -> 
 def test_the_first_two_are_used_whatever_they_are() -> None:
     one = recorded_of(estimated(values(4, {0: 9.0, 1: -9.0}), NEAR, STD)).outputs["a"]
     assert one.used[:2].tolist() == [[True], [True]]
+
+
+FREE: Block = {"type": "shgo", **POLES}
+LINE: Block = {key: value for key, value in PLANT.items() if key != "initial"}
+
+
+@pytest.mark.parametrize(("outlier", "count"), [(0, "auto"), (1, 3)])
+def test_what_a_fitted_start_has_left_out_is_not_used(outlier: int, count: FirstSamples) -> None:
+    """The estimate is that of a log without the sample; an observer with a start of its own is as in a stream."""
+    y, kept = values(3, {outlier: 0.6}), np.arange(COUNT) != outlier
+    config = {key: value for key, value in block(NEAR).items() if key != "measurement"}
+    config |= {"plant": LINE, "observers": {"O": FREE, "S": {**FREE, "initial": NEAR}}}
+
+    def found(which: np.ndarray) -> Result:
+        log = recording(signal("a", TAKEN[which], y[which], gate=GATE, std=STD))
+        return estimate(source(config), replace(log, first_samples=count), sensitivity=False)
+
+    result, others = found(np.ones(COUNT, dtype=bool)), found(kept)
+    used, of_others = (recorded_of(one).outputs["a"].used for one in (result, others))
+    assert not used[outlier, 0]
+    assert used[outlier, 1]
+    np.testing.assert_array_equal(used[kept, 0], of_others[:, 0])
+    assert assessed_of(result, "O").scores["gated"] == {"a": 1 + np.count_nonzero(~of_others[:, 0])}
+    np.testing.assert_allclose(result.observers["O"].xhat, others.observers["O"].xhat, rtol=0, atol=1e-9)
