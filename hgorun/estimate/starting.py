@@ -51,13 +51,17 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
     """
     if count == AUTO:
         _require_noise(prepared)
-    model = prepared.run.plant.model
     found = _found(prepared, count)
     if found is None:
         first = _FEWEST if count == AUTO else count
         message = f"from the first of {first} samples the model leaves all bounds before the last of them"
         raise Problem(("data", "first_samples"), message)
-    return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(model.states, found.x.tolist(), strict=True)}
+    return _by_name(prepared, found)
+
+
+def _by_name(prepared: PreparedEstimate, found: _Fit) -> dict[str, float]:
+    states = prepared.run.plant.model.states
+    return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(states, found.x.tolist(), strict=True)}
 
 
 def left_out_of_start(prepared: PreparedEstimate) -> tuple[set[int], set[int]]:
@@ -66,12 +70,13 @@ def left_out_of_start(prepared: PreparedEstimate) -> tuple[set[int], set[int]]:
     They are none where no start is fitted.
     """
     count = prepared.first_samples
-    if count == 1 or not any(one.gate is not None for one in prepared.samples):
+    known = stated(prepared.experiment)
+    if count == 1 or not any(one.gate is not None and one.output in known for one in prepared.samples):
         return set(), set()
     found = _found(prepared, count)
     if found is None:
         return set(), set()
-    start = fitted_start(prepared, count)
+    start = _by_name(prepared, found)
     slots = zip(prepared.slots, found.left, strict=True)
     begins = [prepared.experiment.observers[block.label].initial for block in prepared.run.observers]
     there = {j for j, initial in enumerate(begins) if any(initial.get(name) == x for name, x in start.items())}

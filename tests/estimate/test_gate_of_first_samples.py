@@ -126,3 +126,18 @@ def test_what_a_fitted_start_has_left_out_is_not_used(outlier: int, count: First
     np.testing.assert_array_equal(used[kept, 0], of_others[:, 0])
     assert assessed_of(result, "O").scores["gated"] == {"a": 1 + np.count_nonzero(~of_others[:, 0])}
     np.testing.assert_allclose(result.observers["O"].xhat, others.observers["O"].xhat, rtol=0, atol=1e-9)
+
+
+def test_an_observer_with_a_start_of_its_own_asks_for_no_fit() -> None:
+    """Neither for noise, which a fit to "auto" needs, nor for a model that stays within bounds."""
+    y, config = values(3, {1: 0.6}), {key: value for key, value in block(NEAR).items() if key != "measurement"}
+    with_std, without = ({**config, "plant": plant} for plant in (FALLING, LINE))
+    for text, std, count in ((without, None, "auto"), (with_std, STD, 3)):
+        log = recording(signal("a", TAKEN, y, gate=GATE, std=std))
+        found, as_ever = (
+            estimate(source(text), replace(log, first_samples=of), sensitivity=False) for of in (count, 1)
+        )
+        np.testing.assert_array_equal(found.observers["O"].xhat, as_ever.observers["O"].xhat)
+
+
+FALLING: Block = {**LINE, "dynamics": {"a": "b", "b": "1e6*a**3 - 1e6*b**3"}, "inputs": {}}
