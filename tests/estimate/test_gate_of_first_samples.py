@@ -132,7 +132,8 @@ def test_an_observer_with_a_start_of_its_own_asks_for_no_fit() -> None:
     """Neither for noise, which a fit to "auto" needs, nor for a model that stays within bounds."""
     y, config = values(3, {1: 0.6}), {key: value for key, value in block(NEAR).items() if key != "measurement"}
     with_std, without = ({**config, "plant": plant} for plant in (FALLING, LINE))
-    for text, std, count in ((without, None, "auto"), (with_std, STD, 3)):
+    some: list[tuple[Block, float | None, FirstSamples]] = [(without, None, "auto"), (with_std, STD, 3)]
+    for text, std, count in some:
         log = recording(signal("a", TAKEN, y, gate=GATE, std=std))
         found, as_ever = (
             estimate(source(text), replace(log, first_samples=of), sensitivity=False) for of in (count, 1)

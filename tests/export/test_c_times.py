@@ -11,13 +11,16 @@ from examples import Block, chain, experiment, inline
 from exported_c import Compiled, load_all
 
 from hgorun.estimate.estimator import Estimator
+from hgorun.export.c_files import c_files
 from hgorun.export.prepared import Wanted, exported
+from hgorun.observers.base import CorrectedObserver
 from hgorun.simulation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
 OK, OLD, NOT_FINITE, BAD_TIME, TOO_FAR, INCOMPLETE, BAD_GAP = range(7)
 CHAIN = chain(2, "-x1", 1.0)
 SAMPLED: Block = {"sampling": {"period": 0.1}}
+NOISE = [{"type": "gaussian", "std": 0.1}]
 STEPPING: dict[str, Block] = {
     "levant": {"type": "levant", "G": 2, "discretisation": "implicit"},
     "reduced_sampled": {"type": "reduced_sampled", "H": 2},
@@ -85,7 +88,7 @@ def test_times_of_what_is_continuous(tmp_path: Path) -> None:
 
 OF_ONE_PERIOD: dict[str, Block] = {
     "luenberger_exact": {"type": "luenberger_exact", "poles": [-1, -2]},
-    "extended": {"type": "aekf", "update": "jump", "theta_1": 2.0, "m": 0.05, "extend": 1},
+    "extended": {"type": "aekf", "update": "jump", "theta_1": 2.0, "m": 0.05, "copies": 1, "extend": 1},
     "any": {"type": "ekf", "Q": {"x2": 0.01}},
 }
 TIMES = [0.0, 0.1, 0.2 + 1e-8, 0.35, 0.4, 0.4, 0.41, 0.499, 0.9, 1.0 + 3e-7, 1.25, 2.0, 2.1]
@@ -95,7 +98,7 @@ TIMES = [0.0, 0.1, 0.2 + 1e-8, 0.35, 0.4, 0.4, 0.41, 0.499, 0.9, 1.0 + 3e-7, 1.2
 @pytest.mark.parametrize("name", OF_ONE_PERIOD)
 def test_samples_that_are_not_whole_periods_apart(name: str, tmp_path: Path) -> None:
     """What a stream refuses is not used, and changes nothing."""
-    noisy = {**SAMPLED, "noise": [{"type": "gaussian", "std": 0.1}]}
+    noisy = {**SAMPLED, "noise": NOISE}
     run = run_of(chain(2, "-x1", 1.0), {"O": OF_ONE_PERIOD[name]}, noisy)
     one, stream, refused = load_all(tmp_path, exported(run), "-O0")["O"], Estimator(run.experiment), []
     for t in TIMES:
@@ -113,3 +116,14 @@ def test_samples_that_are_not_whole_periods_apart(name: str, tmp_path: Path) -> 
             np.testing.assert_allclose(one.estimate, stream.estimate()["O"], rtol=0, atol=1e-12)
     assert refused == ([] if name == "any" else [0.35, 0.41, 0.499, 1.0 + 3e-7, 1.25])
     assert one.update(2.1, [np.nan], 1) == NOT_FINITE
+
+
+def test_the_period_stands_in_the_header() -> None:
+    """Of an observer whose times matter, also with unknown inputs."""
+    for name, told in (("luenberger_exact", True), ("any", False)):
+        (one,) = exported(run_of(CHAIN, {"O": OF_ONE_PERIOD[name]}, {**SAMPLED, "noise": NOISE}))
+        assert ("Whole periods of 0.1 after the last one: at other times BAD_GAP." in c_files(one)["O.h"]) is told
+    sampled = {**SAMPLED, "noise": NOISE}
+    extended = experiment(CHAIN, {"O": OF_ONE_PERIOD["extended"]}, measurement=sampled, step=0.01).designs["O"]
+    assert isinstance(extended.observer, CorrectedObserver)
+    assert extended.observer.whole_periods(extended.form) == pytest.approx(0.1)

@@ -167,6 +167,7 @@ FED = {"S": "g/L", "X": "mg/L", "D": "1/h"}
         ("-D*X", "h", "D and X is in mg/(h L), and its derivative in g/(L h), with time in h: 1 g/(L h) is 1000 mg"),
         ("D*D*S/D + 0.1*X", "minutes", "D and S is in g/(h L)"),
         ("(D*S)**2/S/D + 0.1*X", "min", "D and S is in g/(h L)"),
+        ("(D*S)**3/(D*S)**2 + 0.1*X", "min", "D and S is in g/(h L)"),
         *((right, "h", "") for right in ("-D*S + 0.1*X", "D*(20 - S) + 0.1*X", "0.1*X - S", "-S + 0.1*X", "S*X")),
         *((right, "min", "") for right in ("-D*S/60 + 0.1*X", "-S*S*D + 0.1*X", "D + 0.1*X", "-2*D*S + sin(X)")),
         ("-D*S + 0.1*X", "step", ""),
