@@ -175,14 +175,16 @@ class Problem(ValueError):
     path : tuple
         Keys and list indices from the top of the file.
     message : str
+    others : tuple of Problem or ConfigError
+        Further faults of the same input, which do not follow from this one.
     """
 
-    def __init__(self, path: KeyPath, message: str) -> None:
-        self.path, self.message = path, message
+    def __init__(self, path: KeyPath, message: str, others: tuple[Problem | ConfigError, ...] = ()) -> None:
+        self.path, self.message, self.others = path, message, others
         super().__init__(message)
 
     def __reduce__(self) -> tuple[type[Problem], tuple[object, ...]]:
-        return Problem, (self.path, self.message)
+        return Problem, (self.path, self.message, self.others)
 
 
 class NotObservableForm(HgorunError):

@@ -21,6 +21,8 @@ _B = TypeVar("_B", bound=Block)
 
 _MOST = 10  # faults that are told
 _OF_A_KEY = ("unknown_key", "no_value")  # of which a block may have several
+_OF_BLOCKS = ((), ("data",))  # paths below which what is wrong with one key says nothing of another
+_OF_ENTRIES = {"axes", "claims", "figures", "inputs", "outputs", "reference"}
 _NOTHING = object()
 _OF_OBSERVER = 2  # keys of the path to one
 _SHOWN = 6  # entries of a list in a message
@@ -54,15 +56,15 @@ class _Fault:
     ----------
     error : ConfigError
     line : int
-    block : str
-        Of a whole file the block that it is in.
+    block : tuple
+        Of a whole file, or of ``data``, the block that it is in; where a block has entries by names, the entry.
     mapping : tuple or None
         Where it is a key that is not known, or has no value: the mapping that has it.
     """
 
     error: ConfigError
     line: int
-    block: str
+    block: KeyPath
     mapping: KeyPath | None
 
     @classmethod
@@ -70,7 +72,8 @@ class _Fault:
         """Of what is checked at a path: a fault somewhere in it."""
         file, line = source.where(where)
         key = ".".join(map(str, source.written(where))) or None
-        block = "" if path else (key or "").partition(".")[0]
+        own = where[len(path) :]
+        block = own[: 2 if own[:1] and own[0] in _OF_ENTRIES else 1] if path in _OF_BLOCKS else ()
         return cls(ConfigError(message, file=file, line=line, key=key), line, block, mapping)
 
 
@@ -97,7 +100,7 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         found.append(_Fault.at(where, message, source, path, mapping))
         others = item["ctx"]["others"] if mapping is not None else ()
         found += [_Fault.at((*place, one.context["key"]), one.message(), source, path, mapping) for one in others]
-    firsts: dict[str, _Fault] = {}
+    firsts: dict[KeyPath, _Fault] = {}
     told = []
     for one in sorted(found, key=lambda one: one.line):
         # of a whole file: what is wrong in its other blocks does not follow from the first; nor do keys from each other

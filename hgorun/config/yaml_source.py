@@ -98,15 +98,20 @@ class Source:
         """Those of the part at a path, as that part has them."""
         return frozenset(null[len(path) :] for null in self.nulls if null[: len(path)] == path)
 
+    def _told(self, problem: Problem) -> ConfigError:
+        """A problem at a key with its place."""
+        file, line = self.where(problem.path)
+        return ConfigError(problem.message, file=file, line=line, key=".".join(map(str, self.written(problem.path))))
+
     @contextmanager
     def located(self) -> Iterator[None]:
         """Turn a problem at a key, or of a class that a block names, into an error that names file, line and key."""
         try:
             yield
         except Problem as problem:
-            file, line = self.where(problem.path)
-            key = ".".join(map(str, self.written(problem.path)))
-            raise ConfigError(problem.message, file=file, line=line, key=key) from problem
+            error = self._told(problem)
+            error.add_others(self._told(one) if isinstance(one, Problem) else one for one in problem.others)
+            raise error from problem
         except PluginError as error:
             path = naming(self.data, *error.of) if error.of is not None else None
             if path is None or not self.where(path)[0]:

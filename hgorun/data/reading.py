@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
+from hgorun.config.refusals import Refusals
 from hgorun.data import sentinels
 from hgorun.data.clocks import rounding
 from hgorun.data.input_ends import inputs_beyond
@@ -79,15 +80,15 @@ class Reader:
 
     def __init__(self, block: Data, folder: Path, files: Sequence[Path] = (), reference: str = "") -> None:
         self._block, self._reference, sources = block, reference, Sources(block, folder, files, reference)
-        groups: dict[str, Mapping[str, Column]] = {
-            "outputs": block.outputs,
-            "inputs": block.inputs,
-            "reference": block.reference,
-        }
-        self._wanted = {
-            group: [sources.wanted(name, column, ("data", group, name)) for name, column in columns.items()]
-            for group, columns in groups.items()
-        }
+        groups: dict[str, Mapping[str, Column]]
+        groups = {"outputs": block.outputs, "inputs": block.inputs, "reference": block.reference}
+        faults = Refusals()
+        self._wanted: dict[str, list[Wanted]] = {group: [] for group in groups}
+        for group, columns in groups.items():
+            for name, column in columns.items():
+                with faults.of_a_part():
+                    self._wanted[group].append(sources.wanted(name, column, ("data", group, name)))
+        faults.refuse()
         every = [signal for some in self._wanted.values() for signal in some]
         self._found: list[Note] = list(lacking_columns(every, *sources.shared))
         self._tables = sources.tables()

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hgorun.config.data import Clock, Column, Csv, Data, Judged, Measured
 from hgorun.config.expressions import nearest
+from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, beside, clock_column
 from hgorun.data.files import open_table
@@ -109,44 +110,64 @@ class Sources:
             clock, clock_path = self._block.time, ("data", "time")
         if clock is None:
             raise Problem(("data",), "time is missing: the column with the time stamps")
-        files = self._having(column, path)
+        faults = Refusals()
+        files = self._having(column, path, faults)
+        for file in files:
+            self._require_beside(file, column, clock, path, clock_path, faults)
+        faults.refuse()
         parts = tuple(self._part(file, column, clock, path, clock_path) for file in files)
         return Wanted(name, path, column, parts)
 
-    def _having(self, column: Column, path: KeyPath) -> list[LogFile]:
-        """The files in which a column stands: its own, or those of all signals that have it."""
+    def _having(self, column: Column, path: KeyPath, faults: Refusals) -> list[LogFile]:
+        """The files in which a column should stand: its own, or those of all signals that have it, or the first."""
         csv = column.csv or self._block.csv
         own = column.csv is not None or column.file is not None
         owner = (self._unnamed or ".".join(map(str, path))) if own else "data"
+        place = (*path, "column")
         if column.file is not None:
             file = self._open(self._folder / column.file, csv, (*path, "file"), owner)
-            self._known(file, column.column, (*path, "column"))
+            with faults.of_a_part():
+                self._known(file, column.column, place)
             return [file]
         if not self._given:
             raise Problem(("data",), "no file is given: name one as file, or behind the configuration")
-        files = [self._open(given, csv, self._key, owner) for given in self._given]
+        files, missing = [], Refusals()
+        for given in self._given:
+            with missing.of_a_part():
+                files.append(self._open(given, csv, self._key, owner))
+        missing.refuse()
         found = [file for file in files if column.column in file.table.names]
-        if not found:
-            self._known(files[0], column.column, (*path, "column"), [n for file in files for n in file.table.names])
-        for file in found:
-            self._known(file, column.column, (*path, "column"))
-        return found
+        with faults.of_a_part():
+            if not found:
+                self._known(files[0], column.column, place, [n for file in files for n in file.table.names])
+            for file in found:
+                self._known(file, column.column, place)
+        return found or files[:1]
+
+    def _require_beside(
+        self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath, faults: Refusals
+    ) -> None:
+        """Find what else a signal asks of a file: the columns of its times, and of its quality."""
+        names = {(*clock_path, "column"): clock.column}
+        if isinstance(column, Measured) and column.available is not None:
+            names[*path, "available", "column"] = column.available.column
+        if isinstance(column, Judged) and column.quality is not None:
+            names[*path, "quality", "column"] = column.quality.column
+        for place, name in names.items():
+            with faults.of_a_part():
+                self._known(file, name, place)
 
     def _part(self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath) -> Part:
         available = quality = None
-        time = self._clock(file, clock, clock_path)
+        time = clock_column(clock, file.table, clock_path)
         if isinstance(column, Measured) and column.available is not None:
-            available = self._clock(file, beside(column.available, clock, file.table), (*path, "available"))
+            known = beside(column.available, clock, file.table)
+            available = clock_column(known, file.table, (*path, "available"))
         if isinstance(column, Judged) and column.quality is not None:
-            self._known(file, column.quality.column, (*path, "quality", "column"))
             quality = Flags(column.quality.column, column.quality.good)
         part = Part(file, Numbers(column.column), time, available, quality)
         file.wanted |= dict.fromkeys(part.cells)
         return part
-
-    def _clock(self, file: LogFile, clock: Clock, path: KeyPath) -> ClockColumn:
-        self._known(file, clock.column, (*path, "column"))
-        return clock_column(clock, file.table, path)
 
     def _open(self, path: Path, csv: Csv, key: KeyPath | None, owner: str) -> LogFile:
         known = self._files.get((path, csv))

@@ -5,19 +5,19 @@ Members are numbered. What a member changes follows from its number, so that no 
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import prod
 
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest
 from hgorun.config.nearest import among, meant
+from hgorun.config.refusals import Refusals
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
-from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import Members, written_out
-from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, values_of
+from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, check_seeds, values_of
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.chance import generator
 from hgorun.result.metrics.base import all_metrics
@@ -83,9 +83,10 @@ class Ensemble:
         Problem
             For text that is no quantity of one run.
         """
-        return tuple(self._quantity(i, text) for i, text in enumerate(self.keep.quantities))
+        return tuple(map(self._quantity, range(len(self.keep.quantities))))
 
-    def _quantity(self, i: int, text: str) -> Quantity:
+    def _quantity(self, i: int) -> Quantity:
+        text = self.keep.quantities[i]
         place: KeyPath = ("keep", "quantities", i)
         try:
             found = read_quantity(quoted(text, self.base.observers), (self.name,))
@@ -168,26 +169,37 @@ class Ensemble:
         Raises
         ------
         Problem
-            Its path is one of the sweep file.
+            Its path is one of the sweep file; ``others`` are further ones.
         """
-        self._check_sizes()
-        self._check_ends()
-        self._check_keep()
-        found: dict[str, str] = {}
-        for path, values in self.axes.items():
-            place: KeyPath = ("axes", path)
-            if isinstance(values, Seeds):
-                _check_seeds(path, values)
-            try:
-                paths = written_out(self.base, path)
-            except ConfigError as error:
-                raise Problem(place, error.message) from None
-            for one in paths:
-                _check_apart(one, path, found)
-                found[one] = path
-            if (refused := self._refused(path, paths)) is not None:
-                key = "" if refused.key in (None, path) else f"{refused.key}: "
-                raise Problem(place, f"{key}{refused.message}")
+        faults, found = Refusals(), dict[str, str]()
+        checks: list[Callable[[], object]] = [
+            self._check_sizes,
+            *(partial(self._check_ends, path) for path in self.axes),
+            *(partial(self._quantity, i) for i in range(len(self.keep.quantities))),
+            *(partial(self._check_metric, i) for i in range(len(self.keep.metrics or ()))),
+            self._check_trajectories,
+            *(partial(self._check_axis, path, found) for path in self.axes),
+        ]
+        for check in checks:
+            with faults.of_a_part():
+                check()
+        faults.refuse()
+
+    def _check_axis(self, path: str, found: dict[str, str]) -> None:
+        """Refuse an axis that leads nowhere, meets one that is found before, or has no value that can be used."""
+        place, values = ("axes", path), self.axes[path]
+        if isinstance(values, Seeds):
+            check_seeds(path, values)
+        try:
+            paths = written_out(self.base, path)
+        except ConfigError as error:
+            raise Problem(place, error.message) from None
+        for one in paths:
+            _check_apart(one, path, found)
+            found[one] = path
+        if (refused := self._refused(path, paths)) is not None:
+            key = "" if refused.key in (None, path) else f"{refused.key}: "
+            raise Problem(place, f"{key}{refused.message}")
 
     def _refused(self, path: str, paths: Sequence[str]) -> ConfigError | None:
         """Why no value of an axis can be used, or, where whole numbers are asked for, why one that is none cannot."""
@@ -238,19 +250,22 @@ class Ensemble:
             each = ", ".join(f"{path} {size}" for path, size in self._sizes.items())
             raise Problem(("axes",), f"{self.combine} needs axes with the same number of values, found {each}")
 
-    def _check_ends(self) -> None:
-        for path, axis in self.blocks.axes.items() if self.combine != "sobol" else ():
-            if isinstance(axis, LinearAxis | LogAxis) and axis.count == 1 and axis.ends[0] != axis.ends[1]:
-                first, last = axis.ends
-                raise Problem(("axes", path), f"one value cannot be both {first:g} and {last:g}: give 2 or more")
+    def _check_ends(self, path: str) -> None:
+        axis = self.blocks.axes[path]
+        if self.combine == "sobol" or not isinstance(axis, LinearAxis | LogAxis):
+            return
+        if axis.count == 1 and axis.ends[0] != axis.ends[1]:
+            first, last = axis.ends
+            raise Problem(("axes", path), f"one value cannot be both {first:g} and {last:g}: give 2 or more")
 
-    def _check_keep(self) -> None:
-        known, kept = all_metrics(closed=self.base.closed), self.keep.trajectories
-        _ = self.quantities  # is refused here, if it is
-        for i, name in enumerate(self.keep.metrics or ()):
-            if name not in known:
-                near, all_names = nearest(name, known), ", ".join(known)
-                raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {all_names}")
+    def _check_metric(self, i: int) -> None:
+        known, name = all_metrics(closed=self.base.closed), (self.keep.metrics or ())[i]
+        if name not in known:
+            near, all_names = nearest(name, known), ", ".join(known)
+            raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {all_names}")
+
+    def _check_trajectories(self) -> None:
+        kept = self.keep.trajectories
         place: KeyPath = ("keep", "trajectories")
         if kept != "none" and self.base.closed:
             raise Problem(place, "only metrics and quantities of closed loops are kept; simulate a member to see more")
@@ -267,15 +282,6 @@ class Ensemble:
                     )
         if kept != "none" and (moved := next((p for p in self.axes if p.split(".")[0] == "time"), None)):
             raise Problem(place, f"trajectories need one grid of output, but the axis {moved} may change it")
-
-
-def _check_seeds(path: str, seeds: Seeds) -> None:
-    """Refuse what counts something else, and seeds that are no seeds any more."""
-    if path != "seed":
-        raise Problem(("axes", path), "count makes seeds, and belongs to the axis seed")
-    if seeds.first + seeds.size > SEEDS:
-        what = f"{seeds.size} seeds from {seeds.first} on end above the largest seed, {SEEDS - 1}"
-        raise Problem(("axes", path, "count"), what)
 
 
 def _check_apart(path: str, axis: str, found: Mapping[str, str]) -> None:

@@ -14,7 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.sweeps import AnyAxis, LinearAxis, ListAxis, LogAxis, NormalAxis, SeedAxis, UniformAxis
+from hgorun.config.types import SEEDS
 from hgorun.ensemble.quantile import normal_quantile
+from hgorun.errors import Problem
 from hgorun.measurement.chance import generator
 from hgorun.native.elementary import apply
 from hgorun.noise.normal import standard_normal
@@ -190,3 +192,12 @@ def _column(values: tuple[Any, ...]) -> Column:
     column = np.empty(len(values), dtype=object)
     column[:] = values
     return column
+
+
+def check_seeds(path: str, seeds: Seeds) -> None:
+    """Refuse what counts something else, and seeds that are no seeds any more."""
+    if path != "seed":
+        raise Problem(("axes", path), "count makes seeds, and belongs to the axis seed")
+    if seeds.first + seeds.size > SEEDS:
+        what = f"{seeds.size} seeds from {seeds.first} on end above the largest seed, {SEEDS - 1}"
+        raise Problem(("axes", path, "count"), what)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 
 import numpy as np
@@ -26,6 +27,7 @@ from hgorun.simulation.checks import check_corrections, check_punctual
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.jump_checks import check_jumps
+from hgorun.simulation.other_faults import told_together
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.preparation import numbers_of
 from hgorun.simulation.prepared import PreparedRun
@@ -204,7 +206,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
     ------
     ConfigError
     """
-    with experiment.located():
+    with told_together(experiment, partial(_check_grid, experiment)):
         experiment.require_open("recorded data come of inputs that were applied, not of what is estimated here")
         if experiment.adaptive:
             message = "estimates of recorded data take steps that are fixed: give step, or neither"

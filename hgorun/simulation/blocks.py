@@ -12,7 +12,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.models import ExperimentBlocks
 from hgorun.config.named import name_keys
 from hgorun.config.nearest import nearest_name
-from hgorun.config.refusals import Refusals
+from hgorun.config.refusals import Refusals, block_of, of_other_blocks
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
@@ -76,14 +76,7 @@ def _others(source: Source, told: Sequence[ConfigError]) -> Iterator[ConfigError
         checks.append(partial(validate, Measurement, data["measurement"], source, ("measurement",)))
     if isinstance(observers, dict):
         checks += [partial(observer_of, k, v, source) for k, v in observers.items() if isinstance(v, dict)]
-    seen = {_block_of(one) for one in told}
-    for check_one in checks:
-        try:
-            check_one()
-        except ConfigError as error:
-            new = [other for other in (error, *error.others) if _block_of(other) not in seen]
-            seen |= {_block_of(other) for other in new}
-            yield from new
+    yield from of_other_blocks(told, checks)
 
 
 def _of_what_is_there(blocks: dict[str, Any], source: Source) -> None:
@@ -91,16 +84,10 @@ def _of_what_is_there(blocks: dict[str, Any], source: Source) -> None:
     try:
         validate(ExperimentBlocks, blocks, source, ())
     except ConfigError as error:
-        found = [one for one in (error, *error.others) if _block_of(one)[0] in blocks]
+        found = [one for one in (error, *error.others) if block_of(one)[0] in blocks]
         if found:
             found[0].others = tuple(found[1:])
             raise found[0] from None
-
-
-def _block_of(error: ConfigError) -> tuple[str, ...]:
-    """The block that a fault is in; of an observer its own."""
-    keys = (error.key or "").split(".")
-    return tuple(keys[: 2 if keys[0] == "observers" else 1])
 
 
 def _checked(source: Source) -> Checked:

@@ -21,6 +21,7 @@ from hgorun.symbolic.parameters import flat
 from hgorun.symbolic.states import StateBlock, Symmetric
 
 SHRINK = "hold.shrink"  # among the numbers of a design: gamma of an innovation that shrinks between samples
+_MANY = 6  # names, in a message
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -65,14 +66,14 @@ class Design:
             message = "there is nothing to clip to: give saturation, with the bounds of the estimate"
             raise Problem(("observers", label, "clip_estimate"), message)
         for key, known in (("initial", form.plant.states), ("saturation", saturable)):
-            for name in getattr(observer, key):
-                if not known:
-                    raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
-                if name not in known:
-                    raise Problem(
-                        ("observers", label, key),
-                        f"unknown state {name!r}; known here: {among(name, known)}",
-                    )
+            given = getattr(observer, key)
+            if given and not known:
+                raise Problem(("observers", label, key), f"{observer.type} has no state that could be given here")
+            unknown = [name for name in given if name not in known]
+            if unknown:
+                which = " and ".join(map(repr, unknown[:_MANY]))
+                message = f"unknown state {which}; known here: {among(unknown[0], known)}"
+                raise Problem(("observers", label, key), message)
         gains = _gains(label, observer, form)
         gains |= _shrinking(label, observer)
         defaults = {"xhat": np.zeros(form.plant.n), **observer.states(form)}
@@ -112,6 +113,15 @@ class Design:
         """What a message adds where states start at 0 for want of another value."""
         absent = [state for state in self.form.plant.states if state not in self.observer.initial]
         return f"; states without an initial value start at 0: give initial of {', '.join(absent)}" if absent else ""
+
+    def check_own(self) -> None:
+        """Refuse ``internal`` that does not fit; of ``initial`` this is known as soon as there is a design.
+
+        Raises
+        ------
+        Problem
+        """
+        _ = self._own_alpha
 
     @cached_property
     def _estimate(self) -> np.ndarray:

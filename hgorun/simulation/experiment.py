@@ -214,10 +214,15 @@ class Experiment(Configured):
     def designs(self) -> dict[str, Design]:
         """Every observer with its gains."""
         with self.located():
-            return {label: self._design(label) for label in self.observers}
+            return {label: self._design(label, *self._forms[label]) for label in self.observers}
 
-    def _design(self, label: str) -> Design:
-        block, (form, origin) = self.observers[label], self._forms[label]
+    def design_alone(self, label: str) -> Design:
+        """One of the observers with its gains, whatever is wrong with the others."""
+        with self.located():
+            return self._design(label, *self._form(label))
+
+    def _design(self, label: str, form: Form, origin: Form) -> Design:
+        block = self.observers[label]
         sensors = self._sensors if isinstance(block, NoiseInformed) else ()
         key = label, same(block), sensors, same(form), same(origin)
         return _DESIGNS.get(key, lambda: Design.of(label, self._informed(block), form, origin))
@@ -236,7 +241,7 @@ class Experiment(Configured):
         return None
 
     def informed_by(self, other: Experiment) -> Experiment:
-        """The same, but with observers that are designed for the noise of another experiment's sensors."""
+        """The same with observers that are designed for the noise of another's sensors."""
         new = object.__new__(type(self))
         new.__dict__ |= {key: value for key, value in self.__dict__.items() if key in _KEPT}
         new._known = sensors_of(other.stretches) if other._known is None else other._known

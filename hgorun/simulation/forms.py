@@ -19,6 +19,7 @@ from hgorun.symbolic.unseen import unseen_states
 _FOUND: Memo[list[tuple[Form, Redecided | None]]] = Memo(256)  # by plant and function
 _DECIDED: Memo[tuple[Form, Form]] = Memo(256)  # by numbers, too
 _COORDINATES: Memo[Coordinates | None] = Memo(256)  # of forms; to ask for their type again takes longer
+_TAKERS: Memo[list[str]] = Memo(4)  # by plant, numbers and whether outputs are sampled: each observer is tried
 _KEPT = 8  # forms of one plant and function
 _USUAL = ("shgo", "fhgo2", "ekf")  # named first
 _NAMED = 8  # of those that take a plant
@@ -104,7 +105,9 @@ def _finder(
 
 def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver, sampled: bool) -> str:
     """Which observers take the plant, in place of one that does not."""
-    takers = sorted(_takers(plant, sampled or isinstance(observer, _NEED_SAMPLES)), key=_rank)
+    sampled = sampled or isinstance(observer, _NEED_SAMPLES)
+    known = plant.symbolic, plant.initial.tobytes(), plant.parameters.tobytes(), sampled
+    takers = _TAKERS.get(known, lambda: sorted(_takers(plant, sampled), key=_rank))
     mine = f"observer {label} ({observer.type}) needs another form of the plant"
     if not takers:
         return f"{mine}, and no other observer accepts this plant"

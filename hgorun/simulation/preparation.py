@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 
 import numpy as np
@@ -26,6 +27,7 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.loop import DrivenPlant
+from hgorun.simulation.other_faults import check_grid, told_together
 from hgorun.simulation.plant_alone import PlantRun
 from hgorun.simulation.prepared import Numbers, PreparedRun
 from hgorun.simulation.scheduling import lags_of, remarks, schedule_of, unknown
@@ -54,7 +56,7 @@ def prepare(experiment: Experiment, design: DesignNumbers | None = None) -> Prep
     ------
     ConfigError
     """
-    with experiment.located():
+    with told_together(experiment, partial(check_grid, experiment)):
         _check_limits(experiment)
         run = _prepared(experiment, design)
         check_run(run)

@@ -99,7 +99,15 @@ def _base(blocks: SweepFile, source: Source, path: Path) -> Experiment:
     except ConfigError as error:
         if error.key is None or error.file != file or error.key == "run":
             raise
-        raise ConfigError(error.message, file=file, line=error.line, key=f"base.{error.key}") from error
+        told = _of_the_base(error)
+        told.add_others(_of_the_base(one) if one.file == file else one for one in error.others)
+        raise told from error
+
+
+def _of_the_base(error: ConfigError) -> ConfigError:
+    """A fault of a base that is part of the sweep file, with its key there."""
+    key = error.key and f"base.{error.key}"
+    return ConfigError(error.message, file=error.file, line=error.line, key=key)
 
 
 def _is_varied(key: str, axes: Iterable[str]) -> bool:

@@ -1,0 +1,107 @@
+"""Faults that do not follow from each other are told in one run, wherever they are found."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+from hgorun.config.refusals import Refusals
+from hgorun.errors import ConfigError, Problem
+
+TIME = "time: {end: 5, output_step: 0.1}\n"
+PLANT = "plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}\n"
+TANK = "plant: {states: [h], dynamics: {h: -h + u}, output: {y: h}, inputs: {u: 0}}\n"
+
+
+@pytest.fixture
+def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+def told(shell: Shell, *words: str) -> dict[str, str]:
+    """What is said of ``c.yaml``, by the key that is wrong."""
+    code, out, err = shell(*words)
+    assert (code, out) == (2, "")
+    parts = [line.removeprefix("hgorun: c.yaml:").split(": ", 2) for line in err.splitlines()]
+    found = {key: message for _, key, message in parts}
+    assert len(found) == len(parts), err
+    return found
+
+
+def test_of_several_observers_and_of_the_metrics(shell: Shell) -> None:
+    observers = """observers:
+  A: {type: shgo, theta: 5, initial: {x9: 1, x7: 2}}
+  B: {type: shgo, theta: 5, gains: [1]}
+  C: {type: ekf, q: 1, internal: {P: [1, 2, 3]}}
+  E: {type: shgo, theta: 5}
+"""
+    (shell.folder / "c.yaml").write_text(f"{TIME}{PLANT}{observers}metrics: {{window: [7, 9]}}\n")
+    found = told(shell, "simulate", "c.yaml")
+    keys = ["metrics.window", "observers.A.initial", "observers.B.gains", "observers.C.internal.P"]
+    assert list(found) == keys
+    assert found["observers.A.initial"] == "unknown state 'x9' and 'x7'; known here: x1, x2. Did you mean `x2`?"
+
+
+def test_of_a_window_beside_a_name_that_is_not_known(shell: Shell) -> None:
+    (shell.folder / "c.yaml").write_text(
+        f"{TIME}plant: {{states: [h], dynamics: {{h: -k*h}}, output: {{y: h}}, initial: {{h: 1}}}}\n"
+        "observers: {A: {type: shgo, theta: 5, initial: {g: 1}}}\nmetrics: {window: [7, 9]}\n"
+    )
+    assert list(told(shell, "simulate", "c.yaml")) == ["plant.dynamics.h", "metrics.window"]
+
+
+def test_of_the_axes_of_a_sweep_and_of_what_is_kept(shell: Shell) -> None:
+    base = f"base:\n  {TIME}  {PLANT}  observers: {{A: {{type: shgo, theta: 5}}}}\n"
+    axes = """axes:
+  observers.A.thetta: [1, 2]
+  time.ende: [1, 2]
+  observers.Z.theta: [1, 2]
+  observers.A.theta: {log: [2, 3, 1]}
+  theta: [1]
+keep: {metrics: [rms, foo], quantities: ["rmse('A', x9)", "foo"]}
+"""
+    (shell.folder / "c.yaml").write_text(base + axes)
+    keep = ["keep.quantities.0", "keep.quantities.1", "keep.metrics.0", "keep.metrics.1"]
+    wrong = ["observers.A.thetta", "time.ende", "observers.Z.theta", "theta"]
+    keys = ["axes.observers.A.theta", *keep, *(f"axes.{one}" for one in wrong)]
+    assert list(told(shell, "sweep", "c.yaml")) == keys
+    (shell.folder / "c.yaml").write_text(f"{base}axes: {{time.end: 3, seed: 0.5, solver.step: [], plant.seed: 4}}")
+    assert list(told(shell, "sweep", "c.yaml")) == [
+        "axes.time.end", "axes.seed", "axes.solver.step", "axes.plant.seed",
+    ]  # fmt: skip
+    wrong_base = base.replace("theta: 5}", "tehta: 5}, B: {type: shgoo}")
+    (shell.folder / "c.yaml").write_text(f"{wrong_base}axes: {{observers.A.theta: [1, 2]}}\n")
+    assert list(told(shell, "sweep", "c.yaml")) == ["base.observers.A.tehta", "base.observers.B.type"]
+
+
+def test_of_the_columns_and_the_files_of_a_log(shell: Shell) -> None:
+    (shell.folder / "log.csv").write_text("time,level,pump,head\n0,1,2,3\n1,2,3,4\n")
+    (shell.folder / "c.yaml").write_text(
+        f"{TANK}observers: {{A: {{type: shgo, theta: 5}}}}\n"
+        "data: {file: log.csv, time: tiem, outputs: {y: {column: levle, available: knwon, quality: {column: good, "
+        "good: [1]}}}, inputs: {u: pmup}, reference: {h: {column: haed, file: other.csv}}}\n"
+    )
+    found = told(shell, "estimate", "c.yaml")
+    assert list(found) == [
+        "data.outputs.y.column", "data.time", "data.outputs.y.available", "data.outputs.y.quality.column",
+        "data.inputs.u", "data.reference.h.file",
+    ]  # fmt: skip
+    assert "no column 'levle'. Did you mean `level`?" in found["data.outputs.y.column"]
+    assert shell("estimate", "c.yaml", "a.csv", "b.csv")[2].splitlines()[:2] == [
+        "hgorun: c.yaml:3: data.reference.h.file: other.csv: there is no such file",
+        "hgorun: a.csv: there is no such file",
+    ]
+
+
+def test_what_has_no_place_yet_leads() -> None:
+    """Whoever knows the file finds the places of all."""
+    faults = Refusals()
+    of_two = Problem(("k",), "b", (Problem(("l",), "c"),))
+    for one in (ConfigError("a"), of_two, Problem(("k",), "b"), ConfigError("a")):
+        with faults.of_a_part():
+            raise one
+    with pytest.raises(Problem) as caught:
+        faults.refuse()
+    assert (caught.value.message, [one.message for one in caught.value.others]) == ("b", ["a", "c"])
