@@ -69,6 +69,12 @@ def without_unit(name: str) -> str:
     return name[:place].strip() if place > 0 else name.strip()
 
 
+def without_any_unit(name: str) -> str:
+    """The same without `` in unit``, too."""
+    before, _, said = name.rpartition(" in ")
+    return before.strip() if before and is_unit(said.strip()) else without_unit(name)
+
+
 def convertible_in_name(name: str, wanted: str) -> str:
     """The unit in the name of a column, where numbers of it can be converted to a unit; else empty.
 

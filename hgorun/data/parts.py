@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
-from hgorun.config.expressions import nearest
 from hgorun.data.clocks import ClockColumn
 from hgorun.data.named_units import without_unit
 from hgorun.data.recording import Note
-from hgorun.data.sources import LogFile, Wanted
+from hgorun.data.sources import LogFile, Wanted, column_meant
 from hgorun.data.units import alike_times, foreign, is_unit
 from hgorun.errors import KeyPath, Problem
 
@@ -41,7 +40,7 @@ def lacking_columns(signals: Sequence[Wanted], files: Sequence[LogFile], path: K
             _require_no_other_spelling(signal, file, unread)
         if not here:
             columns = ", ".join(dict.fromkeys(repr(signal.block.column) for signal in shared))
-            meant = nearest(shared[0].block.column, unread)
+            meant = column_meant(shared[0].block.column, unread)
             raise Problem(path, f"{file.path} has none of the columns that are read: {columns}.{meant}")
         beside = {place for signal in here for place in stands[signal] if place != file.path}
         for signal in lacking:

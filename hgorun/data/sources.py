@@ -8,12 +8,12 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hgorun.config.data import Clock, Column, Csv, Data, Judged, Measured
-from hgorun.config.expressions import nearest
+from hgorun.config.nearest import nearest, nearest_name
 from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, beside, clock_column
 from hgorun.data.files import open_table
-from hgorun.data.named_units import without_unit
+from hgorun.data.named_units import without_any_unit
 from hgorun.data.recording import Note
 from hgorun.data.table import Table, TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -192,7 +192,7 @@ class Sources:
             raise Problem(path, f"{file.path} has {count} columns called {column!r}")
         more = f" and {len(known) - _LISTED} more in its header" if len(known) > _LISTED else ""
         shown = ": " + ", ".join(map(_visible, known[:_LISTED])) + more if known else " none"
-        hint = file.table.hint(column) or _meant(column, known)
+        hint = file.table.hint(column) or column_meant(column, known)
         raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has{shown}")
 
     def tables(self) -> dict[LogFile, Table]:
@@ -265,7 +265,12 @@ def _visible(name: str) -> str:
     return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in name)
 
 
-def _meant(column: str, known: Sequence[str]) -> str:
-    """The column that is called so with its unit behind it, or the most similar one."""
-    called = [name for name in known if without_unit(name).casefold() == column.strip().casefold()]
-    return f" Did you mean `{called[0]}`?" if called else nearest(column, known)
+def column_meant(column: str, known: Sequence[str]) -> str:
+    """The column whose name without its unit is most similar: units that are alike make no two columns so."""
+    named: dict[str, list[str]] = {}
+    for name in known:
+        named.setdefault(without_any_unit(name).lower(), []).append(name)
+    near = nearest_name(without_any_unit(column), named)
+    alike = named.get(near, [])
+    found = nearest_name(column, alike) or next(iter(alike), "")
+    return f" Did you mean `{found}`?" if found else nearest(column, known)

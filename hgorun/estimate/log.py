@@ -13,6 +13,7 @@ import numpy as np
 
 from hgorun.config.data import Data, Measured
 from hgorun.config.models import Time
+from hgorun.config.nearest import among
 from hgorun.config.reading import mapping
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
@@ -66,7 +67,8 @@ class Log:
         blocks = [block[output] for block in (self.block.outputs, self.block.reference) if output in block]
         if not blocks:
             told = "neither data.outputs nor data.reference says"
-            add = self._to_add(output, file)
+            known = dict.fromkeys((*self.block.outputs, *self.block.reference))
+            add = self._to_add(output, file) or f"; known there: {among(output, known)}"
             raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands{add}")
         of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
         return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})

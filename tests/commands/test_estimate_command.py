@@ -84,7 +84,8 @@ def test_one_of_several_runs(shell: Shell) -> None:
     [
         (("--holdout", "b=5"), "no such output"),
         (("--holdout", "a=1"), "at least 2"),
-        (("--holdout", "z=more.csv"), "neither data.outputs nor data.reference says in which column z stands\n"),
+        (("--holdout", "z=more.csv"), "nor data.reference says in which column z stands; known there: a\n"),
+        (("--holdout", "A=more.csv"), "says in which column A stands; known there: a. Did you mean `a`?\n"),
         (
             ("--holdout", "b=more.csv"),
             'b stands: write below data, with the column\'s name, reference: {b: {file: "more.csv", column: COLUMN}}\n',

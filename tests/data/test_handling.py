@@ -223,6 +223,10 @@ def test_names_that_stand_twice(tmp_path: Path) -> None:
         ("Messung 3\n\nam 3.5.\nt,glucose\n0,1.5\n1,2.5\n", "glucose", r"csv: {skip: 3}"),
         ("# tank 3\nt;glucose [g/L]\n0;1.5\n1;2.5\n", "glucose", r"column 'glucose'. Did you mean `glucose \[g/L\]`"),
         ("t;glucose [g/L]\n0;1.5\n1;2.5\n", "Glucose", r"Did you mean `glucose \[g/L\]`"),
+        # not what has the same unit, nor what is as long
+        ("t;time [C];temp [K];pump in rpm\n0;1;2;3\n1;2;3;4\n", "tmp [C]", r"Did you mean `temp \[K\]`"),
+        ("t;temp [K];temp [C];hemp [F]\n0;1;2;3\n1;2;3;4\n", "tempp [C]", r"Did you mean `temp \[C\]`"),
+        ("t;flow in l/min;pump in rpm\n0;1;2\n1;2;3\n", "pmp in l/min", "Did you mean `pump in rpm`"),
     ],
 )
 def test_a_column_that_is_not_found_is_looked_for(tmp_path: Path, content: str, column: str, message: str) -> None:
