@@ -16,6 +16,7 @@ _CALLED_ELSEWHERE = {
     **dict.fromkeys(("tf", "t_f", "tspan", "duration", "horizon"), ("end",)),
     **dict.fromkeys(("x0", "ic", "init", "x_0", "start_values"), ("initial",)),
     **dict.fromkeys(("sigma", "stddev", "standard_deviation"), ("std",)),
+    "step": ("output_step",),
     "rms": ("rmse", "std"),
     **dict.fromkeys(("min", "lower"), ("low",)),
     **dict.fromkeys(("max", "upper"), ("high",)),

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from hgorun.config.belonging import belongs
 from hgorun.config.nearest import nearest
 from hgorun.config.paths import dotted, entries
 from hgorun.config.separators import misread
@@ -95,11 +96,15 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         if item["type"] == "value_error" and isinstance(problem := item["ctx"]["error"], Problem):
             where = (*place, *problem.path)  # of a model's own check, from that model on
         message = sentence_of(item) + _meaning(item, model) + _kind(item, where)
+        if item["type"] == "unknown_key":
+            message = _elsewhere(message, item["ctx"], place, source)
         message += _as_text(item, where, source.where(where)[0])
         mapping = place if item["type"] in _OF_A_KEY else None
         found.append(_Fault.at(where, message, source, path, mapping))
         others = item["ctx"]["others"] if mapping is not None else ()
-        found += [_Fault.at((*place, one.context["key"]), one.message(), source, path, mapping) for one in others]
+        for one in others:
+            message = _elsewhere(one.message(), one.context, place, source)
+            found.append(_Fault.at((*place, one.context["key"]), message, source, path, mapping))
     firsts: dict[KeyPath, _Fault] = {}
     told = []
     for one in sorted(found, key=lambda one: one.line):
@@ -117,6 +122,17 @@ def _kind(item: ErrorDetails, where: KeyPath) -> str:
     is_type = item["type"] == "dict_type" and where[:1] == ("observers",) and isinstance(found, str)
     is_type = is_type and not misread(found)
     return f", such as {where[-1]}: {{type: {found[:40]}}}" if is_type and len(where) == _OF_OBSERVER else ""
+
+
+def _elsewhere(message: str, context: dict[str, Any], place: KeyPath, source: Source) -> str:
+    """What is said of a key that is not known, with the block that it is a key of, where that is another one."""
+    key, hint = context["key"], context.get("hint", "")
+    head = f"unknown key {context.get('name')}.{hint}"
+    of_a_configuration = isinstance(source.data, dict) and "base" not in source.data
+    where = belongs(place, key) if isinstance(key, str) and of_a_configuration else ""
+    if not where or not message.startswith(head) or (hint and not hint.endswith("?")):
+        return message
+    return head + (where.replace(" Did you mean", " Or", 1) if hint else where) + message[len(head) :]
 
 
 def _as_text(item: ErrorDetails, where: KeyPath, file: str) -> str:

@@ -58,6 +58,9 @@ def _sampling(value: Any) -> Any:
     if len(found) != 1:
         other = ", ".join(map(str, value))[:100]
         near = "" if found else next(filter(None, (nearest(str(key), kinds) for key in value)), "")
+        beside = [key for key in value if key in Availability.model_fields]
+        if beside and not found:
+            near = f" `{beside[0]}` stands beside `sampling`, not in it"
         raise ValueError(
             "expected exactly one of period, times and steps"
             + (f", found {' and '.join(found)}" if found else f", found {other or 'none'}{near and '.' + near}")

@@ -1,0 +1,94 @@
+"""A key in another block than its own is told where it is written."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from hgorun import load
+from hgorun.config import belonging
+from hgorun.config.belonging import belongs
+from hgorun.config.data import Data, Measured
+from hgorun.config.models import File
+from hgorun.config.study import Ensemble, Figure
+from hgorun.config.tuning import Tune
+from hgorun.config.types import Block, _blocks
+from hgorun.errors import ConfigError, KeyPath
+from hgorun.measurement.blocks import Measurement, Periodic, Steps, Times
+from hgorun.noise.gaussian import GaussianNoise
+from hgorun.observers.shgo import StandardObserver
+from hgorun.plants.inline import InlinePlant
+
+BLOCKS: dict[str, tuple[type[Block], ...]] = {
+    "": (File,),
+    "plant": (InlinePlant,),
+    "measurement": (Measurement,),
+    "measurement.sampling": (Periodic, Times, Steps),
+    "measurement.noise": (GaussianNoise,),
+    "observers.NAME": (StandardObserver,),
+    "data": (Data,),
+    "data.outputs.NAME": (Measured,),
+    "tune": (Tune,),
+    "runs.NAME": (Ensemble,),
+    "figures.NAME": (Figure,),
+}
+
+
+def test_every_place_has_the_key() -> None:
+    """And of blocks whose keys are told elsewhere, all are."""
+    places = [(key, one) for key, one in belonging._WRITTEN.items()]
+    places += [(key, one) for key, several in belonging._ALSO.items() for one in several]
+    for key, one in places:
+        block = one.partition(":")[0].rpartition(".")[0] if ":" not in one else one.partition(":")[0]
+        classes = BLOCKS.get(block) or tuple(_blocks(File.model_fields[block].annotation))
+        assert any(key in cls.model_fields for cls in classes), one
+    assert {"sampling", "delay", "noise", "mode", "phases"} == Measurement.model_fields.keys() - {"outputs"}
+
+
+@pytest.mark.parametrize(
+    ("place", "key", "meant"),
+    [
+        (("measurement", "sampling"), "delay", "`measurement.delay`"),
+        (("measurement", "sampling"), "noise", "`measurement.noise`"),
+        (("measurement", "outputs", "y", "sampling"), "delay", "`measurement.outputs.y.delay`"),
+        (("measurement", "phases", 0, "noise", 1), "jitter", "`measurement.phases.0.sampling.jitter`"),
+        (("observers", "S"), "delay", "`measurement.delay`"),
+        (("observers", "S", "hold"), "theta", "`observers.S.theta`"),
+        (("time",), "rtol", "`solver.rtol`"),
+        (("solver",), "seed", "`seed` at the top of the file"),
+        ((), "initial", "`plant.initial` or `observers.NAME.initial`"),
+        (("plant",), "std", "`measurement.noise: [{type: gaussian, std: ...}]`"),
+        (("data", "outputs", "y", "time"), "gate", "`data.outputs.y.gate`"),
+        (("data", "outputs", "y"), "delay", ""),
+        (("measurement", "phases", 0, "outputs", "y", "noise"), "mode", "`measurement.phases.0.outputs.y.mode`"),
+        (("plant",), "inital", ""),
+        (("measurement",), "delay", ""),
+    ],
+)  # fmt: skip
+def test_where_a_key_belongs(place: KeyPath, key: str, meant: str) -> None:
+    assert belongs(place, key) == (meant and f" Did you mean {meant}?")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "message"),
+    [
+        ("measurement: {sampling: {period: 1, delay: 2}}", "key 'delay'. Did you mean `measurement.delay`? Known"),
+        ("measurement: {sampling: {noise: []}}", "found noise. `noise` stands beside `sampling`, not in it"),
+        ("time: {end: 1, output_step: 0.1, step: 1}", "Did you mean `output_step`? Or `solver.step`? Known here"),
+        ("measurement: {period: 1}", "unknown key 'period'. It is a key of `sampling`. Known here"),
+        ("solver: {stepp: 1, seed: 2}", "unknown key 'seed'. Did you mean `seed` at the top of the file?"),
+    ],
+)  # fmt: skip
+def test_it_is_told(tmp_path: Path, wrong: str, message: str) -> None:
+    lines = [
+        "time: {end: 1, output_step: 0.1}",
+        "plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}",
+        "observers: {S: {type: shgo, theta: 2}}",
+    ]
+    block = wrong.partition(":")[0]
+    file = tmp_path / "c.yaml"
+    file.write_text("\n".join([*(line for line in lines if not line.startswith(block)), wrong]))
+    with pytest.raises(ConfigError) as caught:
+        load(file)
+    assert any(message in str(one) for one in (caught.value, *caught.value.others)), caught.value
