@@ -8,6 +8,8 @@ from pydantic import BeforeValidator, Field, GetJsonSchemaHandler, WithJsonSchem
 from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
+from hgorun.config.date_letters import with_percent
+from hgorun.config.nearest import meant
 from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positive, describe, word_or
 
 MISSING = ("", "nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "nil", "none")
@@ -145,7 +147,10 @@ class Clock(Block):
     @model_validator(mode="after")
     def _known(self) -> Clock:
         if self.format is not None and "%" not in self.format and self.format not in FORMATS:
-            raise ValueError(f"format is {', '.join(FORMATS)} or a pattern with %Y, found {describe(self.format)}")
+            pattern = with_percent(self.format)
+            near = f". Did you mean `{pattern}`?" if pattern else meant(self.format, FORMATS)
+            found = f"found {describe(self.format)}{near}"
+            raise ValueError(f"format is {', '.join(FORMATS)} or a pattern with %Y, {found}")
         form = self.format or ""
         if not has_date(form) and any(sign in form for sign in _WEEKDAYS):
             remedy = "write dates, or the time since the start, into the file"

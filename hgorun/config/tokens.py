@@ -104,6 +104,11 @@ class ExpressionError(ValueError):
     """An expression that is not one, or that has no value. The message says why and what would be right."""
 
 
+def ends_a_number(key: str) -> bool:
+    """Whether a key may be what stands behind a decimal comma, as {u: 0,5*sin(t)} is read."""
+    return re.match(r"\d+(?!\w)|\d+[eE]", key) is not None
+
+
 def check_name(name: str) -> None:
     """Raise an `ExpressionError` if ``name`` cannot stand for a quantity in expressions."""
     if name.isdigit():
@@ -114,7 +119,7 @@ def check_name(name: str) -> None:
         why = f"the right-hand side of {name} stands under {name[:-1]}"
     elif not re.fullmatch(r"[A-Za-z_][A-Za-z0-9_]*", name):
         why = "names are ASCII letters, digits and `_`, and begin with no digit"
-        if re.match(r"\d+(?!\w)|\d+[eE]", name):  # as {u: 0,5*sin(t)} is read
+        if ends_a_number(name):
             why += f"; if it is the end of a number, {DECIMAL_POINT}"
     elif iskeyword(name):
         why = f"it is a keyword of the expression grammar; `{name}_` can be one"

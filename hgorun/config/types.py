@@ -19,7 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from hgorun.config.expressions import ExpressionError, check_name, nearest, parse
 from hgorun.config.separators import misread
-from hgorun.config.tokens import DECIMAL_POINT
+from hgorun.config.tokens import DECIMAL_POINT, ends_a_number
 from hgorun.errors import printable
 
 SEEDS = 2**63
@@ -70,7 +70,7 @@ class Block(BaseModel):
         if key in cls.model_fields:
             return PydanticCustomError("no_value", "this key has no value", {"key": key, "others": others or ()})
         known = cls._keys()
-        inside = f" {_COMMA}." if str(key).isdigit() else cls._inside(key, value)
+        inside = f" {_COMMA}." if ends_a_number(str(key)) else cls._inside(key, value)
         return PydanticCustomError(
             "unknown_key",
             "{name} stands at the top of a file, and is not a key of a single run"

@@ -11,9 +11,10 @@ from pydantic_core import ErrorDetails
 
 from hgorun.config.belonging import belongs
 from hgorun.config.nearest import nearest
-from hgorun.config.paths import dotted, entries
+from hgorun.config.paths import at, dotted, entries
 from hgorun.config.separators import misread
 from hgorun.config.shell import assigned_text
+from hgorun.config.tokens import DECIMAL_POINT, ends_a_number
 from hgorun.config.types import Block, describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -99,6 +100,7 @@ def _explained(error: ValidationError, source: Source, path: KeyPath, model: typ
         if item["type"] == "unknown_key":
             message = _elsewhere(message, item["ctx"], place, source)
         message += _as_text(item, where, source.where(where)[0])
+        message += "" if "written with a point" in message else _comma(source, where)
         mapping = place if item["type"] in _OF_A_KEY else None
         found.append(_Fault.at(where, message, source, path, mapping))
         others = item["ctx"]["others"] if mapping is not None else ()
@@ -133,6 +135,16 @@ def _elsewhere(message: str, context: dict[str, Any], place: KeyPath, source: So
     if not where or not message.startswith(head) or (hint and not hint.endswith("?")):
         return message
     return head + (where.replace(" Did you mean", " Or", 1) if hint else where) + message[len(head) :]
+
+
+def _comma(source: Source, where: KeyPath) -> str:
+    """Of a key without a value that is the end of a decimal number: how the number is written."""
+    beside = dict(entries(at(source.data, where[:-1]))) if where and _is_there(source.data, where) else {}
+    key = where[-1] if where else ""
+    before = list(beside)[: list(beside).index(key)][-1:] if key in beside else []
+    if not before or not isinstance(key, str) or beside[key] is not None or not ends_a_number(key):
+        return ""
+    return f"; if it is the end of a number, {DECIMAL_POINT.rpartition(',')[0]}, as in {beside[before[0]]}.{key}"
 
 
 def _as_text(item: ErrorDetails, where: KeyPath, file: str) -> str:

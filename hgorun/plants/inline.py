@@ -9,6 +9,7 @@ import casadi as ca
 from pydantic import BeforeValidator, Field, field_validator, model_validator
 
 from hgorun.config.expressions import nearest, parse
+from hgorun.config.tokens import DECIMAL_POINT, ends_a_number
 from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, Positive, describe, expression
 from hgorun.errors import Problem
 from hgorun.plants.base import Expressions, Plant
@@ -126,11 +127,14 @@ class InlinePlant(Plant):
                     ("plant", "units", name),
                     f"unknown name {name!r}; known here: {', '.join(measurable)}.{nearest(name, measurable)}",
                 )
+        following = dict(zip(self._values, list(self._values.values())[1:], strict=False))
         for name, text in self._values.items():
             if not parse(text).names:
+                decimal = f"; {DECIMAL_POINT}" if ends_a_number(following.get(name, "")) else ""
                 raise Problem(
                     ("plant", *self._place(name)),
-                    f"{text} is a number; an output is a state or an expression of states, such as {self.states[0]}",
+                    f"{text} is a number; an output is a state or an expression of states, such as "
+                    f"{self.states[0]}{decimal}",
                 )
         for name in self.dynamics:
             if name not in self.states:

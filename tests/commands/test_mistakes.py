@@ -58,6 +58,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("k: 4.5", "k: 4'500", "digits are not grouped"),
         ("std: 0.1", "std: 5%", "a percentage is a fraction, 0.05"),
         ("k: 4.5", "k: 4,5", "a decimal number is written with a point"),
+        ("SHGO: {type: shgo, theta: 2}", "SHGO: {type: shgo, theta: 2,5e1}", "key '5e1'. A decimal number is written"),
         ("initial: {x1: 1, x2: 0}", "initial: {x1:1, x2:0}", "a space belongs behind the colon, as in x1: 1"),
         ("output: x1", "output:x1", "c.yaml:7: a space belongs behind the colon, as in output: x1"),
         ("plant:", "// my plant\nplant:", "a comment begins with #"),
