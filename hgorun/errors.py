@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from itertools import islice
@@ -212,11 +213,14 @@ def called(kind: str, name: str, method: str) -> Iterator[None]:
         raise PluginError(f"{kind} {name!r}: {method} raised {told}{line}", (kind, name)) from error
 
 
-_LIBRARIES = frozenset(("hgorun", "casadi", "numpy", "scipy", "sympy", "pydantic", "importlib"))
+_LIBRARIES = sys.stdlib_module_names | {"hgorun", "casadi", "numpy", "scipy", "sympy", "pydantic"}
 
 
 def place_of(error: BaseException) -> str:
-    """File and line of the code of a user that raised, or that called what did; empty where there is none."""
+    """File and line of the code of a user that raised, or that called what did; empty where there is none.
+
+    A class whose body or bases a library refuses is called from its first line.
+    """
     found, trace = "", error.__traceback__
     while trace is not None:
         if trace.tb_frame.f_globals.get("__name__", "").partition(".")[0] not in _LIBRARIES:

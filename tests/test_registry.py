@@ -148,6 +148,9 @@ def test_what_a_decorator_has_registered_is_what_its_entry_point_names(
         ("import no_such_module", "the tool 'hammer' of stranger:thing cannot be loaded: ModuleNotFoundError"),
         ("1/0", "ZeroDivisionError: division by zero"),
         ("x = 1", "cannot be loaded: AttributeError"),
+        # the line of the class, not that of the standard library that refuses it
+        ("from abc import ABC\n\nclass A(ABC):\n    pass\n\nclass thing(ABC, A):\n    pass", " (stranger.py:6)"),
+        ("import json\nthing = json.loads('{')", " (stranger.py:2)"),
         ("thing = 3", "the tool 'hammer' must be a Tool; found 3 of type int"),
     ],
 )

@@ -47,26 +47,32 @@ def _no_option(name: str, ctx: Context, known: Mapping[str, Sequence[str]]) -> C
     long = name.startswith("--")  # letters are no likelier meant for each other
     own = [*options(command.params), *ctx.help_option_names]
     everywhere = {option for of_one in known.values() for option in of_one}
-    hint = "" if name in everywhere else _called_otherwise(name, own)
+    hint = "" if name in everywhere else _called_otherwise(name, own, known)
     near = _nearest_option(name, own) if long and not hint and name not in everywhere else ""
     hint = hint or (near and f" Did you mean `{near}`?")
     meant = _nearest_option(name, everywhere) if long else name
-    others = [other for other, of_one in known.items() if meant in of_one]
+    others = _having(meant, known)
     if not hint and others:
-        of = " and ".join(filter(None, (", ".join(others[:-1]), others[-1])))
-        hint = f" {'It' if meant == name else meant} is an option of {of}."
+        hint = f" {'It' if meant == name else meant} is an option of {others}."
     called = f"hgorun {command.name}" if parent is not None else "hgorun"
     return ConfigError(f"there is no option {printable(name)}.{hint} {called} -h lists the options")
 
 
-def _called_otherwise(name: str, own: Sequence[str]) -> str:
+def _having(option: str, known: Mapping[str, Sequence[str]]) -> str:
+    """The commands that have an option, as a text; empty where none has it."""
+    others = [other for other, of_one in known.items() if option in of_one]
+    return " and ".join(filter(None, (", ".join(others[:-1]), *others[-1:])))
+
+
+def _called_otherwise(name: str, own: Sequence[str], known: Mapping[str, Sequence[str]]) -> str:
     """Of an option that is none in any command: what does the same, or "" where nothing is known to."""
     if name == "--seeds":
         return " hgorun sweep takes many seeds, of a file with `base: CONFIG` and `axes: {seed: {count: 50}}`."
     for option, values in _VALUES.items():
         if option in own and name[2:] in values:
             return f" Did you mean `{option} {name[2:]}`?"
-    return ""
+    elsewhere = [(option, _having(option, known)) for option, values in _VALUES.items() if name[2:] in values]
+    return "".join(f" `{option} {name[2:]}` is an option of {others}." for option, others in elsewhere if others)
 
 
 def _nearest_option(name: str, known: Iterable[str]) -> str:

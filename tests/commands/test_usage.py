@@ -49,7 +49,11 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("sweep a.yaml --seeds 50", "there is no option --seeds. hgorun sweep takes many seeds, of a file with `base:"),
         ("compare a.yaml --latex", "there is no option --latex. Did you mean `--format latex`? hgorun compare -h"),
         ("export a.yaml --latex", "there is no option --latex. Did you mean `--lang latex`? hgorun export -h lists"),
-        ("simulate a.yaml --latex", "there is no option --latex. --late is an option of export. hgorun simulate -h"),
+        (
+            "simulate a.yaml --latex",
+            "there is no option --latex. `--format latex` is an option of compare. `--lang latex` is an option of exp",
+        ),
+        ("tune a.yaml --csv", "there is no option --csv. `--format csv` is an option of compare. hgorun tune -h lists"),
         ("compare a.yaml --zzzz", "there is no option --zzzz. hgorun compare -h lists the options"),
         ("cite nosuch", "nosuch: there is no such file. See hgorun list experiments"),
         ("simulate contois_t025", "contois_t025: there is no such file. Did you mean `contois_te025`? See hgorun list"),
