@@ -7,8 +7,9 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from hgorun.config.belonging import belongs
 from hgorun.config.models import File
-from hgorun.config.nearest import nearest
+from hgorun.config.nearest import nearest, nearest_name
 from hgorun.config.paths import at, dotted, entries, walk
 from hgorun.config.shell import assigned
 from hgorun.errors import ConfigError, KeyPath
@@ -74,6 +75,16 @@ def _one_of(paths: Sequence[str]) -> str:
     if len(paths) > _MOST:
         return f"{', '.join(shown)} or another of {len(paths)}"
     return " or ".join(filter(None, (", ".join(shown[:-1]), shown[-1])))
+
+
+def beside(data: Any, old: KeyPath, name: str) -> str:
+    """What is written in the deepest block of a path that is there, and what of it may be meant."""
+    names = [str(key) for key, _ in entries(at(data, old))]
+    near = nearest_name(name, names)
+    meant = f" Did you mean `{dotted((*old, near))}`?" if near else belongs(old, name)
+    return (
+        f"{f'`{dotted(old)}`' if old else 'the file'} has {', '.join(names[:20]) or 'nothing'}{meant and '.' + meant}"
+    )
 
 
 def nothing_there(data: Any, old: KeyPath, name: str) -> str:

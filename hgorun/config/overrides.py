@@ -6,7 +6,7 @@ import re
 from typing import Any
 
 from hgorun.config.expressions import nearest
-from hgorun.config.misdirected import ALL_OBSERVERS, no_way, nothing_there, refuse_lost
+from hgorun.config.misdirected import ALL_OBSERVERS, beside, no_way, nothing_there, refuse_lost
 from hgorun.config.paths import at, entries, walk
 from hgorun.config.shell import assigned, assigned_text
 from hgorun.config.yaml_builder import MAX_DEPTH
@@ -145,7 +145,8 @@ def replaced(source: Source, path: str, value: Any) -> tuple[Source, KeyPath]:
     place: KeyPath = (*old, *new)
     if index := next((i for i in range(1, len(new)) if new[i].isdigit()), None):
         lacking = ".".join(map(str, (*old, *new[:index])))
-        raise ConfigError(f"there is no list `{lacking}`: set the whole list", file=file, line=line, key=path)
+        message = f"there is no list `{lacking}`: set the whole list; {beside(source.data, old, new[0])}"
+        raise ConfigError(message, file=file, line=line, key=path)
     data = _removed(source.data, place) if value is None else _replaced(source.data, place, value)
     positions, has_parts = source.positions, not new and isinstance(above, (dict, list))
     if has_parts:  # which are gone

@@ -129,12 +129,16 @@ def _kind(item: ErrorDetails, where: KeyPath) -> str:
 def _elsewhere(message: str, context: dict[str, Any], place: KeyPath, source: Source) -> str:
     """What is said of a key that is not known, with the block that it is a key of, where that is another one."""
     key, hint = context["key"], context.get("hint", "")
-    head = f"unknown key {context.get('name')}.{hint}"
+    name = f"unknown key {context.get('name')}."
     of_a_configuration = isinstance(source.data, dict) and "base" not in source.data
     where = belongs(place, key) if isinstance(key, str) and of_a_configuration else ""
-    if not where or not message.startswith(head) or (hint and not hint.endswith("?")):
+    if not where or not message.startswith(name + hint):
         return message
-    return head + (where.replace(" Did you mean", " Or", 1) if hint else where) + message[len(head) :]
+    if hint.endswith("?"):
+        told = hint + where.replace(" Did you mean", " Or", 1)
+    else:  # a block that has the key may be one of several
+        told = where if not hint or " or " in where else hint
+    return name + told + message[len(name + hint) :]
 
 
 def _comma(source: Source, where: KeyPath) -> str:

@@ -36,7 +36,7 @@ from hgorun.figures.ensemble import Cast, drawable, limits, places
 from hgorun.figures.lost import ends, first_lost, mostly_lost, spread, within_sound
 from hgorun.figures.spread import at_places, told_of_lost
 from hgorun.result.metrics.base import unit_of
-from hgorun.tables.axis_names import bracketed, unit_of_axis
+from hgorun.tables.axis_names import bracketed, output_of, unit_of_axis
 
 Plot = Any  # bokeh publishes types, but not of what figure() returns
 _SIZE = {"width": 400, "height": 320}
@@ -194,9 +194,10 @@ def axis_name(axis: str, units: Mapping[str, str]) -> str:
         Of ``time``, and of axes that are no times.
     """
     parts = axis.split(".")
-    whose = ""
-    if parts[:2] == ["measurement", "noise"]:
-        whose = " of noise"
+    output = output_of(axis)
+    whose = f" of {output}" if output else ""
+    if parts[0] == "measurement" and "noise" in parts:
+        whose = f" of noise{whose}"
     elif parts[0] == "observers" and len(parts) > 2 and parts[1] != "*":
         whose = f" of {parts[1]}"
     return parts[-1] + whose + bracketed(unit_of_axis(axis, units))

@@ -20,7 +20,7 @@ from hgorun.figures.page import NARROW, TWO
 from hgorun.figures.scaling import measured_on, quantities
 from hgorun.figures.style import LARGEST_NUMBER
 from hgorun.result.metrics.base import unit_of
-from hgorun.tables.axis_names import unit_of_axis
+from hgorun.tables.axis_names import output_of, unit_of_axis
 from hgorun.tables.typeset import TIMES, symbol, unit, words
 
 if TYPE_CHECKING:
@@ -118,23 +118,26 @@ def axis_label(axis: str, units: Mapping[str, str] = MappingProxyType({})) -> st
     --------
     >>> axis_label("observers.FHGO.theta"), axis_label("measurement.sampling.period", {"time": "h"})
     ('$\\theta$ of FHGO', 'period [h]')
+    >>> axis_label("measurement.outputs.phi.noise.0.std", {"measurement.outputs.phi.noise.0.std": "rad"})
+    'std of noise of $\\phi$ [rad]'
     """
     return _named(axis) + unit(unit_of_axis(axis, units))
 
 
 def _named(axis: str) -> str:
     parts = axis.split(".")
-    name = parts[-1]
+    name, output = parts[-1], output_of(axis)
+    whose = f" of ${symbol(output)}$" if output else ""
     if name in TIMES:
-        return name
+        return name + whose
     if name == axis and len(name) > 2:
         return words(name)
     shown = f"${symbol(name)}$" if name.isascii() and name.replace("_", "").isalnum() else words(name)
     if parts[0] == "observers" and len(parts) > 2 and parts[1] != "*":
         return f"{shown} of {words(parts[1])}"
-    if parts[:2] == ["measurement", "noise"]:
-        return f"{shown} of noise" if name.isascii() and len(name) < 2 else f"{words(name)} of noise"
-    return shown
+    if parts[0] == "measurement" and "noise" in parts:
+        return f"{shown if name.isascii() and len(name) < 2 else words(name)} of noise{whose}"
+    return f"{words(name)}{whose}" if whose else shown
 
 
 def headed(members: Collected, text: str) -> str:

@@ -14,20 +14,34 @@ _MOST_DIGITS = 17
 
 
 def short_axis(axis: str, axes: Sequence[str]) -> str:
-    """The end of an axis's path, with whose it is where the end alone does not tell it from the others.
+    """The end of an axis's path, with whose it is where it is that of an output or does not differ from other ends.
 
     >>> axes = ["observers.F.theta", "observers.S.theta", "measurement.sampling.period"]
     >>> [short_axis(axis, axes) for axis in axes]
     ['theta of F', 'theta of S', 'period']
+    >>> short_axis("measurement.outputs.phi.noise.0.std", axes)
+    'std of phi'
     """
     shorter: tuple[Callable[[str], str], ...] = (_end, _whose)
     for short in shorter:
-        if sum(short(other) == short(axis) for other in axes) == 1:
+        if all(short(other) != short(axis) for other in axes if other != axis):
             return short(axis)
     return axis
 
 
+def output_of(axis: str) -> str:
+    """The output that a path below ``measurement`` is of; empty where it is of all, and elsewhere."""
+    first, *parts = axis.split(".")
+    place = parts.index("outputs") + 1 if first == "measurement" and "outputs" in parts[:-2] else 0
+    return parts[place] if place else ""
+
+
 def _end(axis: str) -> str:
+    output, end = output_of(axis), _key(axis)
+    return f"{end} of {output}" if output else end
+
+
+def _key(axis: str) -> str:
     return axis.rpartition(".")[2]
 
 
@@ -47,7 +61,7 @@ def unit_of_axis(axis: str, units: Mapping[str, str]) -> str:
     """
     if "." in axis and axis in units:  # other names are those of states and outputs
         return units[axis]
-    return time_unit(units) if _end(axis) in TIMES else ""
+    return time_unit(units) if _key(axis) in TIMES else ""
 
 
 def bracketed(unit: str) -> str:

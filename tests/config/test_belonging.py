@@ -76,6 +76,7 @@ def test_where_a_key_belongs(place: KeyPath, key: str, meant: str) -> None:
         ("measurement: {sampling: {period: 1, delay: 2}}", "key 'delay'. Did you mean `measurement.delay`? Known"),
         ("measurement: {sampling: {noise: []}}", "found noise. `noise` stands beside `sampling`, not in it"),
         ("time: {end: 1, output_step: 0.1, step: 1}", "Did you mean `output_step`? Or `solver.step`? Known here"),
+        ("outputs: {y: {delay: 1}}", "Did you mean `measurement.outputs` or `data.outputs`? Known here"),
         ("measurement: {period: 1}", "unknown key 'period'. It is a key of `sampling`. Known here"),
         ("solver: {stepp: 1, seed: 2}", "unknown key 'seed'. Did you mean `seed` at the top of the file?"),
     ],
@@ -92,3 +93,24 @@ def test_it_is_told(tmp_path: Path, wrong: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load(file)
     assert any(message in str(one) for one in (caught.value, *caught.value.others)), caught.value
+
+
+def test_of_a_path_to_no_list_the_deepest_block_is_told() -> None:
+    base = load({
+        "time": {"end": 1, "output_step": 0.1},
+        "plant": {"type": "van_der_pol", "initial": {"x1": 1, "x2": 0}},
+        "measurement": {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.1}]},
+        "observers": {},
+    })  # fmt: skip
+    for path, message in (
+        ("measurement.nois.0.std", "; `measurement` has sampling, noise. Did you mean `measurement.noise`?"),
+        (
+            "measurement.outputs.y.noise.0.std",
+            "outputs.y.noise`: set the whole list; `measurement` has sampl",
+        ),
+        ("nois.0.std", "the file has time, plant, measurement, observers"),
+        ("panels.0.state", "the file has time, plant, measurement, observers. Did you mean `figures.NAME.panels`?"),
+    ):
+        with pytest.raises(ConfigError) as caught:
+            base.varied({path: 1})
+        assert message in str(caught.value)

@@ -240,7 +240,7 @@ def test_a_value_in_place_of_another(path: str, value: object, place: tuple[str 
         ("", "expected keys separated by dots"),
         ("time.end.x", "`time.end` is '40'"),
         ("measurement.noise.7", "an index from 0 to 0"),
-        ("plant.parts.0.mass", "there is no list `plant.parts`: set the whole list"),
+        ("plant.parts.0.mass", "there is no list `plant.parts`: set the whole list; `plant` has "),
     ],
 )
 def test_a_place_where_no_value_can_stand(path: str, words: str) -> None:

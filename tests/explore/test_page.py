@@ -170,6 +170,9 @@ def test_axes_and_columns_have_their_units(tmp_path: Path) -> None:
     std = "measurement.noise.0.std"
     assert drawing.axis_name(std, {"time": "h", std: "g/L"}) == "std of noise [g/L]"
     assert drawing.axis_name(THETA, {"time": "h"}) == "theta of F"
+    of_phi = "measurement.outputs.phi"
+    assert drawing.axis_name(f"{of_phi}.noise.0.std", {}) == "std of noise of phi"
+    assert drawing.axis_name(f"{of_phi}.delay", {"time": "h"}) == "delay of phi [h]"
     assert drawing.axis_name(PERIOD, {"time": "h"}) == "period [h]"
     found = ensemble.compared(read_sweep(made(tmp_path / "a.sweep.h5")), [PERIOD, THETA])
     columns = statistics.of_observers(found).source.data

@@ -385,6 +385,11 @@ def test_names_of_axes() -> None:
     assert axis_label("observers.*.theta") == "$\\theta$"
     assert axis_label("measurement.noise.0.std") == "std of noise"
     assert axis_label("measurement.noise.0.std", {"time": "s", "measurement.noise.0.std": "m"}) == "std of noise [m]"
+    of_phi = "measurement.outputs.phi"
+    assert axis_label(f"{of_phi}.noise.0.std", {f"{of_phi}.noise.0.std": "rad"}) == r"std of noise of $\phi$ [rad]"
+    assert axis_label(f"{of_phi}.delay", {"time": "h"}) == r"delay of $\phi$ [h]"
+    assert axis_label(f"{of_phi}.sampling.dropout") == r"dropout of $\phi$"
+    assert axis_label("measurement.phases.0.outputs.y1.sampling.period") == "period of $y_{1}$"
     assert axis_label("plant.parameters.mu_max") == "$\\mu_{\\mathrm{max}}$"
 
 

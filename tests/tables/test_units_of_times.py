@@ -16,7 +16,7 @@ from hgorun.benchmark.benchmark import Entry
 from hgorun.benchmark.tables import table
 from hgorun.result.result import Result
 from hgorun.tables import metrics as tables
-from hgorun.tables.axis_names import names_of_points
+from hgorun.tables.axis_names import names_of_points, short_axis, unit_of_axis
 from hgorun.tables.latex import latex
 from hgorun.tables.tuning import TunedTable
 from hgorun.tables.tuning import as_json as tuned_json
@@ -94,3 +94,14 @@ def test_of_gains_and_quantities() -> None:
 def test_of_a_benchmark() -> None:
     (row,) = csv.DictReader(io.StringIO(table([Entry("p", "calm", "C", "group", refused="no", time_unit="d")])))
     assert (row["time_unit"], row["converged"]) == ("d", "")
+
+
+def test_an_axis_of_an_output_has_its_name() -> None:
+    """Also where it is the only one; two kinds of noise of one output have their whole place."""
+    std, delay = "measurement.outputs.phi.noise.0.std", "measurement.outputs.phi.delay"
+    assert short_axis(std, [std]) == "std of phi"
+    assert [short_axis(axis, [delay, delay.replace("phi", "y")]) for axis in (delay,)] == ["delay of phi"]
+    both = [std, std.replace("0", "1")]
+    assert [short_axis(axis, both) for axis in both] == ["std of outputs.phi.noise.0", "std of outputs.phi.noise.1"]
+    assert short_axis("measurement.delay", ["measurement.delay", delay]) == "delay"
+    assert unit_of_axis(delay, {"time": "h"}) == "h"
