@@ -71,6 +71,7 @@ def test_all_else_has_a_meaning(other: str) -> None:
 # What is used by all and computes nothing: messages, files, names. How a configuration is read shows in what was read.
 # Units convert numbers of logs alone.
 WITHOUT_NUMBERS = {
+    "hgorun.config.date_letters",
     "hgorun.config.kinds",
     "hgorun.config.misdirected",
     "hgorun.config.named",

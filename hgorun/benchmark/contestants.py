@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hgorun.benchmark.parabolas import Floats
 from hgorun.benchmark.scan import Scan
 from hgorun.config.benchmark import BenchmarkFile, Contestant, Knob, Others
-from hgorun.config.nearest import nearest
+from hgorun.config.nearest import listed, nearest
 from hgorun.errors import Problem
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.observers.capabilities import Differentiator
@@ -55,7 +55,8 @@ def check_types(blocks: BenchmarkFile) -> None:
         *((("without", name), name) for name in blocks.without),
     ]:
         if name not in known:
-            raise Problem(path, f"no observer is called {name!r}.{nearest(name, known)} Known: {', '.join(known)}")
+            there = listed(known, name, "hgorun list observers")
+            raise Problem(path, f"no observer is called {name!r}.{nearest(name, known)} Known: {there}")
 
 
 def _unnamed(blocks: BenchmarkFile) -> dict[str, type[AnyObserver]]:

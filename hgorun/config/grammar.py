@@ -13,7 +13,7 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from typing import SupportsFloat, TypeAlias
 
-from hgorun.config.nearest import nearest
+from hgorun.config.nearest import listed, nearest
 from hgorun.config.tokens import (
     CONSTANTS,
     DECIMAL_POINT,
@@ -133,9 +133,8 @@ class Reader:
             near = nearest(name, CONSTANTS)
             raise ExpressionError(f"`{short(name)}` is not a number.{near} A number may be an expression with pi and e")
         allowed = [*sorted(self.allowed), *CONSTANTS]
-        more = f" and {len(allowed) - 20} more" if len(allowed) > 20 else ""
-        listed = f"{', '.join(allowed[:20])}{more}"
-        raise ExpressionError(f"`{short(name)}` is not known.{nearest(name, allowed)} Known names: {listed}")
+        near, known = nearest(name, allowed), listed(allowed, name)
+        raise ExpressionError(f"`{short(name)}` is not known.{near} Known names: {known}")
 
     def check_call(self, name: str, count: int) -> None:
         if name not in FUNCTIONS:

@@ -9,7 +9,7 @@ from typing import Any
 
 from hgorun.config.belonging import belongs
 from hgorun.config.models import File
-from hgorun.config.nearest import nearest, nearest_name
+from hgorun.config.nearest import listed, nearest, nearest_name
 from hgorun.config.paths import at, dotted, entries, walk
 from hgorun.config.shell import assigned
 from hgorun.errors import ConfigError, KeyPath
@@ -82,15 +82,14 @@ def beside(data: Any, old: KeyPath, name: str) -> str:
     names = [str(key) for key, _ in entries(at(data, old))]
     near = nearest_name(name, names)
     meant = f" Did you mean `{dotted((*old, near))}`?" if near else belongs(old, name)
-    return (
-        f"{f'`{dotted(old)}`' if old else 'the file'} has {', '.join(names[:20]) or 'nothing'}{meant and '.' + meant}"
-    )
+    where = f"`{dotted(old)}`" if old else "the file"
+    return f"{where} has {listed(names, name) if names else 'nothing'}{meant and '.' + meant}"
 
 
 def nothing_there(data: Any, old: KeyPath, name: str) -> str:
     """What is said where there is nothing to remove."""
     beside = [str(key) for key, _ in entries(at(data, old))]
-    known = f" Known here: {', '.join(beside[:20])}" if beside else ""
+    known = f" Known here: {listed(beside, name)}" if beside else ""
     return f"there is no {name!r} to remove.{nearest(name, beside)}{known}"
 
 
@@ -119,7 +118,7 @@ def no_way(data: object, path: KeyPath, name: str, text: str) -> str:
         meant = "" if inside is None else f". Did you mean `{here}.{inside}.{name}`?"
         return f"`{here}` is a list of {len(value)}: `{name}` was found where there can be {indices}{meant}"
     beside = [str(key) for key, _ in entries(at(data, path[:-1]))]
-    names = f" Beside it: {', '.join(beside[:20])}." if beside else ""
+    names = f" Beside it: {listed(beside, name)}." if beside else ""
     if isinstance(value, str) and path[:1] == ("data",) and name in _OF_COLUMNS:
         column = json.dumps(value[:40], ensure_ascii=False)
         given = text if text[:1] in ("{", "[", '"', "'") else json.dumps(text[:40], ensure_ascii=False)

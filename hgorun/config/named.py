@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import NoReturn, TypeVar
 
-from hgorun.config.nearest import nearest
+from hgorun.config.nearest import listed, nearest
 from hgorun.errors import printable
 
 V = TypeVar("V")
 
-_LISTED = 40  # names, in a message
 _LONGEST = 60  # characters of what was asked for
 
 
@@ -49,9 +48,8 @@ def no_such(what: str, name: object, known: Iterable[str]) -> str:
     """What is said of a name that is not there: the one that may be meant, and those that are."""
     names = list(known)
     near = nearest(name, names) if isinstance(name, str) else ""
-    more = f" and {len(names) - _LISTED} more" if len(names) > _LISTED else ""
     asked = printable(repr(name)[:_LONGEST])
-    return f"no {what} is called {asked}.{near} Known: {', '.join(names[:_LISTED]) or 'none'}{more}"
+    return f"no {what} is called {asked}.{near} Known: {listed(names, str(name))}"
 
 
 def name_keys(record: object, **whats: str) -> None:

@@ -62,10 +62,45 @@ def meant(name: str, candidates: Iterable[str]) -> str:
     return found and f".{found}"
 
 
+LISTED = 12
+"""Names in a message, of which there may be more."""
+
+
+def listed(names: Iterable[object], wanted: str = "", see: str = "") -> str:
+    """Names as a message lists them: a dozen, and how many more there are.
+
+    Parameters
+    ----------
+    names : iterable
+    wanted : str
+        Where there are more, those most like it come first.
+    see : str
+        The command that lists all.
+    """
+    known = list(map(str, names))
+    if len(known) <= LISTED:
+        return ", ".join(known) or "none"
+    shown = islice(_by_likeness(wanted, known) if wanted else known, LISTED)
+    return f"{', '.join(shown)} and {len(known) - LISTED} more{see and f', see `{see}`'}"
+
+
+def _by_likeness(name: str, known: Iterable[str]) -> list[str]:
+    """Names, the most similar first; those that are equally so stay in their order."""
+    from difflib import SequenceMatcher
+
+    same = SequenceMatcher(b=name[:100].lower())
+
+    def unlike(other: str) -> float:
+        same.set_seq1(other[:100].lower())
+        return -same.ratio()
+
+    return sorted(known, key=unlike)
+
+
 def among(name: str, candidates: Iterable[str]) -> str:
-    """All that is known, and what may be meant of it: how a message ends where a name is none of these."""
+    """What is known, and what may be meant of it: how a message ends where a name is none of these."""
     known = tuple(candidates)
-    return f"{', '.join(known)}{meant(name, known)}"
+    return f"{listed(known, name)}{meant(name, known)}"
 
 
 def refuse_other(option: str, value: str, known: Iterable[str]) -> None:

@@ -7,6 +7,7 @@ from typing import Any
 
 from hgorun.config.expressions import nearest
 from hgorun.config.misdirected import ALL_OBSERVERS, beside, no_way, nothing_there, refuse_lost
+from hgorun.config.nearest import listed
 from hgorun.config.paths import at, entries, walk
 from hgorun.config.shell import assigned, assigned_text
 from hgorun.config.yaml_builder import MAX_DEPTH
@@ -45,7 +46,7 @@ def _written_out(data: object, assignment: str) -> list[str]:
     if not having:
         known = dict.fromkeys(str(name) for block in blocks.values() for name, _ in entries(block))
         raise ConfigError(
-            f"no observer's block has the key {key!r}.{nearest(key, known)} Known here: {', '.join(known)}",
+            f"no observer's block has the key {key!r}.{nearest(key, known)} Known here: {listed(known, key)}",
             file=f"--set {assignment}",
             line=1,
         )

@@ -18,6 +18,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from hgorun.config.expressions import ExpressionError, check_name, nearest, parse
+from hgorun.config.nearest import listed
 from hgorun.config.separators import misread
 from hgorun.config.tokens import DECIMAL_POINT, ends_a_number
 from hgorun.errors import printable
@@ -50,7 +51,7 @@ class Block(BaseModel):
                 "not_a_mapping",
                 "expected a mapping with keys {keys}; found {found}{example}",
                 {
-                    "keys": ", ".join(cls._keys()),
+                    "keys": listed(cls._keys()),
                     "found": describe(data),
                     "example": _example(cls.written_as, data),
                 },
@@ -59,14 +60,19 @@ class Block(BaseModel):
         if wrong:
             first, *others = wrong
             told = [key for key in others if not {first, key} <= cls.together]
-            raise cls._wrong(first, data[first], [cls._wrong(key, data[key]) for key in told])
+            kind = data.get("type") if "type" in fields and fields["type"].is_required() else None
+            of_others = [cls._wrong(key, data[key]) for key in told]
+            raise cls._wrong(first, data[first], of_others, kind if isinstance(kind, str) else "")
         return data
 
     @classmethod
     def _wrong(
-        cls, key: object, value: object, others: Sequence[PydanticCustomError] | None = None
+        cls, key: object, value: object, others: Sequence[PydanticCustomError] | None = None, kind: str = ""
     ) -> PydanticCustomError:
-        """That a key is not known, or has no value; the first of a block, which has others, says what is known."""
+        """That a key is not known, or has no value; the first of a block, which has others, says what is known.
+
+        ``kind`` is what the block is called in lists.
+        """
         if key in cls.model_fields:
             return PydanticCustomError("no_value", "this key has no value", {"key": key, "others": others or ()})
         known = cls._keys()
@@ -82,7 +88,7 @@ class Block(BaseModel):
                 "key": key,
                 "name": repr(key),
                 "hint": inside or nearest(str(key), known),
-                "keys": ", ".join(known),
+                "keys": listed(known, str(key), kind and f"hgorun show {kind}"),
                 "others": others or (),
             },
         )

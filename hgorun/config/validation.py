@@ -128,7 +128,7 @@ def _kind(item: ErrorDetails, where: KeyPath) -> str:
 
 def _elsewhere(message: str, context: dict[str, Any], place: KeyPath, source: Source) -> str:
     """What is said of a key that is not known, with the block that it is a key of, where that is another one."""
-    key, hint = context["key"], context.get("hint", "")
+    key, hint = context["key"], str(context.get("hint", ""))
     name = f"unknown key {context.get('name')}."
     of_a_configuration = isinstance(source.data, dict) and "base" not in source.data
     where = belongs(place, key) if isinstance(key, str) and of_a_configuration else ""

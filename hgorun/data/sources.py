@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hgorun.config.data import Clock, Column, Csv, Data, Judged, Measured
-from hgorun.config.nearest import nearest, nearest_name
+from hgorun.config.nearest import LISTED, listed, nearest, nearest_name
 from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, beside, clock_column
@@ -20,7 +20,6 @@ from hgorun.errors import ConfigError, KeyPath, Problem
 
 _CSV_ADVICE = "csv: {"
 _TIME_ADVICE = "time: {column: "
-_LISTED = 20  # columns of a file, in a message
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -190,8 +189,8 @@ class Sources:
             return
         if count > 1:
             raise Problem(path, f"{file.path} has {count} columns called {column!r}")
-        more = f" and {len(known) - _LISTED} more in its header" if len(known) > _LISTED else ""
-        shown = ": " + ", ".join(map(_visible, known[:_LISTED])) + more if known else " none"
+        header = " in its header" if len(known) > LISTED else ""
+        shown = f": {listed(map(_visible, known), column)}{header}" if known else " none"
         hint = file.table.hint(column) or column_meant(column, known)
         raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has{shown}")
 

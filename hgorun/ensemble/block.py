@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.config.nearest import nearest
+from hgorun.config.nearest import listed, nearest
 from hgorun.ensemble.axes import Axes
 from hgorun.ensemble.family import Differs, Family
 from hgorun.ensemble.found import Block, Integers
@@ -264,7 +264,7 @@ def _known(metrics: Sequence[str], *, closed: bool) -> tuple[str, ...]:
     for name in metrics:
         if name not in known:
             raise ConfigError(
-                f"no metric is called {name!r}.{nearest(name, known)} Known: {', '.join(known)}", key="metrics"
+                f"no metric is called {name!r}.{nearest(name, known)} Known: {listed(known, name)}", key="metrics"
             )
     return tuple(metrics) or tuple(known)
 

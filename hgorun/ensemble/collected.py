@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hgorun.config.expressions import nearest
 from hgorun.config.named import Named, name_keys
+from hgorun.config.nearest import listed
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
 from hgorun.simulation.grid import points_up_to
@@ -175,7 +176,7 @@ class Collected:
         found = [name] if name in self.axes else [axis for axis in self.axes if axis.endswith(f".{name}")]
         if len(found) == 1:
             return found[0]
-        known = ", ".join(found or self.axes) or "none"
+        known = listed(found or self.axes, name)
         ends = [*self.axes, *(axis.rpartition(".")[2] for axis in self.axes)]
         what = f"several axes end with {name!r}" if found else f"no axis is called {name!r}.{nearest(name, ends)}"
         raise ConfigError(f"{self.name}: {what} Known: {known}" if not found else f"{self.name}: {what}: {known}")

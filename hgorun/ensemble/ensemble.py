@@ -13,7 +13,7 @@ from math import prod
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest
-from hgorun.config.nearest import among, meant
+from hgorun.config.nearest import among, listed, meant
 from hgorun.config.refusals import Refusals
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
 from hgorun.ensemble.members import Members, written_out
@@ -98,7 +98,7 @@ class Ensemble:
         for _, label in found.of:
             if label is not None and not kind.takes(label, self.base.observers):
                 known = tuple(self.base.observers)
-                near, all_names = nearest(label, known), ", ".join(known) or "none"
+                near, all_names = nearest(label, known), listed(known, label)
                 raise Problem(place, f"no observer is called {label!r}.{near} Known: {all_names}")
         if of_loops(found) and not self.base.closed:
             raise Problem(place, f"{text}: there is no controller")
@@ -261,7 +261,7 @@ class Ensemble:
     def _check_metric(self, i: int) -> None:
         known, name = all_metrics(closed=self.base.closed), (self.keep.metrics or ())[i]
         if name not in known:
-            near, all_names = nearest(name, known), ", ".join(known)
+            near, all_names = nearest(name, known), listed(known, name)
             raise Problem(("keep", "metrics", i), f"no metric is called {name!r}.{near} Known: {all_names}")
 
     def _check_trajectories(self) -> None:

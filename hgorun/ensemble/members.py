@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from hgorun.config.expressions import nearest
 from hgorun.config.misdirected import refuse_lost
+from hgorun.config.nearest import listed
 from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
 
@@ -103,7 +104,7 @@ def written_out(base: Experiment, path: str) -> list[str]:
     if tuple(keys[:2]) != _ALL:
         if keys[0] == "observers" and len(keys) > _TO_A_KEY and not _begins_with_a_label(base, path):
             there = tuple(base.observers)
-            message = f"no observer is called {keys[1]!r}.{nearest(keys[1], there)} Known: {', '.join(there) or 'none'}"
+            message = f"no observer is called {keys[1]!r}.{nearest(keys[1], there)} Known: {listed(there, keys[1])}"
             raise ConfigError(message, key=path)
         return [path]
     key = keys[2] if len(keys) > 2 else ""

@@ -8,6 +8,7 @@ from itertools import product
 
 import numpy as np
 
+from hgorun.config.nearest import listed
 from hgorun.engine.live import Live
 from hgorun.engine.memory import Start
 from hgorun.engine.plan import Floats
@@ -241,7 +242,7 @@ class LiveSystem:
             if name in self.experiment.plant.model.inputs:
                 hint = f"; {name} is an input, given as u={{{name!r}: ...}}"
                 hint += "" if name in self.inputs else f" where inputs=[{name!r}] says that it comes with samples"
-            raise ValueError(f"no output is called {name!r}; there are {', '.join(self.outputs)}{hint}")
+            raise ValueError(f"no output is called {name!r}; there are {listed(self.outputs, name)}{hint}")
         return self.outputs[name]
 
     def input(self, name: str) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.config.nearest import nearest
+from hgorun.config.nearest import listed, nearest
 from hgorun.engine.memory import history_pieces
 from hgorun.engine.methods import METHODS, Method
 from hgorun.errors import ConfigError, Problem
@@ -71,7 +71,7 @@ def only(experiment: Experiment, labels: Collection[str]) -> Experiment:
     for label in labels:
         if label not in known:
             near = nearest(label, known)
-            raise ConfigError(f"--observer: no observer is called {label!r}.{near} Known: {', '.join(known)}")
+            raise ConfigError(f"--observer: no observer is called {label!r}.{near} Known: {listed(known, label)}")
     others = [label for label in known if labels and label not in labels]
     if not others or experiment.closed:  # a closed loop is refused as a whole
         return experiment

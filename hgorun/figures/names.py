@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from hgorun.config.expressions import nearest
+from hgorun.config.nearest import listed
 from hgorun.config.study import Figure, Inset, Panel
 from hgorun.errors import KeyPath, Problem
 from hgorun.figures.style import LARGEST, LARGEST_AREA, LARGEST_NUMBER, LOWEST, NARROWEST, PANEL
@@ -282,7 +283,7 @@ def _check_place(inset: Inset, path: KeyPath) -> None:
 def _require(found: str | None, kind: str, allowed: Sequence[str], path: KeyPath, where: str = "") -> None:
     if found is not None and found not in allowed:
         hint = nearest(found, allowed)
-        known = ", ".join(allowed) or "none"
+        known = listed(allowed, found)
         raise Problem(path, f"no {kind}{where} is called {found!r}.{hint} Known: {known}")
 
 

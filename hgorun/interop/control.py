@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hgorun.config.nearest import nearest
+from hgorun.config.nearest import listed, nearest
 from hgorun.config.types import describe
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.export.equations import compares, outputs_of, symbolic
@@ -186,7 +186,7 @@ def observer(experiment: Experiment, label: str) -> ObserverSystem:
     package = _package()
     if label not in experiment.observers:
         near = nearest(label, experiment.observers)
-        raise ConfigError(f"no observer is called {label!r}.{near} Known: {', '.join(experiment.observers)}")
+        raise ConfigError(f"no observer is called {label!r}.{near} Known: {listed(experiment.observers, label)}")
     run = prepare(experiment)
     design, model = experiment.designs[label], run.plant.model
     outputs = outputs_of(experiment.stretches, run.plant, [False] * len(model.outputs))

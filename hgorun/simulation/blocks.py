@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from hgorun.config.expressions import nearest
 from hgorun.config.models import ExperimentBlocks
 from hgorun.config.named import name_keys
-from hgorun.config.nearest import nearest_name
+from hgorun.config.nearest import listed, nearest_name
 from hgorun.config.refusals import Refusals, block_of, of_other_blocks
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
@@ -27,7 +27,6 @@ from hgorun.simulation.unused import refuse_unused, refuse_unused_changes
 T = TypeVar("T")
 
 _LONGEST_LABEL = 100
-_MANY = 12  # names, of which a message does not list more
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -254,16 +253,11 @@ def _of_others(key: str, cls: type[AnyObserver], source: Source, path: tuple[str
         return ConfigError(message, file=file, line=line, key=".".join((*path, key)))
     owners = [name for name, other in OBSERVERS.all().items() if key in other.model_fields]
     if owners and not nearest(key, cls.model_fields):
-        more = f" and {len(owners) - _MANY} more of hgorun list observers" if len(owners) > _MANY else ""
-        which = ", ".join(owners[:_MANY]) + more
-        message = f"unknown key {key!r}: it is a key of {which}. Known here: {', '.join(cls.model_fields)}"
+        which = listed(owners, see="hgorun list observers")
+        here = listed(cls.model_fields, key, f"hgorun show {source.data[path[0]][path[1]]['type']}")
+        message = f"unknown key {key!r}: it is a key of {which}. Known here: {here}"
         return ConfigError(message, file=file, line=line, key=".".join((*path, key)))
     return None
-
-
-def _known(kind: str, names: Sequence[str]) -> str:
-    """Which names there are, where a line has room for them."""
-    return f"Known: {', '.join(names)}" if len(names) <= _MANY else f"See hgorun list {kind}s"
 
 
 def _find(registry: Registry[T], name: Any, source: Source, path: tuple[str, ...]) -> T:
@@ -273,8 +267,9 @@ def _find(registry: Registry[T], name: Any, source: Source, path: tuple[str, ...
     except KeyError:
         file, line = source.where(path)
         known = registry.names()
+        there = listed(known, str(name), f"hgorun list {registry.kind}s")
         raise ConfigError(
-            f"no {registry.kind} is called {describe(name)}.{nearest(str(name), known)} {_known(registry.kind, known)}",
+            f"no {registry.kind} is called {describe(name)}.{nearest(str(name), known)} Known: {there}",
             file=file,
             line=line,
             key=".".join(path),

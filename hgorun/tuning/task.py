@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.expressions import ExpressionError
-from hgorun.config.nearest import nearest
+from hgorun.config.nearest import listed, nearest
 from hgorun.config.tuning import Bound, Range, Tune, require_few
 from hgorun.config.types import SEEDS
 from hgorun.ensemble.members import written_out
@@ -208,7 +208,11 @@ def _check(quantity: Quantity, experiment: Experiment, place: KeyPath) -> None:
         raise Problem(place, f"{told}: set metrics.average to more, or time.output_step to less")
     if label not in experiment.observers:
         near = nearest(label or "", experiment.observers)
-        raise Problem(place, f"no observer is called {label!r}.{near} Known: {', '.join(experiment.observers)}")
+        raise Problem(
+            place, f"no observer is called {label!r}.{near} Known: {listed(experiment.observers, label or '')}"
+        )
     if quantity.state not in states:
         near = nearest(quantity.state or "", states)
-        raise Problem(place, f"the plant has no state {quantity.state!r}.{near} Known: {', '.join(states)}")
+        raise Problem(
+            place, f"the plant has no state {quantity.state!r}.{near} Known: {listed(states, quantity.state or '')}"
+        )

@@ -68,7 +68,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("observers:", "observers:\n  Z: ~", "or leave the key out: null removes only what is inherited by `extends`"),
         ("noise: [{type: gaussian, std: 0.1}]", "noise: gaussian", "a list has brackets"),
         ("theta: 2", "theta: 2, r: 1", "unknown key 'r': it is a key of fhgo2"),
-        ("{type: shgo, theta: 2}", "{type: deadbeat, theta: 2}", " more of hgorun list observers. Known here: "),
+        ("{type: shgo, theta: 2}", "{type: deadbeat, theta: 2}", " more, see `hgorun list observers`. Known here: "),
         ("std: 0.1", "std: 0.02 rad", "a number has no unit here, so `rad` is too much"),
         ("std: 0.1", "std: 2 pixels", "write a product as `2*pixels`; a number has no unit here"),
         ("u: 0.5", "u: 45°", "write `*pi/180`"),
@@ -104,7 +104,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("SHGO: {type", "SHGO {type", "this line has no `:` after its key"),
         ("{type: shgo, theta: 2}", "{type: ekf, Q: 0}", "{state: 0.1, ...} (the diagonal)"),
         ("{type: shgo, theta: 2}", "{type: ekf, Q: [0.1, 0.1]}", "found a list: write {state: 0.1, ...}"),
-        ("type: shgo", "type: SHGO", "Did you mean `shgo`? See hgorun list observers"),
+        ("type: shgo", "type: SHGO", "Did you mean `shgo`? Known: shgo, "),
         (
             "{type: shgo, theta: 2}",
             "{theta: 2}",

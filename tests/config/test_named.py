@@ -13,6 +13,7 @@ from examples import experiment, inline
 
 import hgorun
 from hgorun.config.named import Named, UnknownName
+from hgorun.config.nearest import listed
 
 OSCILLATOR = inline({"a": "b", "b": "-a"}, "a")
 
@@ -54,10 +55,19 @@ def test_names_of_an_experiment_and_of_a_sweep() -> None:
         assert str(error.value).startswith(said)
 
 
-def test_of_many_names_the_first_are_listed() -> None:
+def test_of_many_names_the_nearest_are_listed() -> None:
     names: Mapping[str, int] = {f"n{k}": k for k in range(43)}
-    with pytest.raises(UnknownName, match=r"Known: n0, .*, n39 and 3 more$"):
+    with pytest.raises(UnknownName, match=r"Known: n0, .*, n11 and 31 more$"):
         Named(names, "number")["zz"]
+    with pytest.raises(UnknownName, match=r"Known: n42, n2, .* and 31 more$"):
+        Named(names, "number")["n42b"]
+
+
+def test_a_list_is_cut_and_says_where_all_are() -> None:
+    assert listed([]) == "none"
+    assert listed(range(12)) == ", ".join(map(str, range(12)))
+    assert listed(range(14), see="hgorun list x") == f"{listed(range(12))} and 2 more, see `hgorun list x`"
+    assert listed([f"n{k}" for k in range(20)], "N19").startswith("n19, n1, n9, ")
 
 
 @pytest.mark.parametrize("again", [lambda one: pickle.loads(pickle.dumps(one)), copy.copy, copy.deepcopy])
