@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from hgorun.config.nearest import listed, nearest
+from hgorun.config.nearest import among, listed, nearest
 from hgorun.config.types import describe
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.export.equations import compares, outputs_of, symbolic
@@ -148,7 +148,11 @@ def _by_name(what: str, given: object, labels: Sequence[str], names: Sequence[st
         return {}
     if isinstance(given, Mapping):
         name_of = dict(zip(labels, names, strict=True))
-        return {str(name_of.get(key, key)): value for key, value in given.items()}
+        named = {str(name_of.get(key, key)): value for key, value in given.items()}
+        for key in named:
+            if key not in names:
+                raise ConfigError(f"{what}: unknown name {key!r}; known here: {among(key, names)}")
+        return named
     values = given.ravel().tolist() if isinstance(given, np.ndarray) else given
     if not isinstance(values, (list, tuple)) or len(values) != len(names):
         found = f"{len(values)} of them" if isinstance(values, (list, tuple)) else describe(values)

@@ -147,6 +147,20 @@ def test_what_is_no_plant(system: Any, options: dict[str, Any], words: str) -> N
         plant(system, **options)
 
 
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"initial": {"angel": 1}}, "initial: unknown name 'angel'; known here: angle, speed. Did you mean `angle`?"),
+        ({"initial": {"angle": 1, "x[5]": 1}}, "initial: unknown name 'x[5]'; known here: angle, speed"),
+        ({"inputs": {"torqe": 0}}, "inputs: unknown name 'torqe'; known here: torque. Did you mean `torque`?"),
+    ],
+)
+def test_names_that_the_system_does_not_have(given: dict[str, Any], words: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        plant(NONLINEAR, **given)
+    assert str(caught.value) == words
+
+
 SAMPLED = {"sampling": {"period": 0.1}}
 
 
