@@ -13,7 +13,15 @@ from hgorun.ensemble.never import is_time, never
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, headed, limits, places, pooled_over, scale_axis, spans_much
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
-from hgorun.figures.lost import draw_bands, draw_crosses, drawn_median, mostly_lost, spread, words_of_lost
+from hgorun.figures.lost import (
+    draw_bands,
+    draw_crosses,
+    drawn_median,
+    lost_or_unsettled,
+    mostly_lost,
+    spread,
+    words_of_lost,
+)
 from hgorun.figures.style import PANEL, styled
 from hgorun.tables.typeset import words
 
@@ -146,6 +154,7 @@ def boxes(members: Collected, metrics: Sequence[str], *, width: float = WIDTH) -
             _names(ax, cast, metric, state, tall=figure.get_figwidth() / columns)
         _scale(rows)
         title = f"median, box 50 %, whiskers 90 % of {len(members)} members{pooled_over(members, [])}"
+        title += _above_boxes(members, metrics)
         return finished(figure, axes, columns, headed(members, title), grow=True)
 
 
@@ -188,6 +197,13 @@ def _names(ax: Axes, cast: Cast, metric: str, state: str, *, tall: float) -> Non
         told = told_of_lost(cast, metric, label, state)
         if told:
             ax.text(i, 1.01, told, transform=ax.get_xaxis_transform(), ha="center", va="bottom", fontsize=7)
+
+
+def _above_boxes(members: Collected, metrics: Sequence[str]) -> str:
+    """What is said of the counts above boxes; nothing where there are none."""
+    unsettled = any(never(members, metric).any() for metric in metrics)
+    which = lost_or_unsettled(lost=not members.sound.all(), unsettled=unsettled)
+    return f"; above a box how many members {which}: they count as infinite" if which else ""
 
 
 def told_of_lost(cast: Cast, metric: str, label: str, state: str) -> str:

@@ -16,15 +16,16 @@ from hgorun.tables.typeset import latex_number, latex_words, symbol
 from hgorun.tables.uncertain import latex_uncertain
 
 _PAGE = 3  # numbers with their uncertainty side by side on a page
+_BOLD = "bold: the best mean, which differs from all others (paired tests, Holm-adjusted p < 0.05)"
 _LINE = 70  # characters of a line below a table, which is not to be wider for what is said there
 
 
 def latex(found: Sequence[Compared]) -> str:
     r"""A ``tabular`` for each ensemble, for a document that loads the package booktabs.
 
-    Cells are mean ± half the 95 % interval; below stands of how many members, and which times have no mean or one that
-    is too small. The best mean of a column is bold only if it differs from that of every other observer (paired test,
-    Holm-adjusted p < 0.05) and no other observer has fewer failures.
+    Cells are mean ± half the 95 % interval; below stands of how many members, what is bold, and which times have no
+    mean or one that is too small. The best mean of a column is bold only if it differs from that of every other
+    observer (paired test, Holm-adjusted p < 0.05) and no other observer has fewer failures.
     """
     return "\n".join([NEEDS, *map(_tabular, found)])
 
@@ -53,9 +54,14 @@ def _tabular(one: Compared) -> str:
         for label in observers
         if one.whole.failed(label)
     ]
+    bold = [_BOLD] if any(r"\mathbf" in line for line in lines) else []
     if notes:
         text = "; ".join(map(latex_words, notes)).replace("±", r"$\pm$")
-        said = [line for words in said_of_times(one) for line in textwrap.wrap(words, _LINE, break_on_hyphens=False)]
+        said = [
+            line
+            for words in (*bold, *said_of_times(one))
+            for line in textwrap.wrap(words, _LINE, break_on_hyphens=False)
+        ]
         below = [text, *map(latex_words, said)]
         lines += [r"\midrule", *(rf"\multicolumn{{{width + 1}}}{{l}}{{{line}}} \\" for line in below)]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import product
 
 from hgorun.result.metrics.base import all_metrics, unit_of
@@ -26,7 +26,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     The best number of every column is bold, in every run, since runs may be measured otherwise: the smallest, for tv
     the nearest to 1. Scores of recorded data stand below the metrics, smallest errors bold. What does not fit side
     by side follows below each other; observers that are not ok are named at the end, as are units that differ among the
-    runs, and the mark of times that are not resolved.
+    runs, what is bold, and the mark of times that are not resolved.
 
     Parameters
     ----------
@@ -44,6 +44,7 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     scores = columns_of_scores(rows, _PAGE) if metrics is None else []
     blocks = blocks or ([] if scores else [[]])
     width = max([len(block) * len(states) for block in blocks] + [len(block) for block in scores])
+    marked = set[str]()
     lines = [NEEDS, rf"\begin{{tabular}}{{l{'r' * width}}}", r"\toprule"]
     for block in blocks:
         padding = [""] * (width - len(block) * len(states))
@@ -59,14 +60,14 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
             for column, values in numbers.items()
             for run in {row.run for row in rows}
         }
+        marked |= {metric for ((metric, _), _), text in best.items() if text is not None}
         for row in rows:
             cells = [_cell(row, *column, best[column, row.run]) for column in numbers]
             lines.append(" & ".join([latex_words(row.text), *cells, *padding]) + r" \\")
     for columns in scores:
-        lines += [
-            *([r"\midrule"] if blocks or columns is not scores[0] else []),
-            *lines_of_scores(rows, columns, width),
-        ]
+        of_scores = list(lines_of_scores(rows, columns, width))
+        lines += [*([r"\midrule"] if blocks or columns is not scores[0] else []), *of_scores]
+        marked |= {"rmse" for line in of_scores if r"\mathbf" in line}
     notes = [f"{row.text} {row.status}" for row in rows if row.observer.status != "ok"]
     for name, texts in stated.items():
         if len(texts) > 1:
@@ -74,9 +75,19 @@ def latex(results: Sequence[Result], metrics: Sequence[str] | None = None) -> st
     notes = [latex_words(note) for note in notes]
     if any(row.unresolved(*column) for row in rows for column in product(chosen, states)):
         notes.append(_UNRESOLVED)
+    if marked:
+        notes.append(latex_words(_of_bold(marked, len(results))))
     if notes:
         lines += [r"\midrule", rf"\multicolumn{{{width + 1}}}{{l}}{{{'; '.join(notes)}}} \\"]
     return "\n".join([*lines, r"\bottomrule", r"\end{tabular}"]) + "\n"
+
+
+def _of_bold(metrics: Collection[str], runs: int) -> str:
+    """What numbers of some metrics are in bold."""
+    known = all_metrics(closed=True)
+    near = {name: metric.ideal for name, metric in known.items() if name in metrics and metric.ideal}
+    others = "".join(f", of {name} nearest to {ideal:g}" for name, ideal in near.items())
+    return f"bold: smallest{' of each run' if runs > 1 else ''}{others}"
 
 
 def _stated(results: Sequence[Result]) -> dict[str, dict[str, str]]:

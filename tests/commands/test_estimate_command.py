@@ -66,6 +66,7 @@ def test_scores_as_latex(shell: Shell) -> None:
     best, other = sorted(f"{error:.4g}" for error in errors)
     assert rf"$\mathbf{{{best}}}$" in out
     assert f"${other}$" in out
+    assert "bold: smallest" in out
     assert r"\multicolumn{1}{c}{innovation\_rms}" in out
 
 

@@ -220,6 +220,9 @@ def test_boxes_and_maps_tell_of_times_that_never_come() -> None:
     members = unsettled()
     figure = boxes(members.where(members.axes[THETA] == THETAS[1]), ["settling", "hf"])
     assert [[text.get_text() for text in ax.texts] for ax in figure.axes[:4]] == [["9 never"], [], [], []]
+    assert "; above a box how many members never settle: they count as infinite" in caption(figure)
+    assert "above a box" not in caption(boxes(members, ["hf"]))
+    assert "how many members are lost: they count" in caption(boxes(made(), ["hf"]))
     figure = heat_map(members, (THETA, PERIOD), "settling")
     assert len(figure.axes[0].patches) == len(PERIODS)
     assert "hatched: most never settle" in caption(figure)

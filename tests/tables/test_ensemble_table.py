@@ -6,6 +6,7 @@ import csv as csv_module
 import io
 import json
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -168,7 +169,12 @@ def test_bold_is_what_is_significantly_best() -> None:
     assert best(failing.whole, "rmse", "x1") is None  # who drops out looks better than he is
     assert latex([clear, clear]).count("% needs \\usepackage{booktabs}\n\\begin{tabular}") == 1
     assert latex([clear]).count(r"\mathbf") == 4
-    assert r"\mathbf" not in latex([chance])
+    said = re.findall(r"\{l\}\{(.*)\} ", latex([clear]))
+    assert said[1:] == [
+        "bold: the best mean, which differs from all others (paired tests,",
+        r"Holm-adjusted p \textless{} 0.05)",
+    ]
+    assert not re.search(r"\\mathbf|bold", latex([chance]))
     assert "F: 1 of 60 without numbers" in latex([failing])
 
 

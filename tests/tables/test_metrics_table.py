@@ -269,9 +269,13 @@ def assert_compiles(source: str) -> list[list[str]]:
 
 
 def test_latex_of_a_run(result: Result) -> None:
-    rows = assert_compiles(latex([result]))
+    *rows, note = assert_compiles(latex([result]))
     # the second block has a settling time in s
     assert [row[0] for row in rows] == ["", "", "SHGO", "FHGO r=2", "", "", "", "SHGO", "FHGO r=2"]
+    assert note == [r"\multicolumn{7}{l}{bold: smallest, of tv nearest to 1}"]
+    assert "{bold: smallest of each run, of tv nearest to 1}" in latex([result, replace(result, name="other")])
+    assert "{bold: smallest}" in latex([result], ["rmse"])
+    assert "bold" not in latex([labelled(result, ["alone"])])
     assert rows[1][1:3] == ["$x_{1}$", "$x_{2}$"]
 
 
@@ -311,7 +315,7 @@ def test_the_best_number_is_bold(result: Result) -> None:
     ]
     assert rows["B"] == ["$2.000$", r"$2.000 \times 10^{-7}$", r"$\mathbf{1.500}$", r"$\mathbf{3.000}$"]
     assert rows["C"] == [r"$\infty$", r"$\infty$", r"$\infty$", "--"]
-    assert r"\multicolumn{5}{l}{C diverged at t=1.25 s}" in latex([made])
+    assert r"\multicolumn{5}{l}{C diverged at t=1.25 s; bold: smallest, of tv nearest to 1}" in latex([made])
     assert "mathbf" not in latex([with_metrics(result, A={"rmse": [1.0, 2.0]})])
 
 
@@ -363,7 +367,7 @@ def test_latex_names_who_diverged_and_shows_what_is_no_number(result: Result) ->
     shown = latex([lost])
     assert r"bad & $\infty$ & $-\infty$ \\" in shown
     assert " & -- " in shown
-    assert "\\midrule\n\\multicolumn{3}{l}{bad diverged at t=1.25 s} \\" in shown
+    assert "\\midrule\n\\multicolumn{3}{l}{bad diverged at t=1.25 s; bold: smallest} \\" in shown
 
 
 def test_latex_of_no_metrics_has_the_labels_alone(result: Result) -> None:
