@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 import pytest
 from shell import Shell
 
-from hgorun.config.refusals import Refusals
-from hgorun.errors import ConfigError, Problem
+from hgorun.config.refusals import Refusals, of_other_blocks
+from hgorun.errors import ConfigError, PluginError, Problem
 
 TIME = "time: {end: 5, output_step: 0.1}\n"
 PLANT = "plant: {type: van_der_pol, initial: {x1: 1, x2: 0}}\n"
@@ -93,6 +94,31 @@ def test_of_the_columns_and_the_files_of_a_log(shell: Shell) -> None:
         "hgorun: c.yaml:3: data.reference.h.file: other.csv: there is no such file",
         "hgorun: a.csv: there is no such file",
     ]
+
+
+def test_of_several_observers_of_a_log(shell: Shell) -> None:
+    (shell.folder / "log.csv").write_text("time,level\n" + "".join(f"{k},{k}\n" for k in range(9)))
+    (shell.folder / "c.yaml").write_text(
+        f"{TANK}observers:\n  A: {{type: shgo, theta: 5, initial: {{g: 1}}}}\n"
+        "  B: {type: shgo, theta: 5, poles: [-1, -2]}\n"
+        "data: {file: log.csv, time: time, outputs: {y: level}}\n"
+    )
+    assert list(told(shell, "estimate", "c.yaml")) == ["observers.A.initial", "observers.B.poles"]
+
+
+def test_of_each_other_block_the_first_fault_is_found() -> None:
+    """What a class of somebody's own raises is said when it is the first."""
+
+    def raising(error: Exception) -> object:
+        raise error
+
+    faults = [
+        ConfigError("a", key="observers.A.theta"), PluginError("no"), ConfigError("b", key="observers.B"),
+        ConfigError("c", key="observers.B.theta"), ConfigError("d", key="time.end"),
+    ]  # fmt: skip
+    told = [ConfigError("x", key="observers.A"), ConfigError("y", key="time")]
+    found = of_other_blocks(told, [partial(raising, one) for one in faults])
+    assert [one.message for one in found] == ["b"]
 
 
 def test_what_has_no_place_yet_leads() -> None:
