@@ -289,6 +289,7 @@ def _bounds(label: str, promise: Promise, points: int) -> list[Bound]:
     found = []
     for i, name in enumerate(transient.names):
         curves = [finite(transient.time, one[:, i]) for one in (transient.error, values)]
-        error, bound = (positive(thinned(moving_maximum(curve, points), POINTS)) for curve in curves)
+        largest = [curve._replace(v=moving_maximum(curve.v, points)) for curve in curves]
+        error, bound = (positive(thinned(curve, POINTS)) for curve in largest)
         found.append(Bound(name, label, error, bound, transient.holds))
     return found

@@ -57,7 +57,7 @@ def trace_of(shown: Shown, label: str, i: int) -> Trace:
         estimate = _numbers(result, xhat[:, i])
         with np.errstate(over="ignore"):
             error = _numbers(result, np.abs(xhat[:, i] - result.truth_of(label)[:, i]))
-        largest = moving_maximum(error, points)
+        largest = error._replace(v=moving_maximum(error.v, points))
         drawn = positive(thinned(largest, POINTS))
         return Trace(thinned(estimate, POINTS), Spread.of(estimate.v), drawn, Size.of(largest.v))
 

@@ -12,9 +12,9 @@ from hgorun.figures.data import (
     MAX_POINTS,
     Curve,
     finite,
-    largest_nearby,
     magnitude_limits,
     mean_of_block,
+    moving_maximum,
     state_limits,
     thinned,
 )
@@ -79,7 +79,7 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
                 xhat = kept.xhat[:, i, ::step, j]
                 estimates.append(band(left, time, xhat, look, i, signed=True))
                 error = np.abs(kept.xhat[:, i, :, j] - kept.x[:, :, j])
-                largest = largest_nearby(error, round(_WINDOW * len(kept.time)))[:, ::step]
+                largest = moving_maximum(error, round(_WINDOW * len(kept.time)))[:, ::step]
                 sizes.append(band(right, time, largest, look, i, signed=False))
             left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **truth_of(one_truth))
             left.set_ylim(state_limits([truth[np.isfinite(truth)]], estimates, []) or (0, 1))

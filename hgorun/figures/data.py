@@ -146,35 +146,28 @@ def behind(curves: Sequence[Curve]) -> list[int]:
     return found
 
 
-def moving_maximum(curve: Curve, points: int) -> Curve:
-    """The largest value among about ``points`` neighbours, centred; fewer at the ends."""
-    half = points // 2
-    if half == 0 or len(curve.v) == 0:
-        return curve
-    ends = np.full(half, -np.inf)
-    found = np.concatenate([ends, curve.v, ends])
-    width = 1
-    while 2 * width <= 2 * half + 1:  # found[i] is the largest of width values from i on
-        found = np.maximum(found[:-width], found[width:])
-        width *= 2
-    rest = 2 * half + 1 - width
-    count = len(curve.v)
-    return Curve(curve.t, np.maximum(found[:count], found[rest : rest + count]))
+def moving_maximum(values: np.ndarray, points: int) -> np.ndarray:
+    """The largest value among about ``points`` neighbours, centred; fewer at the ends.
 
-
-def largest_nearby(v: np.ndarray, points: int) -> np.ndarray:
-    """As :func:`moving_maximum`, in every row; what is no number stays so, and is left out of the others.
+    That of scipy.ndimage is slower, and its import takes longer than a figure.
 
     Parameters
     ----------
-    v : ndarray, shape (K, Nt)
-        Not negative.
+    values : ndarray, shape (..., Nt)
+        What is no finite number stays so, and is left out of the others.
     """
-    from scipy.ndimage import maximum_filter1d
-
-    known = np.isfinite(v)
-    found = maximum_filter1d(np.where(known, v, 0.0), 2 * (points // 2) + 1, axis=1, mode="nearest") if v.size else v
-    return np.where(known, found, v)
+    half = points // 2
+    if half == 0 or not values.size:
+        return values
+    known = np.isfinite(values)
+    ends = np.full((*values.shape[:-1], half), -np.inf)
+    found = np.concatenate([ends, np.where(known, values, -np.inf), ends], axis=-1)
+    width = 1
+    while 2 * width <= 2 * half + 1:  # found[..., i] is the largest of width values from i on
+        found = np.maximum(found[..., :-width], found[..., width:])
+        width *= 2
+    rest, count = 2 * half + 1 - width, values.shape[-1]
+    return np.where(known, np.maximum(found[..., :count], found[..., rest : rest + count]), values)
 
 
 def without_outliers(v: np.ndarray) -> np.ndarray:

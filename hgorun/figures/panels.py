@@ -144,7 +144,7 @@ def lines_of(
             continue
         curve = data.finite(result.time, own)
         if moving_maximum:
-            curve = data.moving_maximum(curve, points_in_window(result))
+            curve = curve._replace(v=data.moving_maximum(curve.v, points_in_window(result)))
         curve = data.inside(curve, scene.window)
         drawn.append((actor, curve))
     count = len(scene.actors)

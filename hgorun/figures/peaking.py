@@ -82,12 +82,12 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
                     curves.append((nominal, _NOMINAL, f"_{own.text}: decay of the theorem", 0.6))
                 for (t, values), line, text, thickness in curves:
                     kept = np.isfinite(values) & (values > 0)
-                    curve = moving_maximum(Curve(t[kept], values[kept]), points)  # bounds too: so they stay bounds
+                    largest = moving_maximum(values[kept], points)  # of bounds too: so they stay bounds
                     how = {"color": own.colour, "linestyle": line, "label": text, "linewidth": thickness}
                     above = height[actor.order] if line is own.dashes else 3  # bounds hide nothing
-                    ax.plot(*thinned(curve, _MAX_POINTS), **how, zorder=above)
+                    ax.plot(*thinned(Curve(t[kept], largest), _MAX_POINTS), **how, zorder=above)
                     if line is not _NOMINAL:  # what does not hold is marked where it leaves the panel
-                        drawn.append(curve.v)
+                        drawn.append(largest)
             ax.set_ylim(*_limits(drawn))
             time_axis(ax, [result], (float(result.time[0]), float(result.time[-1])))
             ax.set_ylabel(f"$|{error_of(name)}|$" + unit(result.units.get(name, "")))

@@ -22,15 +22,14 @@ from hgorun.errors import Problem
 from hgorun.observers.base import (
     Arrival,
     ContinuousObserver,
-    CopyT,
     CorrectedObserver,
     DecidedObserver,
     Flow,
-    FormT,
     PeriodLimit,
     Role,
 )
 from hgorun.observers.capabilities import GivenGain, LocallyLinear, SettlingGain
+from hgorun.observers.common import CopyT, FormT
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.symbolic.canonical import PlantCopy
 from hgorun.symbolic.forms import Form

@@ -6,7 +6,8 @@ from abc import abstractmethod
 
 import casadi as ca
 
-from hgorun.observers.base import ContinuousObserver, CopyT, FormT, PeriodLimit
+from hgorun.observers.base import ContinuousObserver, PeriodLimit
+from hgorun.observers.common import CopyT, FormT
 from hgorun.symbolic.symbols import Symbols
 
 LAGS = "lags"  # among the numbers of a design: how far each signal is looked back at

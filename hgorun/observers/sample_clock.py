@@ -7,7 +7,8 @@ from collections.abc import Mapping
 import casadi as ca
 import numpy as np
 
-from hgorun.observers.base import Arrival, CopyT, CorrectedObserver, FormT, Role
+from hgorun.observers.base import Arrival, CorrectedObserver, Role
+from hgorun.observers.common import CopyT, FormT
 from hgorun.symbolic.states import Symmetric
 from hgorun.symbolic.symbols import Symbols
 

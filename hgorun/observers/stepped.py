@@ -6,7 +6,8 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from hgorun.observers.base import Arrival, CopyT, CorrectedObserver, DecidedObserver, FormT
+from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver
+from hgorun.observers.common import CopyT, FormT
 from hgorun.symbolic.symbols import Symbols
 
 

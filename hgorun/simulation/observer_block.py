@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -23,6 +23,7 @@ from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.observers.returned import Misfit, fitting
 from hgorun.simulation.design import SHRINK, Design
 from hgorun.symbolic.forms import Copy, Form, GuessingCopy, ModelCopy, saturate
+from hgorun.symbolic.graph import apart_from
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock
 from hgorun.symbolic.symbols import Symbols
@@ -169,14 +170,14 @@ class ObserverBlock:
         """
         return {
             entry: state.symbol(z)[place]
-            for name, state in self._own.items()
-            for entry, place in _entries(name, state).items()
+            for name, state in self._beside.items()
+            for entry, place in state.entries(name).items()
         }
 
     @property
     def own_names(self) -> tuple[str, ...]:
         """The names of these."""
-        return tuple(entry for name, state in self._own.items() for entry in _entries(name, state))
+        return tuple(entry for name, state in self._beside.items() for entry in state.entries(name))
 
     def flow(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX, past: ca.SX | None = None) -> ca.SX:
         """d/dt of the block, alpha' = -c last; ``past`` is what it has looked back at."""
@@ -190,7 +191,7 @@ class ObserverBlock:
                 derivatives["alpha"] = -correction
             return ca.vertcat(*[block.flat(derivatives[name]) for name, block in self.states.items()])
 
-        return _given(u, z, rate)
+        return apart_from(u, z, rate)
 
     def decisions(self, t: ca.SX, u: ca.SX, p: ca.SX, z: ca.SX, e: ca.SX) -> dict[int, ca.SX]:
         """What is decided at the end of a step or after an event: the new values of states, by their places in z."""
@@ -229,6 +230,11 @@ class ObserverBlock:
     def _own(self) -> dict[str, StateBlock]:
         """The states that the observer's equations are about: not alpha, which is the innovation's."""
         return {name: state for name, state in self.states.items() if name != "alpha"}
+
+    @property
+    def _beside(self) -> dict[str, StateBlock]:
+        """Those beside the estimate."""
+        return {name: state for name, state in self._own.items() if name != "xhat"}
 
     def _fitting(self, given: Mapping[str, ca.SX], method: str, what: str) -> dict[str, ca.SX]:
         """Expressions by state, each of exactly its state's shape.
@@ -286,7 +292,7 @@ class ObserverBlock:
                 values = vars(s) | self._fitting(new, "correct", "value")
             return ca.vertcat(*[block.flat(values[name]) for name, block in self.states.items()])
 
-        return _given(u, z, after)
+        return apart_from(u, z, after)
 
     def copy(self, t: ca.SX, u: ca.SX, p: ca.SX) -> Copy:
         """The plant as the observer copies it."""
@@ -295,25 +301,3 @@ class ObserverBlock:
             return plant
         assert isinstance(plant, GuessingCopy)
         return plant.started_at(self.newton)
-
-
-def _given(u: ca.SX, z: ca.SX, build: Callable[[ca.SX], ca.SX]) -> ca.SX:
-    """What is built from inputs, which are given: slopes of it in the estimate leave a law of the estimate out."""
-    if not ca.depends_on(u, z):
-        return build(u)
-    own = ca.SX.sym("u", *u.shape)
-    given = [own[i] if ca.depends_on(one, z) else one for i, one in enumerate(ca.vertsplit(u))]
-    return ca.substitute(build(ca.vertcat(*given)), own, u)
-
-
-def _entries(name: str, state: StateBlock) -> dict[str, tuple[int, int]]:
-    """The entries of an observer's own state by their names: row and column of each."""
-    if name == "xhat":
-        return {}
-    rows, columns = state.matrix
-    places = [(i, j) for i in range(rows) for j in range(columns)]
-    if len(places) == 1:
-        return {name: places[0]}
-    if 1 in (rows, columns):
-        return {f"{name}_{i + j + 1}": (i, j) for i, j in places}
-    return {f"{name}_{i + 1}_{j + 1}": (i, j) for i, j in places}

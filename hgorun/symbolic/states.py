@@ -57,6 +57,16 @@ class StateBlock:
         rows_, columns = self.matrix
         return flat if columns == 1 else ca.reshape(flat, columns, rows_).T
 
+    def entries(self, name: str) -> dict[str, tuple[int, int]]:
+        """Names of its entries, with row and column of each: ``name`` itself of a number, else name_2 or name_1_2."""
+        rows, columns = self.matrix
+        places = [(i, j) for i in range(rows) for j in range(columns)]
+        if len(places) == 1:
+            return {name: places[0]}
+        if 1 in (rows, columns):
+            return {f"{name}_{i + j + 1}": (i, j) for i, j in places}
+        return {f"{name}_{i + 1}_{j + 1}": (i, j) for i, j in places}
+
     def flat(self, value: ca.SX) -> ca.SX:
         """What is integrated, from a derivative in the state's shape."""
         if self.symmetric:

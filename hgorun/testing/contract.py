@@ -6,6 +6,8 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+from pydantic import BaseModel
+
 from hgorun.errors import PluginError, raised
 
 SubjectT = TypeVar("SubjectT")
@@ -56,6 +58,18 @@ class Broken(Exception):
     def __init__(self, found: str, expected: str) -> None:
         self.found, self.expected = found, expected
         super().__init__(f"found {found}; expected {expected}")
+
+
+def keys_are_described(cls: type[BaseModel]) -> None:
+    """A law of every block, but for its ``type``, which the program describes.
+
+    Raises
+    ------
+    Broken
+    """
+    for key, field in cls.model_fields.items():
+        if not field.description and key != "type":
+            raise Broken(f"the key {key} without description", "Field(description=...) for every key")
 
 
 class NotApplicable(Exception):

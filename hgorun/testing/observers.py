@@ -24,7 +24,7 @@ from hgorun.observers.capabilities import Differentiator, NotLinear, SlidingMode
 from hgorun.simulation.preparation import prepare
 from hgorun.symbolic.states import Symmetric
 from hgorun.testing.cases import CHAINS, WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
-from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to
+from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to, keys_are_described
 from hgorun.testing.decay import decays
 from hgorun.testing.equations import Equations, numbers_of, points, shaped
 from hgorun.testing.roles import filters_rest_at_zero
@@ -266,9 +266,7 @@ def _explains_itself(subject: Subject) -> None:
         raise Broken("no docstring", "one with the equations, the class of plants and the meaning of each gain")
     if not cls.reference:
         raise Broken("an empty `reference`", "the publication that the equations are from")
-    for key, field in cls.model_fields.items():
-        if not field.description:
-            raise Broken(f"the key {key} without description", "Field(description=...) for every key")
+    keys_are_described(cls)
 
 
 LAWS: tuple[Law[Subject], ...] = (

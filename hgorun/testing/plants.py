@@ -15,7 +15,7 @@ from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.symbolic.observability import canonical_form
 from hgorun.symbolic.triangular import triangular_form
 from hgorun.testing.cases import Keys, block_of
-from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to
+from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to, keys_are_described
 
 POINTS = 5  # random ones
 SLOPE = 1e-5  # of a difference quotient, relative to the largest slope
@@ -231,9 +231,7 @@ def _explains_itself(subject: Subject) -> None:
     }.items():
         if not meaning:
             raise Broken(f"{name} without a meaning", "a meaning of every parameter and input")
-    for key, field in cls.model_fields.items():
-        if not field.description and key != "type":
-            raise Broken(f"the key {key} without description", "Field(description=...) for every key")
+    keys_are_described(cls)
 
 
 LAWS: tuple[Law[Subject], ...] = (

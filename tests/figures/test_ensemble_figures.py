@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from hgorun.ensemble.collected import Collected, Trajectories
 from hgorun.errors import ConfigError
 from hgorun.figures.bands import bands, family
-from hgorun.figures.data import largest_nearby
+from hgorun.figures.data import moving_maximum
 from hgorun.figures.ensemble import axis_label, limits, places
 from hgorun.figures.ensembles import figures_of
 from hgorun.figures.files import save
@@ -404,9 +404,9 @@ def test_numbers_in_cells_have_two_digits() -> None:
 def test_the_largest_error_nearby_leaves_out_what_is_lost() -> None:
     values = np.array([[1.0, 5.0, 2.0, np.nan, np.inf], [0.0, 0.0, 0.0, 0.0, 3.0]])
     expected = [[5.0, 5.0, 5.0, np.nan, np.inf], [0.0, 0.0, 0.0, 3.0, 3.0]]
-    np.testing.assert_array_equal(largest_nearby(values, 2), expected)
-    np.testing.assert_array_equal(largest_nearby(values, 1), values)
-    assert largest_nearby(values[:, :0], 3).shape == (2, 0)
+    np.testing.assert_array_equal(moving_maximum(values, 2), expected)
+    np.testing.assert_array_equal(moving_maximum(values, 1), values)
+    assert moving_maximum(values[:, :0], 3).shape == (2, 0)
 
 
 def test_what_differs_by_roundings_is_drawn_as_equal_and_nothing_is_added_in_a_corner() -> None:
