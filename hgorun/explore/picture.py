@@ -243,7 +243,7 @@ def _beyond(curve: Curve, limits: Limits) -> tuple[int, float, float]:
 
 @dataclass(frozen=True)
 class Bound:
-    """What a theorem draws beside an error: the bound where it holds, else the decay that it asks for."""
+    """What a theorem draws beside an error: the bound where it holds, else that of an ideal run."""
 
     name: str
     label: str
@@ -266,8 +266,9 @@ def words_of(promise: Promise) -> str:
     bound = f"the bound {transient.equation} of Robles Magdaleno 2023"
     if transient.holds:
         return f"dashed, {bound}, whose assumptions this run meets"
-    how = "nothing is drawn of" if transient.nominal is None else "dotted, the decay without delay and noise of"
-    return f"{how} {bound}, which does not hold: {'; '.join(transient.lacking)}"
+    ideal = f"dotted, {bound} for an ideal run, without noise, delay and disturbance"
+    drawn = f"nothing is drawn of {bound}" if transient.nominal is None else ideal
+    return f"{drawn}; this run does not meet what it assumes: {'; '.join(transient.lacking)}"
 
 
 def bounds_of(label: str, promise: Promise, result: Result) -> list[Bound]:

@@ -18,7 +18,7 @@ from hgorun.figures.data import (
     state_limits,
     thinned,
 )
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, pooled_over
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, logarithmic, pooled_over
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.lost import (
@@ -74,7 +74,6 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
         for j, (state, left, right) in enumerate(zip(cast.states, axes[::2], axes[1::2], strict=True)):
             truth = kept.x[:, ::step, j]
             estimates, sizes = [], []
-            right.set_yscale("log")
             for i, look in enumerate(cast.looks.values()):
                 xhat = kept.xhat[:, i, ::step, j]
                 estimates.append(band(left, time, xhat, look, i, signed=True))
@@ -83,10 +82,11 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
                 sizes.append(band(right, time, largest, look, i, signed=False))
             left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **truth_of(one_truth))
             left.set_ylim(state_limits([truth[np.isfinite(truth)]], estimates, []) or (0, 1))
-            right.set_ylim(magnitude_limits(sizes, []) or (0.1, 1))
             measured_in = unit(members.units.get(state, ""))
             left.set_ylabel(f"${both(state)}$" + measured_in)
             right.set_ylabel(f"$|{error_of(state)}|$" + measured_in)
+            logarithmic(right, "y")
+            right.set_ylim(magnitude_limits(sizes, []) or (0.1, 1))
             for ax in (left, right):
                 _time_axis(ax, members, kept)
         titled = axes[1::2] if cast.narrow else axes[1:2]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hgorun.ensemble.fronts import non_dominated
+from hgorun.figures.ensemble import logarithmic
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.page import LIGHT, NARROW, Page, on_page
 from hgorun.figures.style import MARKERS, PALETTE, styled
@@ -50,15 +51,15 @@ def benchmark(panels: Mapping[str, Sequence[Contender]], page: Page = LIGHT) -> 
         figure, axes = grid(len(panels), columns, page.width, _ROW * rows + TOP, share=False)
         for ax, (name, points) in zip(axes, panels.items(), strict=True):
             ax.set_title(name)
-            _draw(ax, points, look)
             ax.set_xlabel("time to converge / shortest")
             ax.set_ylabel("steady error / smallest")
+            _draw(ax, points, look)
         return on_page(finished(figure, axes, columns, "lines: fronts of groups", grow=True), page.style)
 
 
 def _draw(ax: Axes, points: Sequence[Contender], look: Mapping[str, tuple[str, str]]) -> None:
-    ax.set_xscale("log")
-    ax.set_yscale("log")
+    for which in "xy":
+        logarithmic(ax, which)
     for group, (colour, marker) in look.items():
         own = np.array([(one.speed, one.size) for one in points if one.group == group and np.isfinite(one.speed)])
         if not own.size:

@@ -30,6 +30,7 @@ WIDTH, PANEL_WIDTH = TWO, 2.4  # inches: of a figure, and of a panel at least
 MOST_STATES = 6  # side by side
 _BINS = 16  # of an axis with more values than can be told apart
 _ROUNDINGS = 1e-9  # of numbers: what differs by less is drawn as equal
+_SHORT = 24  # characters of a label beside which there is room in its line
 _LOGARITHMIC = 5.0  # an axis whose values span more is logarithmic
 
 
@@ -180,10 +181,30 @@ def spans_much(values: Sequence[float] | Floats) -> bool:
     return bool(found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min())
 
 
-def scale_axis(ax: Axes, which: str, values: Sequence[float] | Floats) -> None:
-    """A logarithmic axis where numbers are positive and span much."""
-    if spans_much(values):
-        (ax.set_xscale if which == "x" else ax.set_yscale)("log")
+def scale_axis(ax: Axes, which: str, values: Sequence[float] | Floats) -> bool:
+    """A logarithmic axis where numbers are positive and span much, and whether it is one; see :func:`logarithmic`."""
+    if found := spans_much(values):
+        logarithmic(ax, which)
+    return found
+
+
+def logarithmic(ax: Axes, which: str) -> None:
+    """A logarithmic axis, whose label says so: beside linear ones it would be read as these.
+
+    It has its label already.
+    """
+    if which == "x":
+        ax.set_xscale("log")
+        ax.set_xlabel(said_logarithmic(ax.get_xlabel(), _SHORT))
+    else:
+        ax.set_yscale("log")
+        ax.set_ylabel(said_logarithmic(ax.get_ylabel()))
+
+
+def said_logarithmic(label: str, short: int = 0) -> str:
+    """The label of an axis, or of a scale of colours, that is logarithmic: in one line where it is so short."""
+    between = " " if len(label) < short else "\n"
+    return f"{label}{between}(log scale)"
 
 
 def limits(low: float, high: float, *, logarithmic: bool, margin: float = 0.06) -> tuple[float, float]:

@@ -55,9 +55,9 @@ def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure
             for label in cast.looks:
                 pairs = [[_median(Cast(part), metric, label, state) for metric in (x, y)] for _, part in parts]
                 found[label] = drawable(np.array(pairs))
-            _draw(ax, cast, found, [level == one for one in joined])
             ax.set_xlabel(cast.quantity(x, state))
             ax.set_ylabel(cast.quantity(y, state))
+            _draw(ax, cast, found, [level == one for one in joined])
         what = "medians over random draws" if any(len(part) > 1 for _, part in parts) else "points: members"
         title = f"{what}; lines: {_fronts(members, joined)}; small: others{words_of_lost_points(members, (x, y))}"
         return finished(figure, axes, columns, headed(members, title), grow=True)
@@ -122,7 +122,6 @@ def _draw(ax: Axes, cast: Cast, found: dict[str, Floats], groups: Sequence[NDArr
     everything = everything[np.all(np.isfinite(everything), axis=1)]
     for which, known in zip("xy", everything.T, strict=True):
         if known.size:
-            scale_axis(ax, which, known)
-            logarithmic = (ax.get_xscale() if which == "x" else ax.get_yscale()) == "log"
-            ends = limits(float(known.min()), float(known.max()), logarithmic=logarithmic)
+            spans = scale_axis(ax, which, known)
+            ends = limits(float(known.min()), float(known.max()), logarithmic=spans)
             (ax.set_xlim if which == "x" else ax.set_ylim)(ends)

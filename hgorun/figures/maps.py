@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.never import never
 from hgorun.ensemble.statistics import quantiles
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, places, pooled_over
+from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, places, pooled_over, said_logarithmic
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.lost import lost_or_unsettled
 from hgorun.figures.page import AS_IT_IS, seen_on
@@ -48,6 +48,8 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
         A row of panels for each state, a column for each observer; a state has one scale of colours. Cells in which
         half or more of the members are lost, or never settle, are hatched.
     """
+    from matplotlib.colors import LogNorm
+
     cast = Cast(members, width)
     labels = list(cast.looks)
     cells = [_cells(members.axes[axis]) for axis in axes]
@@ -67,7 +69,8 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
                 if j == 0 or cast.narrow:
                     ax.set_title(words(label), loc="center")
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
-            bar.set_label(paragraph(cast.quantity(metric, state), _LABEL))
+            label = paragraph(cast.quantity(metric, state), _LABEL)
+            bar.set_label(said_logarithmic(label) if isinstance(norm, LogNorm) else label)
         title = _title(members, axes, metric, len(cells[0][0]) * len(cells[1][0]))
         return finished(figure, panels, columns, headed(members, title), grow=cast.narrow)
 

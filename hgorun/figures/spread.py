@@ -10,7 +10,18 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.never import is_time, never
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, headed, limits, places, pooled_over, scale_axis, spans_much
+from hgorun.figures.ensemble import (
+    WIDTH,
+    Cast,
+    axis_label,
+    headed,
+    limits,
+    logarithmic,
+    places,
+    pooled_over,
+    scale_axis,
+    spans_much,
+)
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look
 from hgorun.figures.lost import (
@@ -102,25 +113,22 @@ def _finite(drawn: Sequence[Floats]) -> Floats:
 
 
 def _scale(rows: Mapping[str, Sequence[tuple[Axes, Floats]]]) -> None:
-    """Limits, and logarithmic axes for all panels of a metric if one of them spans much, and all can be so.
-
-    The label of these says so: beside linear ones they would be read as these.
-    """
+    """Limits, and logarithmic axes for all panels of a metric if one of them spans much, and all can be so."""
     for row in rows.values():
         known = [(ax, values) for ax, values in row if values.size]
-        logarithmic = all(values.min() > 0 for _, values in known) and any(map(spans_much, (v for _, v in known)))
+        all_so = all(values.min() > 0 for _, values in known) and any(map(spans_much, (v for _, v in known)))
         for ax, values in known:
-            ax.set_yscale("log" if logarithmic else "linear")
-            ax.set_ylabel(ax.get_ylabel() + "\n(log scale)" * logarithmic)
-            ax.set_ylim(limits(float(values.min()), float(values.max()), logarithmic=logarithmic))
+            if all_so:
+                logarithmic(ax, "y")
+            ax.set_ylim(limits(float(values.min()), float(values.max()), logarithmic=all_so))
 
 
 def _ticks(ax: Axes, members: Collected, axis: str, at: Floats) -> None:
     """Of numbers the axis's own, of texts their words."""
     values = members.axes[axis]
     if values.dtype.kind in "iuf":
-        scale_axis(ax, "x", at)
-        ax.set_xlim(limits(float(at.min()), float(at.max()), logarithmic=ax.get_xscale() == "log", margin=0.04))
+        spans = scale_axis(ax, "x", at)
+        ax.set_xlim(limits(float(at.min()), float(at.max()), logarithmic=spans, margin=0.04))
     else:
         ax.set_xticks(at, [words(str(v), limit=16) for v in levels(values)])
         ax.set_xlim(-0.5, len(at) - 0.5)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.fronts import non_dominated
 from hgorun.figures.actors import Actor, texts
-from hgorun.figures.ensemble import axis_label, drawable, limits, scale_axis
+from hgorun.figures.ensemble import axis_label, drawable, limits, logarithmic, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.page import LIGHT, NARROW, TWO, Page, on_page
@@ -106,9 +106,9 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str], page: Page = LIGHT) -> 
             figure, axes = grid(1, 1, width, min(_HEIGHT, width) + TOP, share=False)
             for i, one in enumerate(found):
                 _front(axes[0], one, look[i])
-            _limits(axes[0], found)
             axes[0].set_xlabel(paragraph(goals[0], width))
             axes[0].set_ylabel(paragraph(goals[1], _HEIGHT))
+            _limits(axes[0], found)
             title = "dots: tried with all seeds; lines: fronts on held-out seeds; stars: knees"
             if not all(non_dominated(one.front).all() for one in found):
                 title += "; hollow: beaten on held-out seeds"
@@ -119,8 +119,8 @@ def tuning(found: Sequence[Tuned], goals: Sequence[str], page: Page = LIGHT) -> 
         width = page.width if narrow else _WIDTH if columns < 3 else TWO
         figure, axes = grid(len(panels), columns, width, _PANEL * rows + TOP, share=False)
         for ax, (i, k) in zip(axes, panels, strict=True):
-            _against(ax, found[i], k, look[i])
             ax.set_ylabel(paragraph(goals[0], _PANEL))
+            _against(ax, found[i], k, look[i])
         return on_page(finished(figure, axes, columns, _MINIMUM, grow=True, cuts=True), page.style)
 
 
@@ -156,15 +156,14 @@ def _limits(ax: Axes, found: Sequence[Tuned]) -> None:
         [one.front[one.chosen] + sign * one.half[one.chosen] for one in found for sign in (-1, 1)]
     )
     for which, values, ends_of in zip("xy", front.T, drawable(intervals).reshape(-1, 2).T, strict=True):
-        scale_axis(ax, which, values)
-        logarithmic = (ax.get_xscale() if which == "x" else ax.get_yscale()) == "log"
+        spans = scale_axis(ax, which, values)
         low, high = float(values.min()), float(values.max())
-        known = ends_of[np.isfinite(ends_of) & ((ends_of > 0) | (not logarithmic))]
+        known = ends_of[np.isfinite(ends_of) & ((ends_of > 0) | (not spans))]
         if low == high:
-            ends = limits(low, high, logarithmic=logarithmic)
+            ends = limits(low, high, logarithmic=spans)
         else:
-            ends = limits(low, high, logarithmic=logarithmic, margin=0.25)
-        wide = limits(*_span([*values, *known]), logarithmic=logarithmic)
+            ends = limits(low, high, logarithmic=spans, margin=0.25)
+        wide = limits(*_span([*values, *known]), logarithmic=spans)
         (ax.set_xlim if which == "x" else ax.set_ylim)(min(ends[0], wide[0]), max(ends[1], wide[1]))
 
 
@@ -191,16 +190,15 @@ def _against(ax: Axes, one: Tuned, k: int, look: Look) -> None:
     best = one.front_gains[one.chosen, k], one.front[one.chosen, 0]
     ax.plot(*best, color=look.colour, linestyle="none", zorder=4, **_STAR)
     ax.errorbar(*best, yerr=one.half[one.chosen, 0], **_INTERVAL)
+    ax.set_xlabel(axis_label(one.paths[k], one.units))
     if one.logarithmic[k]:
-        ax.set_xscale("log")
+        logarithmic(ax, "x")
     low, high = float(one.gains[:, k].min()), float(one.gains[:, k].max())
     ax.set_xlim(limits(low, high, logarithmic=one.logarithmic[k], margin=0.03))
     values = tried[known]
     ends = best[1] + one.half[one.chosen, 0] * np.array([-1.0, 0.0, 1.0])
     ends = ends[np.isfinite(ends)]
-    scale_axis(ax, "y", np.append(values, ends))
-    logarithmic = ax.get_yscale() == "log"
+    spans = scale_axis(ax, "y", np.append(values, ends))
     seen = np.append(values[values <= np.quantile(values, 0.9)] if values.size else values, ends)
     if seen.size:
-        ax.set_ylim(limits(float(seen.min()), float(seen.max()), logarithmic=logarithmic))
-    ax.set_xlabel(axis_label(one.paths[k], one.units))
+        ax.set_ylim(limits(float(seen.min()), float(seen.max()), logarithmic=spans))

@@ -101,7 +101,7 @@ def test_medians_against_an_axis() -> None:
     naive = [np.median(members.metrics["settling"][members.axes[THETA] == t, 0, 0]) for t in THETAS]
     np.testing.assert_allclose(y, naive, rtol=1e-12)
     assert figure.axes[2].get_ylabel() == "settling time of $\\hat{x}_{1} - x_{1}$ [h]\n(log scale)"
-    assert figure.axes[2].get_xlabel() == "$\\theta$ of F"
+    assert figure.axes[2].get_xlabel() == "$\\theta$ of F (log scale)"
     assert figure.axes[0].get_xscale() == "log"
 
 
@@ -418,6 +418,29 @@ def test_what_differs_by_roundings_is_drawn_as_equal_and_nothing_is_added_in_a_c
         figure.draw_without_rendering()
     assert ax.yaxis.get_offset_text().get_text() == ""
     assert "100.0004" in [label.get_text() for label in ax.get_yticklabels()]
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize(
+    "draw",
+    [
+        lambda members: against(members, THETA, ["hf"]),
+        lambda members: boxes(members, ["hf"]),
+        lambda members: front(members, "hf", "settling"),
+        lambda members: heat_map(members, (THETA, PERIOD), "hf"),
+        bands,
+    ],
+    ids=["against", "boxes", "front", "map", "bands"],
+)
+def test_logarithmic_axes_and_scales_of_colours_say_so_and_others_do_not(draw: Callable[[Collected], Figure]) -> None:
+    scales = [
+        (label, scale)
+        for ax in draw(made(lost=False)).axes
+        for label, scale in ((ax.get_xlabel(), ax.get_xscale()), (ax.get_ylabel(), ax.get_yscale()))
+        if label
+    ]
+    assert "log" in [scale for _, scale in scales]
+    assert ["(log scale)" in label for label, _ in scales] == [scale == "log" for _, scale in scales]
 
 
 @pytest.mark.costly
