@@ -73,7 +73,8 @@ class Entry:
 
     @property
     def _as_listed(self) -> str:
-        return f"volume and pages as in the references of {self.listed}"
+        what = "volume and pages" if "volume" in dict(self.fields) else "pages"
+        return f"{what} as in the references of {self.listed}"
 
 
 @cache

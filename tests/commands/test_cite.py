@@ -208,6 +208,8 @@ def test_where_volume_and_pages_stand_is_said() -> None:
     assert entry.bibtex.startswith(f"% praly2003: {told}\n@article{{praly2003,\n")
     assert entry.text.endswith(f"48 1103-1108, 2003, ({told})")
     assert "listed" not in dict(entry.fields)
+    (proceedings,) = cited_in("Astolfi, Marconi, Praly, Teel 2016")
+    assert proceedings.text.endswith("2016, (pages as in the references of Robles Magdaleno 2023, [65])")
     lists = {one.listed for one in known().values() if one.listed}
     assert all(any(of in words for of in known()) for words in lists)
 
