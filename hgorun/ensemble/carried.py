@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from time import perf_counter
 
 from hgorun.ensemble.block import compute
+from hgorun.ensemble.checked import check
 from hgorun.ensemble.collected import Trajectories
 from hgorun.ensemble.found import Block
 from hgorun.ensemble.recipe import ensemble_of
@@ -62,6 +63,7 @@ def carry_out(
         quantities=len(ensemble.quantities),
         watch=watch,
     )
+    check(ensemble, block, start, stop)
     if watch is not None:
         followed = watch.followed
     else:

@@ -78,6 +78,8 @@ class Collected:
         The part of its peak below which an error has settled.
     end : float
         The last output point of every member; infinite where they end at different times.
+    integration_error : ndarray, shape (N, 1 + m)
+        Of the plant and of the observers; NaN where none was estimated. No rows where nothing is known.
     """
 
     name: str
@@ -97,6 +99,7 @@ class Collected:
     quantities: Mapping[str, Floats] = field(default_factory=dict)
     settling: float = 0.05
     end: float = math.inf
+    integration_error: Floats = field(default_factory=lambda: np.empty((0, 0)))
 
     def __post_init__(self) -> None:
         name_keys(self, axes="axis", metrics="metric", families="observer", quantities="quantity")
@@ -208,6 +211,7 @@ class Collected:
             dimensions={},
             trajectories=_of_members(self.trajectories, members),
             quantities={text: values[members] for text, values in self.quantities.items()},
+            integration_error=self.integration_error[members[: len(self.integration_error)]],
         )
 
     def at(self, axis: str, value: Any) -> NDArray[np.bool_]:

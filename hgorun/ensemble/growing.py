@@ -152,6 +152,7 @@ def _finished(store: Store, max_memory: float) -> Collected:
         quantities=dict(zip(map(str, ensemble.quantities), block.quantities.T, strict=True)),
         settling=base.blocks.metrics.settling,
         end=last_point(clock.start, clock.end, clock.output_step) if same_end else math.inf,
+        integration_error=block.integration_error,
     )
 
 

@@ -13,7 +13,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Collected, Trajectories, last_point
+from hgorun.ensemble.collected import Collected, Floats, Trajectories, last_point
 from hgorun.errors import printable
 from hgorun.result.forms import SWEEP, form_of, not_this
 from hgorun.result.not_yet import refuse_what_has_not_run
@@ -102,7 +102,16 @@ class _Reader(StoredFile):
             quantities=self.quantities(dimensions, shape),
             settling=self.settling(),
             end=self.end(axes),
+            integration_error=self.integration_error(shape, size, m),
         )
+
+    def integration_error(self, shape: tuple[int, ...], size: int, m: int) -> Floats:
+        """Of the plant and of the observers; no rows where the file has none."""
+        names = "plant_integration_error", "integration_error"
+        if not all(name in self.file for name in names):
+            return np.empty((0, 0))
+        plant, own = self.numbers(names[0], *shape), self.numbers(names[1], *shape, m)
+        return np.concatenate([plant.reshape(size, 1), own.reshape(size, m)], axis=1)
 
     def settling(self) -> float:
         """The part of the peak in the configuration of its base."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -14,6 +15,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected import Collected, Floats
 from hgorun.ensemble.inference import holm, interval, mean_of, paired
 from hgorun.ensemble.never import is_time, never
+from hgorun.result.data import PLANT
 
 QUANTILES = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
 SIGNIFICANT = 0.05  # a Holm-adjusted p below it
@@ -238,3 +240,13 @@ def _differences(members: Collected, metrics: Sequence[str]) -> Iterator[Differe
         ]
         for (a, b), (n, mean, ci95, p), adjusted in zip(pairs, tests, holm([p for *_, p in tests]), strict=True):
             yield Difference(members.observers[a], members.observers[b], metric, state, n, mean, ci95, p, adjusted)
+
+
+def largest_errors(members: Collected) -> tuple[int, dict[str, float]]:
+    """Of how many members an integration error is known, and the largest one of the plant and of every observer."""
+    known = members.integration_error[~np.isnan(members.integration_error).all(axis=1)]
+    if not len(known):
+        return 0, {}
+    largest = np.fmax.reduce(known, axis=0).tolist()  # NaN where none is known
+    names = (PLANT, *members.observers)
+    return len(known), {name: error for name, error in zip(names, largest, strict=True) if not math.isnan(error)}

@@ -9,7 +9,7 @@ from typing import Any
 
 from hgorun.ensemble.collected import Collected, levels, shown
 from hgorun.ensemble.points import points
-from hgorun.ensemble.statistics import Difference, Statistics, Summary, statistics
+from hgorun.ensemble.statistics import Difference, Statistics, Summary, largest_errors, statistics
 from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.tables.axis_names import bracketed, names_of_points, short_axis, unit_of_axis
 from hgorun.tables.layout import Name, apart, number, packed, wrapped
@@ -98,6 +98,7 @@ def text(found: Sequence[Compared], *, pairs: bool = True) -> str:
             lines += ["", "no observers"]
             continue
         lines += _by_point(one) if one.by else _whole(one, pairs=pairs)
+        lines += [line for words in said_of_errors(one.members) for line in ("", *wrapped(words))]
     return "\n".join(lines)
 
 
@@ -211,6 +212,16 @@ def said_of_times(one: Compared) -> list[str]:
         where = ", in the row with most of them" if one.points else ""
         said.append(f"{', '.join(who)} members never settle{where}; {_TOO_SMALL}")
     return said
+
+
+def said_of_errors(members: Collected) -> list[str]:
+    """The integration error of those that were checked, or of all; nothing where none is known."""
+    count, largest = largest_errors(members)
+    errors = ", ".join(f"{printable(label)} {error:.1e}" for label, error in largest.items())
+    if count < 2:
+        return [f"integration error of the member checked: {errors}"] if count else []
+    who = "of all members" if count == len(members) else f"of the {count} members checked"
+    return [f"integration error, the largest {who}: {errors}"]
 
 
 def _cell(value: float) -> str:

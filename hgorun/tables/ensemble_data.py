@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.never import is_time
-from hgorun.ensemble.statistics import Difference, Statistics
+from hgorun.ensemble.statistics import Difference, Statistics, largest_errors
 from hgorun.files import json_value
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.ensemble import NUMBERS, Compared
@@ -34,6 +34,7 @@ def as_json(found: Compared) -> dict[str, Any]:
         ``pooled`` are the axes for which members are no independent draws; then intervals and p are not known.
         ``never``, of times only, is in how many members there is none.
         ``units: {"time" or name: unit}`` where some are known.
+        ``integration_error: {members, largest: {label: number}}``, of the plant and observers in so many members.
         Numbers that are not finite are text, those that are not known null. An axis with more than a thousand values
         is ``{first, last, count}``.
     """
@@ -47,6 +48,8 @@ def as_json(found: Compared) -> dict[str, Any]:
         "axes": {axis: _levels(values) for axis, values in members.axes.items()},
     }
     whole |= {"units": dict(members.units)} if members.units else {}
+    count, largest = largest_errors(members)
+    whole |= {"integration_error": {"members": count, "largest": largest}} if count else {}
     whole |= _json_of(found.whole, members)
     if found.by:
         whole["points"] = [{"at": part.at, "members": part.members, **_json_of(part, members)} for part in found.points]
