@@ -55,6 +55,14 @@ def is_word(text: str) -> bool:
     return word is not None and letter(word[0]).startswith(r"\mathrm")
 
 
+def is_symbol(word: str) -> bool:
+    """Whether a word stands for a quantity: a letter, Greek or not, with a number or an accent."""
+    name = word.rstrip("0123456789")
+    accent = next((accent for accent in _ACCENTS if name.endswith(accent)), "")
+    short = name.removesuffix(accent)
+    return short in _LETTERS or (short in tuple("uxyzPQ") if accent else len(short) == 1)
+
+
 def scripted(base: str, index: str, power: str) -> str:
     """A letter with its index and its power; an accent is that of the letter alone."""
     if (index or power) and base.startswith(_ACCENTED):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 
-from site_symbols import symbols
+from site_inline import escaped, readable
 from site_tex import displayed
 
 from hgorun.commands.described import Key
@@ -16,15 +16,7 @@ _PRINTED = re.compile(r"\b(prints?|printed|misprint)\b")
 
 def plain(text: str) -> str:
     """A text in which nothing is an instruction to Markdown, but what stands between backquotes."""
-    parts = _CODE.split(text)
-    return "".join(
-        part if i % 2 else re.sub(r"([*<>\[\]$~|\\]|(?<!\w)_|_(?!\w))", r"\\\1", part) for i, part in enumerate(parts)
-    )
-
-
-def readable(text: str) -> str:
-    """A text about formulas, with their symbols, as Markdown."""
-    return plain(symbols(text))
+    return "".join(part if i % 2 else escaped(part) for i, part in enumerate(_CODE.split(text)))
 
 
 def paragraphs(docstring: str) -> list[str]:

@@ -12,7 +12,8 @@ from pathlib import Path
 import site_notebooks
 from site_blocks import reference_page
 from site_example import Example, of_observer, of_plant
-from site_markdown import keys_table, plain, readable, table, without_errata
+from site_inline import readable
+from site_markdown import keys_table, plain, table, without_errata
 from site_symbols import symbols
 from sphinx.application import Sphinx
 

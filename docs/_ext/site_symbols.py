@@ -21,7 +21,7 @@ _HATS |= {f"{name}hat": letter + _HAT for name, letter in _GREEK.items()}
 _RAISED = str.maketrans("-0123456789T", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹ᵀ")
 _RELATIONS = {">=": "≥", "<=": "≤", "!=": "≠", "+-": "±", "->": "→", "<-": "←"}
 
-_KEPT = re.compile(r"(``.+?``|`[^`]+`|(?:^|(?<=[.;] ))\w+(?=:))", re.DOTALL)  # code, and keys that a sentence is about
+KEPT = re.compile(r"(``.+?``|`[^`]+`|(?:^|(?<=[.;] ))\w+(?=:))", re.DOTALL)  # code, and keys that a sentence is about
 _WORD = re.compile(r"(?<!\w)[A-Za-z]\w*")
 _LETTER = re.compile(r"([A-Za-z]+)(\d*)")
 _BARE_HAT = re.compile(r"(?<=[Α-ωϒ])\^(?=[\s',.;)]|$)")
@@ -34,10 +34,11 @@ def symbols(text: str) -> str:
 
     Such a word is a key of a configuration.
     """
-    return "".join(part if i % 2 else _written(part) for i, part in enumerate(_KEPT.split(text)))
+    return "".join(part if i % 2 else written(part) for i, part in enumerate(KEPT.split(text)))
 
 
-def _written(text: str) -> str:
+def written(text: str) -> str:
+    """A text without code."""
     text = _BARE_HAT.sub(_HAT, _WORD.sub(lambda found: _name(found[0]), text))
     text = _POWER.sub(lambda found: found[1].translate(_RAISED), text)
     return _RELATION.sub(lambda found: _RELATIONS[found[0]], text)

@@ -37,8 +37,8 @@ def fhgo2() -> str:
 def test_the_page_of_an_observer_has_its_keys_source_errata_and_choice(fhgo2: str) -> None:
     assert "| `r` | `1` | \\>= 0 and \\<= 20 |" in fhgo2
     assert "Robles Magdaleno 2023, (3.33)" in fhgo2
-    assert "- (3.74)-(3.75) of the thesis print a second θ" in fhgo2
-    assert fhgo2.count("second θ") == 1
+    assert r"- (3.74)-(3.75) of the thesis print a second $\theta$" in fhgo2
+    assert fhgo2.count("second $") == 1
     assert "Take it when: the noise is fast." in fhgo2
     assert "continuous, sampled and late outputs" in fhgo2
     assert "<svg" in fhgo2

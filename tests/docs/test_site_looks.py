@@ -9,6 +9,7 @@ from xml.etree import ElementTree
 
 import pytest
 from site_formulas import mathml
+from site_inline import readable
 from site_markdown import paragraphs, without_errata
 from site_symbols import symbols
 from site_tex import displayed, formula
@@ -108,5 +109,31 @@ def test_equations_of_every_docstring_are_formulas(name: str, cls: type) -> None
 
 def test_equations_of_a_docstring_are_formulas_of_the_page() -> None:
     text, errata = without_errata("A theta.\n\n    theta = 1\n\nThe paper prints lam.")
-    assert text == "A θ.\n\n$$\n\\begin{aligned}\n\\theta & = 1\n\\end{aligned}\n$$"
-    assert errata == ["The paper prints λ."]
+    assert text == "A $\\theta$.\n\n$$\n\\begin{aligned}\n\\theta & = 1\n\\end{aligned}\n$$"
+    assert errata == [r"The paper prints $\lambda$."]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("theta_1 times x^(k), and x_i' <= rho^", r"$\theta_{1}$ times $x^{(k)}$, and ${\dot{x}}_{i}$ ≤ $\hat{\rho}$"),
+        ("block k of P C^T, with the k-th", r"block $k$ of $P$ $C^{T}$, with the $k$-th"),
+        ("a gain a >= 0: A gain of FHGO I, and A K", r"a gain $a$ ≥ 0: A gain of FHGO I, and $A$ $K$"),
+        ("an n_k x n_1 matrix, q x 2, x x", r"an $n_{k}$ × $n_{1}$ matrix, $q$ × 2, $x$ $x$"),
+        ("`theta_1` and ``x``, e.g. 2n or T^+ of the plant's", r"`theta_1` and ``x``, e.g. 2n or T^+ of the plant's"),
+        ("theta: half of theta; shgo_riccati (s + 1)^n", r"theta: half of $\theta$; shgo_riccati ($s$ + 1)^n"),
+        ("xbar and Pbar+, that what; [0, inf)", r"$\bar{x}$ and $\bar{P}$+, that what; \[0, inf)"),
+    ],
+)
+def test_symbols_in_a_sentence_are_formulas_and_words_and_code_stay(text: str, expected: str) -> None:
+    assert readable(text) == expected
+
+
+@pytest.mark.parametrize(("name", "cls"), [*OBSERVERS.all().items(), *PLANTS.all().items()])
+def test_symbols_in_every_docstring_can_be_drawn(name: str, cls: type) -> None:
+    text, errata = without_errata(own_doc(cls))
+    sentences = re.sub(r"\$\$.*?\$\$", "", " ".join([text, *errata]), flags=re.DOTALL)
+    pieces = re.split(r"(?<!\\)\$", re.sub(r"`[^`]*`", "", sentences))
+    assert len(pieces) % 2, name
+    for one in set(pieces[1::2]):
+        ElementTree.fromstring(mathml(one))
