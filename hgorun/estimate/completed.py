@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Any
 
@@ -14,8 +14,9 @@ from hgorun.config.overrides import replaced
 from hgorun.config.types import Block
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.data.recording import Recording, Signal, median_step
+from hgorun.data.recording import Recording, median_step
 from hgorun.errors import ConfigError, HgorunError, Problem
+from hgorun.estimate.first_values import first_values
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.estimate.stated_of_data import StatedOfData, noisy
 from hgorun.measurement.blocks import Measurement
@@ -258,47 +259,3 @@ def _check_names(experiment: Experiment, recording: Recording) -> None:
             known = tuple(dict.fromkeys((*model.states, *model.outputs)))
             said = f"neither a state nor an output; there are {among(name, known)}"
             raise Problem(("data", "reference", name), said)
-
-
-def first_values(experiment: Experiment, recording: Recording) -> dict[str, float]:
-    """By state the first sample of an output that measures it, not before the start of the run."""
-    return {state: float(signal.values[k]) for state, (signal, k) in _first_samples(experiment, recording).items()}
-
-
-def known_later(experiment: Experiment, recording: Recording) -> Iterator[str]:
-    """Where an estimate starts from a sample that became known after it was taken: who estimates live lacks it."""
-    for state, (signal, k) in _first_samples(experiment, recording).items():
-        value, taken, known = (float(numbers[k]) for numbers in (signal.values, signal.taken, signal.available))
-        labels = [label for label, one in experiment.observers.items() if one.initial.get(state) == value]
-        if known > taken and labels:
-            yield (
-                f"{', '.join(labels)}: {state} starts from the first sample, taken at {taken:g} and known at {known:g} "
-                "only: give observers.*.initial where the time before counts"
-            )
-
-
-def known_too_late(recording: Recording) -> Iterator[str]:
-    """Where most samples of an output become known after the log's last one is taken: that is hardly meant."""
-    end = max((float(one.taken[-1]) for one in recording.outputs.values() if one.taken.size), default=0.0)
-    for name, signal in recording.outputs.items():
-        if signal.available is signal.taken:
-            continue
-        known = signal.available
-        late = int(np.count_nonzero(known > end))
-        if 2 * late > known.size:
-            yield (
-                f"{name}: {late} of {known.size} samples become known only after the last of the log is taken, at "
-                f"t = {end:g}, one at {float(known.max()):g}: is data.outputs.{name}.available right?"
-            )
-
-
-def _first_samples(experiment: Experiment, recording: Recording) -> dict[str, tuple[Signal, int]]:
-    """By state the signal that measures it, and which of its samples is the first of the run."""
-    found: dict[str, tuple[Signal, int]] = {}
-    start = experiment.blocks.time.start
-    for output, state in experiment.plant.model.measures.items():
-        signal = recording.outputs[output]
-        k = int(np.searchsorted(signal.taken, start))
-        if k < signal.taken.size and state not in found:
-            found[state] = signal, k
-    return found

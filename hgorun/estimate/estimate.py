@@ -11,9 +11,10 @@ from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.estimate.assessed import assess
 from hgorun.estimate.compared import Compared
-from hgorun.estimate.completed import completed, known_later, known_too_late
+from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.far_off import far_off
+from hgorun.estimate.first_values import known_later, known_too_late
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.shut_out import shut_out
 from hgorun.estimate.why_left import why_left

@@ -14,7 +14,8 @@ from recordings import held_input, observers, recording, signal, source
 from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate import starting
-from hgorun.estimate.completed import completed, known_later, known_too_late
+from hgorun.estimate.completed import completed
+from hgorun.estimate.first_values import known_later, known_too_late
 from hgorun.estimate.start_task import StartTask
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
