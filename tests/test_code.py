@@ -72,6 +72,7 @@ def test_all_else_has_a_meaning(other: str) -> None:
 # Units convert numbers of logs alone.
 WITHOUT_NUMBERS = {
     "hgorun.config.date_letters",
+    "hgorun.config.date_signs",
     "hgorun.config.kinds",
     "hgorun.config.misdirected",
     "hgorun.config.named",

@@ -9,6 +9,7 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 
 from hgorun.config.date_letters import with_percent
+from hgorun.config.date_signs import require_signs
 from hgorun.config.nearest import meant
 from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positive, describe, word_or
 
@@ -152,6 +153,7 @@ class Clock(Block):
             found = f"found {describe(self.format)}{near}"
             raise ValueError(f"format is {', '.join(FORMATS)} or a pattern with %Y, {found}")
         form = self.format or ""
+        require_signs(form)
         if not has_date(form) and any(sign in form for sign in _WEEKDAYS):
             remedy = "write dates, or the time since the start, into the file"
             raise ValueError(f"format {form} has days of the week but no date, so that days would be lost: {remedy}")

@@ -6,18 +6,16 @@ import json
 import math
 import re
 import unicodedata
-from calendar import monthrange
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from datetime import datetime, timedelta
-from functools import partial
 from typing import TypeAlias
 
 import numpy as np
 
 from hgorun.config.types import describe
-from hgorun.data.date_hints import clock_key, form_hint, has_form
-from hgorun.data.zones import ZONES, date_of, names_zone
+from hgorun.data.date_forms import patterns_of
+from hgorun.data.date_hints import clock_key, form_hint, other_hint
+from hgorun.data.date_texts import iso_stamp, looks_like_iso, stamp_of
 
 NAT = int(np.iinfo(np.int64).min)
 """The stamp of a missing value: that of numpy."""
@@ -25,16 +23,8 @@ NAT = int(np.iinfo(np.int64).min)
 _DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}
 _BETWEEN = {".": r"\.", ",": ",", " ": "[ \u00a0\u202f]", "'": "['\u2019]"}  # what may stand between thousands
-_ISO = re.compile(
-    r"(\d{4})-(\d\d)-(\d\d)(?:[T ](\d\d):(\d\d)(?::(\d\d)(?:[.,](\d{1,9}))?)?)?"
-    r"\s?(Z|[-+]\d\d:?\d\d|(?(4)[-+]\d\d|(?!)))?",  # behind a date alone two digits are none of a zone
-    re.ASCII,
-)
 _BEGINS_AS_NUMBER = re.compile(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
 _LETTERS = re.compile(r"[^\W\d_]{2}")
-_DATE_OR_TIME = re.compile(
-    r"\d{1,4}([./-])\d{1,2}\1\d{1,4}(?:[ T].*)?|\d{1,2}:\d\d(?::\d\d)?.*|\d{8}T\d{4,6}.*", re.ASCII
-)
 # a number, and the unit that follows it
 _WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*((?![eE]$)[^\W\d_¹²³][^\s\d]{0,9}|%|°[A-Z])")
 _OF_MICROSOFT = re.compile(r"[-+]?1\.#[A-Z]+\d*")  # 1.#QNAN, -1.#IND: what C once wrote there for no number
@@ -43,9 +33,6 @@ _WORD = 40  # characters of a text that may mean a missing value
 IF_MISSING = "; if it means a missing value: "
 """So begins what is told of a word in place of a number, behind what was found."""
 _TRUTH = {"true": 1.0, "false": 0.0}
-_EPOCH = datetime(1970, 1, 1)
-_SECOND = timedelta(seconds=1)
-_MONTHS = 12
 
 Reader: TypeAlias = Callable[[str], float | int]
 """From the text of a cell to its value; a ValueError says what is wrong with it."""
@@ -96,6 +83,8 @@ def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
 def _no_number(text: str, decimal: str, thousands: str | None, key: str, column: str) -> str:
     other = "," if decimal == "." else "."
     said = f"expected a number, found {describe(text)}"
+    if key and "Y" in "".join(patterns_of(text)):  # 20240131,134510
+        return said + form_hint(text, key, column)
     if _NUMBER[other].fullmatch(text):
         taken, found = ("point", "comma") if other == "," else ("comma", "point")
         grouped = thousands is None and _grouped(other, decimal).fullmatch(text)
@@ -114,8 +103,8 @@ def _no_number(text: str, decimal: str, thousands: str | None, key: str, column:
         return f"{said}; a cell holds the number alone, and {behind[1]} is the unit of its column"
     if text.lower() in _TRUTH:
         return f"{said}; write 1 for true and 0 for false"
-    if _DATE_OR_TIME.fullmatch(text):
-        return said + form_hint(text, key, column)
+    if hint := other_hint(text, key, column):
+        return said + hint
     if key != "time" and is_word(text):
         return f"{said}; if it means a missing value: csv: {{missing: [{json.dumps(text, ensure_ascii=False)}]}}"
     return said
@@ -185,17 +174,22 @@ class Stamps:
     dtype = np.dtype(np.int64)
 
     def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
+        first: list[str] = []
+
+        def hint(text: str) -> str:
+            of = other_hint if self.pattern is None else _as_written
+            return of(text, self.key, self.column, *first)
+
         def read(cell: str) -> int:
             text = cell.strip()
             if text.lower() in missing:
                 return NAT
-            if self.pattern is None:
-                stamp, zoned = iso_stamp(text, partial(form_hint, key=self.key, column=self.column))
-            else:
-                stamp, zoned = _patterned(text, self.pattern, partial(_as_written, key=self.key, column=self.column))
+            stamp, zoned = iso_stamp(text, hint) if self.pattern is None else stamp_of(text, self.pattern, hint)
             self.zoned.add(zoned)
             if len(self.zoned) > 1:
                 raise ValueError("dates with and without a time zone in one column")
+            if not first:
+                first.append(text)
             return stamp
 
         return read
@@ -204,94 +198,10 @@ class Stamps:
 Cells: TypeAlias = Numbers | Flags | Stamps
 
 
-def looks_like_iso(text: str) -> bool:
-    """Whether a text is a date of ISO 8601."""
-    return _ISO.fullmatch(text.strip()) is not None
-
-
-def iso_stamp(text: str, hint: Callable[[str], str] = lambda _: "") -> tuple[int, bool]:
-    """Nanoseconds since 1970, in UTC where the text names a zone, and whether it does.
-
-    Parameters
-    ----------
-    text : str
-    hint : callable
-        What is said of a date of another form.
-
-    Raises
-    ------
-    ValueError
-    """
-    match = _ISO.fullmatch(text)
-    if match is None:
-        said = f"expected a date such as 2024-05-31T13:45:10.25, found {describe(text)}"
-        raise ValueError(said + hint(text) if _DATE_OR_TIME.fullmatch(text) else said)
-    year, month, day, hour, minute, second, digits, zone = match.groups()
-    if second == "60":
-        raise ValueError(
-            f"{describe(text)} is a leap second, which dates here do not count: write the second before it"
-        )
-    midnight = hour == "24" and not int(minute or 0) and not int(second or 0) and not int(digits or 0)
-    clock = 0 if midnight else int(hour or 0), int(minute or 0), int(second or 0)
-    if wrong := _impossible((int(year), int(month), int(day)), clock):
-        turned = 1 <= int(day) <= _MONTHS < int(month) <= monthrange(int(year) or 1, int(day))[1]
-        raise ValueError(f"{describe(text)}: {wrong}{hint(text) if turned else ''}")
-    moment = datetime(int(year), int(month), int(day), *clock)
-    seconds = (moment - _EPOCH) // _SECOND - _offset(zone) + 86_400 * midnight  # 24:00 ends the day
-    return _in_range(seconds * 10**9 + int((digits or "0").ljust(9, "0")), text), zone is not None
-
-
-def _impossible(date: tuple[int, int, int], clock: tuple[int, int, int]) -> str:
-    """What is not in the calendar, or on a clock; empty where all is."""
-    year, month, day = date
-    if not 1 <= month <= _MONTHS:
-        return f"there is no month {month}"
-    if year == 0:
-        return "there is no year 0"
-    if not 1 <= day <= (days := monthrange(year, month)[1]):
-        return f"there is no day {day} in a month of {days} days"
-    for name, value, most in zip(("hour", "minute", "second"), clock, (23, 59, 59), strict=True):
-        if value > most:
-            return f"there is no {name} {value}: the last is {most}"
-    return ""
-
-
-def _offset(zone: str | None) -> int:
-    """Seconds ahead of UTC."""
-    if zone is None or zone == "Z":
-        return 0
-    hours, minutes = int(zone[1:3]), int(zone[3:].lstrip(":") or 0)
-    if hours > 23 or minutes > 59:
-        raise ValueError(f"{describe(zone)} is not a time zone")
-    size = hours * 3600 + minutes * 60
-    return -size if zone[0] == "-" else size
-
-
-def _as_written(text: str, key: str, column: str) -> str:
+def _as_written(text: str, key: str, column: str, above: str = "") -> str:
     """What is said of a text that has not the form that is given: how it is read, where that is known."""
     if looks_like_iso(text):
         return f"; this one is read with {clock_key(key, column, 'iso')}"
     if _NUMBER["."].fullmatch(text):
         return "; leave out format where stamps are numbers"
-    return form_hint(text, key, column) if has_form(text) else ""
-
-
-def _patterned(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, bool]:
-    try:
-        read = date_of(text, pattern)
-    except ValueError:
-        said = f"expected a date of the form {pattern}, found {describe(text)}"
-        if names_zone(pattern):
-            raise ValueError(
-                f"{said}; %Z reads {ZONES}: of another zone write the offset, such as -05:00, and %z"
-            ) from None
-        raise ValueError(said + hint(text)) from None
-    offset = read.utcoffset()
-    past = read.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
-    return _in_range((past // timedelta(microseconds=1)) * 1000, text), offset is not None
-
-
-def _in_range(stamp: int, text: str) -> int:
-    if not abs(stamp) < 2**63:
-        raise ValueError(f"expected a date between 1678 and 2262, found {describe(text)}")
-    return stamp
+    return form_hint(text, key, column, above)

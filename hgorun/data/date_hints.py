@@ -4,28 +4,18 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
-from datetime import datetime
 
 import yaml
 
-from hgorun.data.zones import without_zone
+from hgorun.data.date_forms import lacks_year, longest_part, patterns_of, reads
 
-_DATES = {
-    "%d.%m.%Y": "",
-    "%Y.%m.%d": "",
-    "%d/%m/%Y": "the day is first",
-    "%m/%d/%Y": "the month is",
-    "%Y/%m/%d": "",
-    "%d-%m-%Y": "the day is first",
-    "%m-%d-%Y": "the month is",
-    "%Y-%m-%d": "",  # not quite ISO 8601: 2024-1-31
-    "%Y-%d-%m": "",  # what cannot be that
-    "%Y%m%d": "",
-}
-"""Patterns of dates, and in which order day and month stand in those that others may read, too."""
-_TIMES = ("", "%H:%M", "%H:%M:%S", "%H:%M:%S.%f", "%H%M", "%H%M%S", "%I:%M %p", "%I:%M:%S %p", "%I:%M:%S.%f %p")
 _EXAMPLE = "%d.%m.%Y %H:%M:%S"
+_READ = "31.05.2024 13:45:10"
+_FIRST = {"d": "day", "m": "month", "y": "year"}
+_LIKE_DATES = re.compile(
+    r"[0-9]{1,4}([./-])[0-9]{1,2}\1[0-9]{1,4}(?:[ T].*)?|[0-9]{1,2}:[0-9]{2}(?::[0-9]{2})?.*|[0-9]{8}T[0-9]{4,6}.*"
+)
+_LETTERS = re.compile(r"\s?[A-Z]{2,5}")
 _PLAIN = re.compile(r"[^\W\d]\w*")
 
 
@@ -42,53 +32,64 @@ def clock_key(key: str, column: str, form: str) -> str:
     return f"{key or 'time'}: {{column: {as_yaml(column)}, format: {as_yaml(form)}}}"
 
 
-def form_hint(text: str, key: str, column: str) -> str:
-    """How a date that is not one of ISO 8601 is read; parameters as of :func:`clock_key`."""
-    found = list(_patterns_of(text))
+def form_hint(text: str, key: str, column: str, above: str = "") -> str:
+    """How a date that is not one of ISO 8601 is read, as far as that is known: each pattern that is said reads it.
+
+    Parameters
+    ----------
+    text : str
+    key, column : str
+        As of :func:`clock_key`.
+    above : str, optional
+        A date that stands above it in the column.
+    """
+    found = patterns_of(text)
+    if found and above:
+        one = next(iter(found.values()))
+        found = {order: form for order, form in found.items() if reads(above, form)}
+        if not found:
+            return f"; this one is of the form {one}, and {above!r} above it is not: a column has one form"
     if len(found) > 1:
-        which = ", ".join(f"{clock_key(key, column, form)} where {_DATES[form.split()[0]]}" for form in found)
-        return f"; a date of another form needs its pattern, {which}"
-    if not found and not key:
-        return ""  # most likely no date: its column is none of time stamps
-    form = found[0] if found else _EXAMPLE
-    return f"; a date of another form needs its pattern, such as {clock_key(key, column, form)}"
+        first, *others = (
+            f"{clock_key(key, column, form)} where the {_FIRST[order[0]]} is" for order, form in found.items()
+        )
+        return f"; a date of another form needs its pattern, {first} first, {', '.join(others)}"
+    for form in found.values():
+        return f"; a date of another form needs its pattern, such as {clock_key(key, column, form)}"
+    return _hint_of_parts(text) if key else ""  # without one it is most likely no date
 
 
-def has_form(text: str) -> bool:
-    """Whether a text is a date of a usual form."""
-    return next(_patterns_of(text), None) is not None
+def other_hint(text: str, key: str, column: str, above: str = "") -> str:
+    """How a text that may be a date is read; empty where it is most likely none. Parameters as above."""
+    hint = form_hint(text, key, column, above)
+    if hint or not key or not may_be_date(text):
+        return hint
+    return f"; a date of another form needs its pattern: {clock_key(key, column, _EXAMPLE)} reads {_READ}"
+
+
+def may_be_date(text: str) -> bool:
+    """Whether a text is a date, looks like one, or has one in it."""
+    return _LIKE_DATES.fullmatch(text) is not None or bool(patterns_of(text) or _hint_of_parts(text))
+
+
+def _hint_of_parts(text: str) -> str:
+    """What is said of a text of which no pattern is known: what its parts are."""
+    if lacks_year(text):
+        return "; it has no year: write dates with it, or the time since the start, into the file"
+    before, part, behind = longest_part(text)
+    if not part:
+        return ""
+    forms = " or ".join(patterns_of(part).values())
+    rest = " and ".join(repr(one) for one in (before, behind) if one)
+    zone = "; of a zone write the offset, such as -05:00, and %z" if _LETTERS.fullmatch(behind) else ""
+    as_it_is = "what is the same in all stands as it is"
+    return f"; {part!r} in it is {forms}, and no pattern is known for {rest}: {as_it_is}{zone}"
 
 
 def with_exchanged(form: str) -> str:
     """The pattern with day and month exchanged."""
     pattern = "%Y-%m-%d" if form == "iso" else form
     return pattern.translate(str.maketrans("dm", "md")) if "%d" in pattern and "%m" in pattern else "%Y-%d-%m"
-
-
-def _patterns_of(text: str) -> Iterator[str]:
-    """Those that read a text; a year in front is followed by the month, unless that cannot be."""
-    if (bare := without_zone(text)) != text:
-        between = " " if text[len(bare)] == " " else ""
-        yield from (f"{form}{between}%Z" for form in _patterns_of(bare))
-        return
-    month_first = any(_reads(text, f"%Y-%m-%d{between}{time}") for time in _TIMES for between in ("", " ", "T"))
-    for date in ("", *_DATES):
-        if date == "%Y-%d-%m" and month_first:
-            continue
-        for time in _TIMES:
-            for between in " T" if date and time else "":
-                if _reads(text, form := date + between + time):
-                    yield form
-            if not (date and time) and date + time and _reads(text, date + time):
-                yield date + time
-
-
-def _reads(text: str, form: str) -> bool:
-    try:
-        datetime.strptime(text, form)
-    except ValueError:
-        return False
-    return True
 
 
 def as_yaml(text: str) -> str:

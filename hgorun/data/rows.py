@@ -11,6 +11,7 @@ import numpy as np
 
 from hgorun.data.cells import IF_MISSING, Cells, Flags, is_word
 from hgorun.data.comments import is_comment
+from hgorun.data.date_hints import may_be_date
 from hgorun.data.dialect import SPACES, Dialect
 from hgorun.data.dialect import cells as cells_of
 from hgorun.data.text import Block
@@ -103,7 +104,8 @@ class Rows:
                 read(row[place])
             except ValueError as error:
                 when = not isinstance(cells, Flags) and cells.key == "time"
-                said, hint = str(error), self._no_sample(row[place]) if when else ""
+                dated = when and may_be_date(row[place].strip())
+                said, hint = str(error), self._no_sample(row[place]) if when and not dated else ""
                 if line == self._dialect.first and self._dialect.doubtful:
                     said, hint = said.partition(IF_MISSING)[0], self._of_header()
                 return self._error(line, f"{said}{hint}", cells.column)

@@ -9,7 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 
-from hgorun.data.cells import looks_like_iso
+from hgorun.data.date_texts import looks_like_iso
 from hgorun.data.units import are_usual, is_time, is_unit
 from hgorun.data.zones import date_of
 

@@ -1,6 +1,7 @@
-"""Dates of a pattern, with the names of time zones that mean one offset everywhere.
+"""Dates of a pattern, with what Python does not read: zones, halves of the day with points, and nanoseconds.
 
-Python reads names of the machine's own zone alone, and drops them: where it is would decide whether a log is read.
+Of names of zones it reads those of the machine's own alone, and drops them: where it is would decide whether a log is
+read. Here they are those that mean one offset everywhere.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ _HOURS = {
 """Ahead of UTC. CST, IST, BST and the like are several."""
 ZONES = ", ".join(_HOURS)
 _NAME = re.compile(rf"(?<![^\W\d_])(?:{'|'.join(_HOURS)})(?![^\W\d_])", re.IGNORECASE)
+_HALF = re.compile(r"(?<![^\W\d_])([ap])\.\s?m\b\.?", re.IGNORECASE)  # p.m.
+_FINE = re.compile(r"(?<=[.,:][0-9]{6})[0-9]{1,3}(?![0-9])")  # of a second, behind its microseconds
 _DIRECTIVE = re.compile("%(.)")
 
 
@@ -31,8 +34,19 @@ def without_zone(text: str) -> str:
     return text[: found[0].start()].rstrip() if found else text
 
 
+def without_halves(text: str) -> str:
+    """A date whose half of the day has no points: ``pm`` for ``p.m.``."""
+    return _HALF.sub(lambda half: f"{half[1]}m", text)
+
+
+def nanoseconds_beyond(text: str, pattern: str) -> int:
+    """What a date of a pattern has beyond its microseconds."""
+    fine = _FINE.search(text) if "%f" in pattern else None
+    return int(fine[0].ljust(3, "0")) if fine else 0
+
+
 def date_of(text: str, pattern: str) -> datetime:
-    """What ``strptime`` reads, where a name of a zone is its offset; one beside an offset is passed over.
+    """What ``strptime`` reads, to the microsecond; the name of a zone is its offset, and beside an offset passed over.
 
     Raises
     ------
@@ -42,7 +56,11 @@ def date_of(text: str, pattern: str) -> datetime:
         beside = "z" in _DIRECTIVE.findall(pattern)
         pattern = _DIRECTIVE.sub(lambda one: ("" if beside else "%z") if one[1] == "Z" else one[0], pattern)
         text = _NAME.sub(lambda one: "" if beside else f"+{_HOURS[one[0].upper()]:02d}00", text, count=1)
+    if "%p" in pattern:
+        text = without_halves(text)
+    if "%f" in pattern:
+        text = _FINE.sub("", text)
     try:
         return datetime.strptime(text, pattern)
-    except re.error:  # a sign of the pattern stands there twice
+    except re.error:  # a part of a date stands there twice: %c has a day, too
         raise ValueError from None

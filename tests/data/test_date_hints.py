@@ -65,6 +65,134 @@ def test_the_key_that_is_said_reads_the_log(tmp_path: Path, key: str, form: str,
     assert message_of(tmp_path, columns, block(key, written[key])) == ""
 
 
+MOMENTS = [datetime(2024, 1, 31, 13, 45, 10) + timedelta(hours=7 * k, minutes=11 * k) for k in range(4)]
+OTHER_FORMS = [
+    ("%d.%m.%y %H:%M", "plain"),
+    ("%m/%d/%y %H:%M", "plain"),
+    ("%y%m%d %H%M%S", "plain"),
+    ("%d-%b-%Y %H:%M:%S", "plain"),
+    ("%d-%b-%y %H:%M:%S", "plain"),
+    ("%d. %B %Y %H:%M:%S", "plain"),
+    ("%b %d, %Y %H:%M:%S", "plain"),
+    ("%a %b %d %H:%M:%S %Y", "plain"),
+    ("%a, %d %b %Y %H:%M:%S +0000", "%a, %d %b %Y %H:%M:%S %z"),
+    ("%d/%b/%Y:%H:%M:%S +0000", "%d/%b/%Y:%H:%M:%S %z"),
+    ("%m/%d/%Y %I:%M%p", "plain"),
+    ("%Y%m%dT%H%M%SZ", "%Y%m%dT%H%M%S%Z"),
+    ("%Y-%m-%dt%H:%M:%Sz", "%Y-%m-%dt%H:%M:%S%Z"),
+    ("%Y%m%dT%H%M%S+0100", "%Y%m%dT%H%M%S%z"),
+    ("%Y-%m-%d %H:%M:%S UTC", "%Y-%m-%d %H:%M:%S %Z"),
+    ("%Y-%m-%d %H:%M:%S CET", "%Y-%m-%d %H:%M:%S %Z"),
+    ("%Y/%m/%d %H:%M UTC+01:00", "%Y/%m/%d %H:%M UTC%z"),
+    ("%Y%m%d %H:%M:%S", "plain"),
+    ("%Y%m%d_%H%M%S", "plain"),
+    ("%Y%m%d,%H%M%S", "plain"),
+    ("%Y-%m-%d_%H-%M-%S", "plain"),
+    ("%Y-%jT%H:%M:%S", "plain"),
+    ("%G-W%V-%uT%H:%M:%S", "plain"),
+    ("%Y年%m月%d日 %H:%M:%S", "plain"),
+    ("'%Y-%m-%d %H:%M:%S'", "plain"),
+    ("%H:%M:%S %d.%m.%Y", "plain"),
+    ("%d.%m.%Y %H.%M.%S", "plain"),
+    ("%d.%m.%Y, %H:%M:%S", "plain"),
+    ("%d.%m.%Y %H:%M:%S:250", "%d.%m.%Y %H:%M:%S:%f"),
+    ("%d.%m.%Y %H:%M:%S.0000001", "%d.%m.%Y %H:%M:%S.%f"),
+    ("%m-%d-%Y %H:%M", "plain"),
+    ("%Y-%m-%dT%H:%M:%S:%f", "plain"),
+]
+
+
+def advised(folder: Path, stamps: list[str]) -> str:
+    """The pattern that is said of stamps in quotes that nothing is known of."""
+    rows = "".join(f'"{stamp}",{k}.5\n' for k, stamp in enumerate(stamps))
+    (folder / "log.csv").write_text(f"t,y\n{rows}")
+    with pytest.raises(HgorunError) as caught:
+        read(Data.model_validate({"file": "log.csv", "time": "t", "outputs": {"y": "y"}}), folder)
+    said = re.search(r"such as time: ({.*})$", str(caught.value))
+    assert said, str(caught.value)
+    return str(yaml.safe_load(said[1])["format"])
+
+
+@pytest.mark.parametrize(("form", "pattern"), OTHER_FORMS)
+def test_the_pattern_that_is_said_reads_stamps_of_many_programs(tmp_path: Path, form: str, pattern: str) -> None:
+    found = advised(tmp_path, [moment.strftime(form) for moment in MOMENTS])
+    assert found == (form if pattern == "plain" else pattern)
+    clock = {"column": "t", "format": found}
+    times = read(Data.model_validate({"file": "log.csv", "time": clock, "outputs": {"y": "y"}}), tmp_path).outputs["y"]
+    seconds = [(moment - MOMENTS[0]).total_seconds() for moment in MOMENTS]
+    assert times.taken.tolist() == [second if "%S" in form else second // 60 * 60 for second in seconds]
+
+
+@pytest.mark.parametrize("half", ["a.m.", "A. M.", "am"])
+def test_halves_of_the_day_may_have_points(tmp_path: Path, half: str) -> None:
+    other = half.translate(str.maketrans("aA", "pP"))
+    stamps = [f"1/31/2024 11:59:59 {half}", f"1/31/2024 12:00:01 {other}", f"1/31/2024 1:45:10 {other}"]
+    clock = {"column": "t", "format": advised(tmp_path, stamps)}
+    found = read(Data.model_validate({"file": "log.csv", "time": clock, "outputs": {"y": "y"}}), tmp_path)
+    assert found.outputs["y"].taken.tolist() == [0, 2, 6311]
+
+
+def test_digits_beyond_microseconds_are_read(tmp_path: Path) -> None:
+    stamps = [f"31.01.2024 13:45:10.{end}" for end in ("000000100", "000000123", "0000003", "25")]
+    clock = {"column": "t", "format": advised(tmp_path, stamps)}
+    found = read(Data.model_validate({"file": "log.csv", "time": clock, "outputs": {"y": "y"}}), tmp_path)
+    assert found.outputs["y"].taken.tolist() == [0, 23 / 1e9, 200 / 1e9, 249999900 / 1e9]
+
+
+@pytest.mark.parametrize(
+    ("stamp", "forms"),
+    [
+        ("03-02-2024T01:05:07", ["%d-%m-%YT%H:%M:%S", "%m-%d-%YT%H:%M:%S"]),
+        ("03/02/2024T01:05", ["%d/%m/%YT%H:%M", "%m/%d/%YT%H:%M"]),
+        ("02/03/24 01:05", ["%d/%m/%y %H:%M", "%m/%d/%y %H:%M", "%y/%m/%d %H:%M"]),
+        ("24-01-31", ["%d-%m-%y", "%y-%m-%d"]),
+    ],
+)
+def test_all_that_may_be_meant_is_said(tmp_path: Path, stamp: str, forms: list[str]) -> None:
+    told = message_of(tmp_path, {"t": [stamp], "y": ["1"]}, {"time": "t", "outputs": {"y": "y"}})
+    assert re.findall(r'format: "([^"]*)"} where the (\w+)( first| is)', told) == [
+        (form, {"d": "day", "m": "month", "y": "year"}[form[1]], " is") for form in forms
+    ]
+    assert told.count(" is first, ") == 1
+
+
+@pytest.mark.parametrize(
+    ("stamp", "told"),
+    [
+        (
+            "2024-01-31 13:45:10 EST",
+            "; '2024-01-31 13:45:10' in it is %Y-%m-%d %H:%M:%S, and no pattern is known for ' EST': what is the same "
+            "in all stands as it is; of a zone write the offset, such as -05:00, and %z",
+        ),
+        (
+            "3 01:05:07",
+            "; '01:05:07' in it is %H:%M:%S, and no pattern is known for '3 ': what is the same in all stands as it is",
+        ),
+        ("Jan 31 13:45:10", "; it has no year: write dates with it, or the time since the start, into the file"),
+        (
+            "31.31.2024 13:45",
+            '; a date of another form needs its pattern: time: {column: t, format: "%d.%m.%Y %H:%M:%S"} reads '
+            "31.05.2024 13:45:10",
+        ),
+        ("10 20 30", ""),
+        ("Total 12:30", "; a line that is no sample, such as a total, is removed, or begins with #"),
+        ("1:2:3:4:5:6:7:8:9:10:11:12:13:14:15:16:17 x", ""),
+    ],
+)
+def test_of_other_texts_the_parts_are_said_that_are_known(tmp_path: Path, stamp: str, told: str) -> None:
+    message = message_of(tmp_path, {"t": [stamp], "y": ["1"]}, {"time": "t", "outputs": {"y": "y"}})
+    assert message.endswith(f":2: t: expected a number, found '{stamp}'{told}")
+
+
+def test_a_pattern_that_is_said_reads_what_stands_above(tmp_path: Path) -> None:
+    clock = {"column": "t", "format": "%d/%m/%Y"}
+    block: dict[str, object] = {"time": clock, "outputs": {"y": "y"}}
+    told = message_of(tmp_path, {"t": ["01/02/2024", "01/13/2024"], "y": ["1", "2"]}, block)
+    assert told.endswith('such as time: {column: t, format: "%m/%d/%Y"}')
+    told = message_of(tmp_path, {"t": ["13/02/2024", "01/13/2024"], "y": ["1", "2"]}, block)
+    assert told.endswith("; this one is of the form %m/%d/%Y, and '13/02/2024' above it is not: a column has one form")
+
+
 def test_where_day_and_month_may_be_either_both_are_said(tmp_path: Path) -> None:
     columns = {"t": stamped(EARLY, "%m/%d/%Y %H:%M"), "y": [f"{k % 4}.5" for k in range(9)]}
     told = message_of(tmp_path, columns, {"time": "t", "outputs": {"y": "y"}})
@@ -135,7 +263,8 @@ def test_of_a_file_that_no_key_names_the_block_is_told_that_does(tmp_path: Path)
         ("2026-03-14 10:01:30", "; this one is read with time: {column: t, format: iso}"),
         (
             "14.03.2026 10:01",
-            '; a date of another form needs its pattern, such as time: {column: t, format: "%d.%m.%Y %H:%M"}',
+            "; this one is of the form %d.%m.%Y %H:%M, and '14.03.2026 10:01:30' above it is not: a column has one "
+            "form",
         ),
         ("12.5", "; leave out format where stamps are numbers"),
         ("31.02.2026 10:01:30", ""),

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from hgorun.config.data import Csv
-from hgorun.data.cells import NAT, Cells, Numbers, Stamps, iso_stamp
+from hgorun.data.cells import NAT, Cells, Numbers, Stamps
 from hgorun.data.csv_table import CsvFile
+from hgorun.data.date_texts import iso_stamp
 from hgorun.data.dates import iso_stamps
 from hgorun.errors import ConfigError
 

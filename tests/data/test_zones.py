@@ -75,8 +75,8 @@ def test_the_pattern_that_is_said_reads_the_name(tmp_path: Path, stamp: str) -> 
 
 
 def test_a_part_that_is_said_twice_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="expected a date of the form %d %d"):
-        recorded(tmp_path, log("1 1"), {"time": {"column": "t", "format": "%d %d"}})
+    with pytest.raises(ConfigError, match="expected a date of the form %c %d"):
+        recorded(tmp_path, log("1 1"), {"time": {"column": "t", "format": "%c %d"}})
 
 
 def test_a_row_of_units_may_name_the_zone_and_a_row_of_dates_is_none(tmp_path: Path) -> None:
