@@ -192,7 +192,7 @@ def _cells_of(parts: Iterator[Block], dialect: Dialect) -> Iterator[Sequence[str
 def _without_brackets(unit: str) -> str:
     """A unit without brackets around all of it: of mbar(a) they are a part."""
     unit = unit.strip(" -")
-    return unit[1:-1].strip(" -") if (unit[:1], unit[-1:]) in (("[", "]"), ("(", ")")) else unit
+    return unit[1:-1].strip(" -") if unit[:1] + unit[-1:] in ("[]", "()", "{}", "<>") else unit
 
 
 def _beginning(parts: Iterator[Block], skip: int) -> Block:

@@ -23,7 +23,8 @@ _IN_DIGITS = {8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}
 _LOOKED_AT = 1000
 _FEWEST = 3  # numbers that are dates by more than chance
 _OTHER = {"excel": "excel1904", "excel1904": "excel"}
-_UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1}  # that programs count in since 1970
+_UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * 10**9, "h": 3600 * 10**9}
+"""That are counted in since 1970."""
 _USUAL = np.array(["1980-01-01", "2100-01-01"], dtype="datetime64[ns]").astype(np.int64).tolist()
 _RIGHT = np.datetime64("1900-03-01", "ns").astype(np.int64)  # before it Excel's own days are off by one
 
@@ -87,7 +88,8 @@ def odd_seconds(unit: int, span: Span, *, said: bool) -> str | None:
     first, last = (end / unit for end in span)
     rest = " and no unit" if said else ""
     read = {f"unit: {name}": (size, 0) for name, size in _UNITS.items()} | {
-        f"format: excel{rest}": (DAY, WORKBOOKS["excel"])
+        f"format: excel{rest}": (DAY, WORKBOOKS["excel"]),
+        "unit: d": (DAY, 0),  # behind days of a workbook: these are as large in 2050
     }
     for how, (size, start) in read.items():
         if _of_our_days(first * size + start, last * size + start):

@@ -14,7 +14,7 @@ from hgorun.data.comments import is_comment
 from hgorun.data.grouped import may_be_grouped
 from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
-from hgorun.data.units_row import NUMBER, are_units, is_value, may_state_units, states_units
+from hgorun.data.units_row import NUMBER, are_units, is_value, may_state_units, states_units, tells_processing
 from hgorun.errors import ConfigError
 
 _SEPARATORS = ("\t", ";", "|", ",")
@@ -135,6 +135,8 @@ def dialect_of(
         if any(unit.strip() != "1" and is_value(unit) for unit in units):
             message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
             raise ConfigError(message, file=str(path), line=body[0][0].number)
+        body = body[1:]
+    if units and body and tells_processing(body[0][1]):
         body = body[1:]
     if not body:
         raise ConfigError("a header without values below it", file=str(path), line=header.number)

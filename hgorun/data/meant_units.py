@@ -40,6 +40,7 @@ _OF_PERCENT = r"(?:r\.?\s?[hf]\.?|rel\.?|vol\.?|v/v|wt\.?|w/w|m/m|ma(?:ss)?\.?|m
 _PERCENT = re.compile(rf"%\s*(?:{_OF_PERCENT}|\({_OF_PERCENT}\))|{_OF_PERCENT}[\s-]*%", re.IGNORECASE)
 _PER_KELVIN = re.compile(r"([^()/]+)/\(?((?:[cm]?m|ft)(?:\^?2|²)|[cm]?m|k?g|k?mol)\s?K\)?")  # W/m2K
 _OF_POWER = re.compile(r"([kMG]?W)(?:el?|th|p)")  # electrical, thermal, at its peak
+_GLUED = re.compile(r"([kM]?N)([cm]m)|(k?g)([cm]?m)[2²]")  # torques, moments of inertia
 _PRODUCT = re.compile(r"[^\W\d_]{1,4}-?\d?(?:\.[^\W\d_]{1,4}-?\d?)+(?:/[^\W_]{1,4})?")  # mPa.s, J.kg-1.K-1
 
 
@@ -57,4 +58,6 @@ def meant_by(text: str) -> str | None:
         return f"{match[1]}/({match[2]} K)"
     if match := _OF_POWER.fullmatch(text):
         return match[1]
+    if match := _GLUED.fullmatch(text):
+        return f"{match[1]}*{match[2]}" if match[1] else f"{match[3]}*{match[4]}^2"
     return text.replace(".", " ") if _PRODUCT.fullmatch(text) else None

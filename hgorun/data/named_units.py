@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,7 +14,6 @@ from hgorun.data.recording import Note
 from hgorun.data.units import (
     NO_UNIT,
     alike,
-    alike_times,
     are_usual,
     converted,
     foreign,
@@ -31,9 +29,6 @@ _IN_NAME = re.compile(
 )
 _BETWEEN = re.compile(r"\s*[\s/,_]\s*")
 _ALSO_WORDS = ("in", "min", "at")  # at the end of a name
-_PER = re.compile(r"/\s*\(?\s*([^\W\d_]+)|([^\W\d_]+)\s*(?:\^|\*\*)?\s*\(?[-⁻][1-9¹²³]")
-_PER_SEVERAL = re.compile(r"/\s*\(([^()]*)\)")  # as in g/(L h)
-_FACTOR = re.compile(r"[^\W\d_]+(?!\s*(?:\^|\*\*)?\s*[-⁻])")
 _TEMPERATURES = {"C": "degC", "F": "degF"}  # to pint coulomb and farad
 
 
@@ -173,30 +168,15 @@ def _same_kind(unit: str, other: str) -> bool:
     return True
 
 
+def of_one_kind(unit: str, other: str) -> bool:
+    """Whether numbers of a unit can be converted to another, both of which may be the letters of temperatures."""
+    return any(_convertible(unit, one) is not None for one in (other, _TEMPERATURES.get(other, other)))
+
+
 def time_in_name(name: str) -> str:
     """The unit of time in the name of a column; empty without one."""
     said = unit_in_name(name)
     return said if is_time(said) else ""
-
-
-def per_unit_of(unit: str, time: str) -> str:
-    """A unit that is per another unit of time, as it is per this one: 1/s of 1/h; empty where it is not."""
-    if not is_time(time):
-        return ""
-    found = unit
-    for first, end in sorted(set(_denominators(unit)), reverse=True):  # from the end, so that places stay
-        name = unit[first:end]
-        if is_time(name) and not alike_times(name, time):
-            found = found[:first] + time + found[end:]
-    return found if found != unit else ""
-
-
-def _denominators(unit: str) -> Iterator[tuple[int, int]]:
-    """Where the names of units stand that a unit is divided by."""
-    for match in _PER.finditer(unit):
-        yield match.span(1 if match[1] else 2)
-    for group in _PER_SEVERAL.finditer(unit):
-        yield from (match.span() for match in _FACTOR.finditer(unit, *group.span(1)))
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 from hgorun.data.clocks import ClockColumn
-from hgorun.data.named_units import without_unit
+from hgorun.data.named_units import of_one_kind, without_unit
 from hgorun.data.recording import Note
 from hgorun.data.sources import LogFile, Wanted, column_meant
-from hgorun.data.units import alike_times, foreign, is_unit
+from hgorun.data.units import alike_times, foreign, is_time, is_unit
+from hgorun.data.written_units import reference_of, without_reference
 from hgorun.errors import KeyPath, Problem
+
+_BEHIND_NAMES = re.compile(r"[ _/,](?:\s*in )?")  # a unit stands
 
 
 def lacking_columns(signals: Sequence[Wanted], files: Sequence[LogFile], path: KeyPath) -> Iterator[Note]:
@@ -51,7 +55,7 @@ def lacking_columns(signals: Sequence[Wanted], files: Sequence[LogFile], path: K
 
 def _require_no_other_spelling(signal: Wanted, file: LogFile, unread: Sequence[str]) -> None:
     column = signal.block.column
-    alike = next((name for name in unread if _bare(name) == _bare(column) or _with_unit(name, column)), None)
+    alike = next((name for name in unread if _bare(name) == _bare(column) or _are_one(name, column)), None)
     if alike is not None:
         others = ", ".join(str(part.file.path) for part in signal.parts)
         message = (
@@ -64,6 +68,15 @@ def _require_no_other_spelling(signal: Wanted, file: LogFile, unread: Sequence[s
 def _bare(name: str) -> str:
     """A name without what may be written in another way."""
     return " ".join(without_unit(name).replace("_", " ").split()).casefold()
+
+
+def _are_one(name: str, column: str) -> bool:
+    """Whether two names are one, with a unit behind one of them or different ones behind both: m and mm."""
+    if _with_unit(name, column) or _with_unit(column, name):
+        return True
+    ends = [place.end() for place in _BEHIND_NAMES.finditer(name, 1)]
+    units = [(name[end:], column[end:]) for end in ends if name[:end].casefold() == column[:end].casefold()]
+    return any(of_one_kind(*map(_plain, two)) for two in units if not any(map(is_time, two)))
 
 
 def _with_unit(name: str, column: str) -> bool:
@@ -96,12 +109,25 @@ def require_one_unit(
     Problem
     """
     for (first, one), (second, other) in combinations([item for item in said.items() if item[1]], 2):
-        if not alike(one, other) and ((is_unit(one) and is_unit(other)) or foreign(one, other)):
+        if not alike(one, other) and _are_two(one, other, alike):
             message = (
                 f"column {column!r}: {first} says {one} and {second} {other}, and a unit is that of all files: "
                 f"write the numbers in one unit, and say so in each{otherwise}"
             )
             raise Problem(path, message)
+
+
+def _are_two(unit: str, other: str, alike: Callable[[str, str], bool]) -> bool:
+    """Whether texts that are not alike say two units, also of two zeros of a pressure or two conditions of a volume."""
+    plain, of = _plain(unit), _plain(other)
+    if (plain, of) != (unit, other) and alike(plain, of):
+        return reference_of(unit) != reference_of(other)
+    return (is_unit(plain) and is_unit(of)) or foreign(unit, other)
+
+
+def _plain(unit: str) -> str:
+    """A unit without what is told of a zero of pressure or of conditions."""
+    return without_reference(unit) or unit
 
 
 def require_one_time_unit(clocks: Iterable[tuple[LogFile, ClockColumn]]) -> None:

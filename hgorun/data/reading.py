@@ -13,11 +13,11 @@ from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.config.refusals import Refusals
 from hgorun.data import sentinels
 from hgorun.data.clocks import rounding
+from hgorun.data.denominators import per_unit_of
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.named_units import (
     AnotherUnit,
     note_of,
-    per_unit_of,
     remark_on_name,
     said_in_name,
     unit_in_name,

@@ -17,7 +17,10 @@ NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _BEGINS_AS_NUMBER = re.compile(r"[-+\u2010-\u2015\u2212<>=~\u2248\u2264\u2265\u00b1.,'\s]*\d")
 _NOTHING = re.compile(r"[-\u2010-\u2015=_:\s]*")  # also a ruler
 _IN_BRACKETS = re.compile(r"\[.*\]|\(.*\)|\{.*\}|<.*>")
-_OF_DATES = re.compile(r"(?i)(?:utc|gmt)(?:\s?[-+][\d:]+)?|(?=.*(?:yy|jj|hh))[ymdhsfztj:./,\s-]+")  # dd.mm.yyyy hh:mm
+_OF_DATES = re.compile(  # UTC, dd.mm.yyyy hh:mm; TS in files of TOA5
+    r"(?i)(?:utc|gmt)(?:\s?[-+][\d:]+)?|(?=.*(?:yy|jj|hh))[ymdhsfztj:./,\s-]+|ts"
+)
+_OF_LOGGERS = frozenset(("smp", "avg", "max", "min", "tot", "std", "med", "mom", "cov", "wvc", "tmx", "tmn", ""))
 
 
 def is_value(text: str) -> bool:
@@ -57,6 +60,12 @@ def states_units(row: Sequence[str], names: Sequence[str], clocks: Mapping[str, 
         return True
     values = [text for text, name in zip(texts, map(str.strip, names), strict=False) if name not in clocks]
     return are_units(values)
+
+
+def tells_processing(row: Sequence[str]) -> bool:
+    """Whether a row says how a logger came to its values, as the line below the units does in files of TOA5."""
+    texts = {text.strip().lower() for text in row}
+    return texts != {""} and texts <= _OF_LOGGERS
 
 
 def _stamps(

@@ -38,6 +38,7 @@ _BEFORE = re.compile(rf"(?:[NSs]|(?:std|norm(?:al)?|standard)\.?[\s_]*)({_CUBED}
 _BEHIND = re.compile(rf"({_CUBED})(?:[\s_]*\(\s*(?:{_AT}|s)\s*\)|[\s_]*{_AT}){_REST}")
 _WITHIN = re.compile(rf"([cd]?m)_?[nN]_?((?:\^|\*\*)?3|³){_REST}")
 _AT_THE_END = re.compile(rf"({_CUBED})(\s*/\s*[^\W\d_]+)(?:\s*\(\s*(?:{_AT}|s)\s*\)|\s+{_AT})")
+_VOLUMES = (_BEFORE, _BEHIND, _WITHIN, _AT_THE_END)
 _FLOWS = {
     **{"cfm": "ft^3/min", "scfm": "ft^3/min", "cfs": "ft^3/s", "scfh": "ft^3/h", "scfd": "ft^3/d", "scf": "ft^3"},
     **{"lpm": "L/min", "slpm": "L/min", "nlpm": "L/min", "slm": "L/min", "sccm": "mL/min", "sccs": "mL/s"},
@@ -84,7 +85,27 @@ def without_reference(text: str) -> str | None:
         return _FLOWS[text.lower()]
     if match := _OF_PRESSURE.fullmatch(text):
         return re.sub(r"^kg(?=/)", "kgf", match[1])
-    for pattern in (_BEFORE, _BEHIND, _WITHIN, _AT_THE_END):
+    for pattern in _VOLUMES:
         if match := pattern.fullmatch(text):
             return "".join(part or "" for part in match.groups()).strip()
     return None
+
+
+def reference_of(text: str) -> str:
+    """What is told of a pressure or a volume behind its unit, in one notation; empty where nothing is.
+
+    ``barg``, ``bar(g)`` and ``bar rel`` are one, as ``Nm3/h`` and ``m3/h i.N.`` are.
+    """
+    plain = without_reference(text)
+    if plain is None:
+        return ""
+    if text.lower() in _FLOWS:
+        return text[0].upper() if text[0] in "sSnN" else "S" if "scf" in text.lower() else ""
+    if match := _OF_PRESSURE.fullmatch(text):
+        letter = re.sub(r"[\W_]", "", text[match.end(1) :])[:1].lower()
+        return {"a": "absolute", "d": "difference"}.get(letter, "gauge")
+    match = next(match for pattern in _VOLUMES if (match := pattern.fullmatch(text)))
+    ends = [match.start(), *(place for k in range(1, match.re.groups + 1) for place in match.span(k)), match.end()]
+    told = "".join(text[first:end] for first, end in zip(ends[::2], ends[1::2], strict=True))
+    letters = re.sub(r"[\W_]", "", told).upper()
+    return "NTP" if letters == "NTP" else "N" if letters[:1] in ("N", "I") else "S"

@@ -13,7 +13,7 @@ from logs import recorded
 from hgorun.config.data import Data
 from hgorun.config.overrides import set_path
 from hgorun.config.yaml_source import parse
-from hgorun.data.named_units import per_unit_of
+from hgorun.data.denominators import per_unit_of
 from hgorun.data.reading import read
 from hgorun.errors import ConfigError, HgorunError, Problem
 

@@ -20,13 +20,21 @@ FIRST, SECOND = "t,level\n0,1\n1,2\n2,3\n", "t,level\n3,4\n4,5\n5,6\n"
 
 
 def parts(
-    folder: Path, contents: Mapping[str, str], outputs: Mapping[str, Any], changes: Mapping[str, Any] | None = None
+    folder: Path,
+    contents: Mapping[str, str],
+    outputs: Mapping[str, Any],
+    changes: Mapping[str, Any] | None = None,
+    units: Mapping[str, str] | None = None,
 ) -> Recording:
-    """What is read of files with these contents, in m."""
+    """What is read of files with these contents, in m where nothing else is said."""
     for name, content in contents.items():
         (folder / name).write_text(content)
     block: dict[str, Any] = {"file": list(contents), "time": "t", "outputs": outputs}
-    return read(Data.model_validate({**block, **(changes or {})}), folder, units={"h": "m", "g": "m"})
+    return read(
+        Data.model_validate({**block, **(changes or {})}),
+        folder,
+        units={"h": "m", "g": "m"} if units is None else units,
+    )
 
 
 def with_units(log: str, time: str, level: str) -> str:
@@ -50,6 +58,49 @@ def test_files_in_two_units_are_refused_whatever_the_key_says(
     told = rf"a\.csv says {re.escape(first)} and .*b\.csv {second}, and a unit is that of all files"
     with pytest.raises(Problem, match=told):
         parts(tmp_path, contents, {"h": {"column": "level"} | ({"unit": unit} if unit else {})})
+
+
+ANOTHER_ZERO = [
+    ("bar", "barg"),
+    ("barg", "bar(a)"),
+    ("kPa", "barg"),
+    ("barg", "m"),
+    ("psia", "psig"),
+    ("mbar", "mbar diff"),
+    ("m3/h", "Nm3/h"),
+    ("Sm3/h", "m3(n)/h"),
+    ("L/min", "slpm"),
+    ("scfm", "cfm"),
+    ("m^3(NTP)/h", "Nm3/h"),
+]
+
+
+@pytest.mark.parametrize("units", [None, "bar", "m3/h"])
+@pytest.mark.parametrize(("first", "second"), ANOTHER_ZERO)
+def test_so_are_two_zeros_of_a_pressure_and_two_conditions_of_a_volume(
+    tmp_path: Path, first: str, second: str, units: str | None
+) -> None:
+    contents = {"a.csv": with_units(FIRST, "s", first), "b.csv": with_units(SECOND, "s", second)}
+    told = rf"a\.csv says {re.escape(first)} and .*b\.csv {re.escape(second)}, and a unit is that of all files"
+    with pytest.raises(Problem, match=told):
+        parts(tmp_path, contents, {"h": "level"}, units={"h": units} if units else {})
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("barg", "bar(g)"),
+        ("bar rel", "BARG"),
+        ("bara", "bar abs."),
+        ("Nm3/h", "m3/h i.N."),
+        ("Sm3/h", "m3(STP)/h"),
+        ("slpm", "SLPM"),
+        ("lpm", "L/min"),
+    ],
+)
+def test_one_of_them_in_two_notations_is_one_unit(tmp_path: Path, first: str, second: str) -> None:
+    contents = {"a.csv": with_units(FIRST, "s", first), "b.csv": with_units(SECOND, "s", second)}
+    assert parts(tmp_path, contents, {"h": "level"}, units={}).outputs["h"].values.size == 6
 
 
 def test_labels_that_nobody_knows_are_told_for_each_file(tmp_path: Path) -> None:
@@ -88,6 +139,35 @@ def test_nor_is_it_beside_a_column_that_is_read(tmp_path: Path) -> None:
     contents = {"a.csv": two.replace("3,", "0,").replace("4,5", "1,5"), "b.csv": two.replace("level", "Level")}
     with pytest.raises(Problem, match=r"has 'Level' where .* has 'level': .* file: below outputs.h names the file"):
         parts(tmp_path, contents, {"h": "level", "g": "other"})
+
+
+@pytest.mark.parametrize(
+    ("first", "second"),
+    [
+        ("level_m", "level_mm"),
+        ("level_mm", "level"),
+        ("level in m", "level in mm"),
+        ("T_C", "T_F"),
+        ("T, K", "T, °C"),
+        ("q_m3/h", "q_m3/s"),
+        ("p_bar", "p_barg"),
+        ("p_kPag", "p_bar"),
+    ],
+)
+def test_nor_with_another_unit_behind_its_name(tmp_path: Path, first: str, second: str) -> None:
+    two = "t,level,other\n0,4,1\n1,5,1\n"
+    contents = {"a.csv": two.replace("level", f'"{first}"'), "b.csv": two.replace("level", f'"{second}"')}
+    with pytest.raises(Problem, match="a log in parts has one name for it in all of them"):
+        parts(tmp_path, contents, {"h": first, "g": "other"})
+
+
+@pytest.mark.parametrize(
+    ("first", "second"), [("x_d", "x_s"), ("x_1", "x_2"), ("level_m", "level_V"), ("tank_m", "level_mm"), ("a", "b")]
+)
+def test_other_ends_of_names_are_other_columns(tmp_path: Path, first: str, second: str) -> None:
+    contents = {"a.csv": f"t,{first},other\n0,4,1\n1,5,1\n", "b.csv": f"t,{second},other\n2,4,1\n3,5,1\n"}
+    (note,) = parts(tmp_path, contents, {"h": first, "g": "other"}, units={}).notes
+    assert note.message == f"no column {first!r}: read from other files alone"
 
 
 @pytest.mark.parametrize("name", ["level2", "level 2", "level_s", "levels"])

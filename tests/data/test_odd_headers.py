@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from logs import recorded
 
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, Problem
 
 ROWS = "0,1\n1,2\n2,4\n"
 OF_R = [
@@ -73,6 +73,36 @@ def test_a_header_of_several_lines(
         recorded(tmp_path, above + ROWS)
     assert str(caught.value).endswith("log.csv" + hint)
     assert recorded(tmp_path, told[0] + ROWS, told[1]).outputs["S"].values.tolist() == values
+
+
+LOGGER = (
+    '"TOA5","CR1000","dump"\n"TIMESTAMP","RECORD","glucose"\n"TS","RN","mg/L"\n"","","%s"\n'
+    '"2024-01-01 00:00:00",0,1\n"2024-01-01 00:00:01",1,2.5\n"2024-01-01 00:00:02",2,"NAN"\n'
+)
+
+
+@pytest.mark.parametrize("processing", ["Smp", "Avg", "Max"])
+def test_files_of_a_logger_are_read_where_their_first_line_is_left_out(tmp_path: Path, processing: str) -> None:
+    clock: dict[str, Any] = {"time": "TIMESTAMP"}
+    with pytest.raises(Problem, match=r"Line 2 has it: if that is the header, csv: {skip: 1}"):
+        recorded(tmp_path, LOGGER % processing, clock)
+    clock["csv"] = {"skip": 1}
+    with pytest.raises(Problem, match=r"the file says mg/L .*unit: mg/L} converts"):
+        recorded(tmp_path, LOGGER % processing, clock, units={"S": "g/L"})
+    found = recorded(tmp_path, LOGGER % processing, clock, units={"S": "mg/L"}).outputs["S"]
+    assert (found.taken.tolist(), found.values.tolist()) == ([0, 1], [1, 2.5])
+
+
+def test_a_row_below_the_units_that_no_logger_writes_is_one_of_data(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"log\.csv:4: glucose: expected a number, found 'Raw'; if this"):
+        recorded(tmp_path, LOGGER.replace("TOA5", "#") % "Raw", {"time": "TIMESTAMP", "csv": {"skip": 1}})
+
+
+@pytest.mark.parametrize("brackets", ["[]", "()", "{}", "<>"])
+def test_units_in_brackets_of_any_kind(tmp_path: Path, brackets: str) -> None:
+    row = f"{brackets[0]}s{brackets[1]},{brackets[0]}mg/L{brackets[1]}\n"
+    with pytest.raises(Problem, match=r"the file says mg/L .*unit: mg/L} converts"):
+        recorded(tmp_path, "t,glucose\n" + row + ROWS, units={"S": "g/L"})
 
 
 @pytest.mark.parametrize(

@@ -85,6 +85,7 @@ def test_samples_of_another_year_are_not_moved(tmp_path: Path) -> None:
         ("-3", of("excel"), r":4: t: expected a day of a workbook, 0 or more, before 2262, found -3"),
         ("1709164800", of("excel"), r":4: t: expected a day of .*; with format: unix, unit: s it would be 2024-02-29"),
         ("1709164800000", of("unix"), r":4: t: expected a date .*; with unit: ms it would be 2024-02-29"),
+        ("28486080", of("unix", unit="d"), r":4: t: expected a date .*; with unit: min it would be 2024-02-29"),
         ("1e300", of("excel1904"), r":4: t: expected a day of a workbook, 0 or more, before 2262, found 1e\+300$"),
     ],
 )
@@ -110,6 +111,9 @@ def unix(unit: float) -> list[str]:
         ),
         ([repr(0.5 + t / 86400) for t in TIMES.tolist()], of("excel"), "the first date is 1899-12-30"),
         (unix(1), of("unix", unit="ms"), "the first date is 1970-01-20; with unit: s it would be 2024-02-28"),
+        (unix(60), of("unix"), "the first date is 1970-11-26; with unit: min it would be 2024-02-28"),
+        (unix(3600), of("unix"), "the first date is 1970-01-06; with unit: h it would be 2024-02-28"),
+        (unix(86400), of("unix"), "the first date is 1970-01-01; with unit: d it would be 2024-02-28"),
         (days(DATES, "excel"), of("unix"), "the first date is 1970-01-01; with format: excel it would be 2024-02-28"),
     ],
 )
