@@ -6,7 +6,7 @@ import json
 import math
 import re
 import unicodedata
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -47,10 +47,13 @@ class Numbers:
     column : str
     key : str
         Of the configuration, where they are time stamps: for what is said of those that are none.
+    beside : list of str
+        Texts of the column on which a pattern is tried before it is said.
     """
 
     column: str
     key: str = field(default="", compare=False)
+    beside: list[str] = field(default_factory=list, compare=False, repr=False)
 
     dtype = np.dtype(float)
 
@@ -65,7 +68,7 @@ class Numbers:
             if not pattern.fullmatch(text):
                 if text.lower() in missing:
                     return math.nan
-                raise ValueError(_no_number(text, decimal, thousands, self.key, self.column))
+                raise ValueError(_no_number(text, decimal, thousands, self))
             value = float(text.replace(",", ".") if comma else text)
             if math.isinf(value):
                 raise ValueError(f"{describe(text)} is larger than any number")
@@ -80,11 +83,12 @@ def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
     return re.compile(rf"([-+]?[0-9]{{1,3}}(?:{between}[0-9]{{3}})+)((?:{sign}[0-9]*)?)")
 
 
-def _no_number(text: str, decimal: str, thousands: str | None, key: str, column: str) -> str:
+def _no_number(text: str, decimal: str, thousands: str | None, cells: Numbers) -> str:
+    key, column, beside = cells.key, cells.column, cells.beside
     other = "," if decimal == "." else "."
     said = f"expected a number, found {describe(text)}"
     if key and "Y" in "".join(patterns_of(text)):  # 20240131,134510
-        return said + form_hint(text, key, column)
+        return said + form_hint(text, key, column, beside)
     if _NUMBER[other].fullmatch(text):
         taken, found = ("point", "comma") if other == "," else ("comma", "point")
         grouped = thousands is None and _grouped(other, decimal).fullmatch(text)
@@ -103,7 +107,7 @@ def _no_number(text: str, decimal: str, thousands: str | None, key: str, column:
         return f"{said}; a cell holds the number alone, and {behind[1]} is the unit of its column"
     if text.lower() in _TRUTH:
         return f"{said}; write 1 for true and 0 for false"
-    if hint := other_hint(text, key, column):
+    if hint := other_hint(text, key, column, beside):
         return said + hint
     if key != "time" and is_word(text):
         return f"{said}; if it means a missing value: csv: {{missing: [{json.dumps(text, ensure_ascii=False)}]}}"
@@ -164,21 +168,22 @@ class Stamps:
         Of the configuration.
     zoned : set of bool
         Whether stamps with and without a zone have been read.
+    beside : list of str
+        As of :class:`Numbers`.
     """
 
     column: str
     pattern: str | None = None
     key: str = field(default="time", compare=False)
     zoned: set[bool] = field(default_factory=set, compare=False)
+    beside: list[str] = field(default_factory=list, compare=False, repr=False)
 
     dtype = np.dtype(np.int64)
 
     def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
-        first: list[str] = []
-
         def hint(text: str) -> str:
             of = other_hint if self.pattern is None else _as_written
-            return of(text, self.key, self.column, *first)
+            return of(text, self.key, self.column, self.beside)
 
         def read(cell: str) -> int:
             text = cell.strip()
@@ -188,8 +193,8 @@ class Stamps:
             self.zoned.add(zoned)
             if len(self.zoned) > 1:
                 raise ValueError("dates with and without a time zone in one column")
-            if not first:
-                first.append(text)
+            if not self.beside:
+                self.beside.append(text)
             return stamp
 
         return read
@@ -198,10 +203,10 @@ class Stamps:
 Cells: TypeAlias = Numbers | Flags | Stamps
 
 
-def _as_written(text: str, key: str, column: str, above: str = "") -> str:
+def _as_written(text: str, key: str, column: str, beside: Sequence[str]) -> str:
     """What is said of a text that has not the form that is given: how it is read, where that is known."""
     if looks_like_iso(text):
         return f"; this one is read with {clock_key(key, column, 'iso')}"
     if _NUMBER["."].fullmatch(text):
         return "; leave out format where stamps are numbers"
-    return form_hint(text, key, column, above)
+    return form_hint(text, key, column, beside)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Sequence
 
 import yaml
 
@@ -32,7 +33,7 @@ def clock_key(key: str, column: str, form: str) -> str:
     return f"{key or 'time'}: {{column: {as_yaml(column)}, format: {as_yaml(form)}}}"
 
 
-def form_hint(text: str, key: str, column: str, above: str = "") -> str:
+def form_hint(text: str, key: str, column: str, beside: Sequence[str] = ()) -> str:
     """How a date that is not one of ISO 8601 is read, as far as that is known: each pattern that is said reads it.
 
     Parameters
@@ -40,15 +41,18 @@ def form_hint(text: str, key: str, column: str, above: str = "") -> str:
     text : str
     key, column : str
         As of :func:`clock_key`.
-    above : str, optional
-        A date that stands above it in the column.
+    beside : sequence of str, optional
+        Others of its column. Those that are no dates decide nothing.
     """
     found = patterns_of(text)
-    if found and above:
-        one = next(iter(found.values()))
-        found = {order: form for order, form in found.items() if reads(above, form)}
-        if not found:
-            return f"; this one is of the form {one}, and {above!r} above it is not: a column has one form"
+    for other in filter(None, beside if found else ()):
+        both = {order: form for order, form in found.items() if reads(other, form)}
+        if not both and patterns_of(other):
+            one = next(iter(found.values()))
+            return f"; this one is of the form {one}, and {other!r} is not: a column has one form"
+        if not both:
+            break
+        found = both
     if len(found) > 1:
         first, *others = (
             f"{clock_key(key, column, form)} where the {_FIRST[order[0]]} is" for order, form in found.items()
@@ -59,9 +63,9 @@ def form_hint(text: str, key: str, column: str, above: str = "") -> str:
     return _hint_of_parts(text) if key else ""  # without one it is most likely no date
 
 
-def other_hint(text: str, key: str, column: str, above: str = "") -> str:
+def other_hint(text: str, key: str, column: str, beside: Sequence[str] = ()) -> str:
     """How a text that may be a date is read; empty where it is most likely none. Parameters as above."""
-    hint = form_hint(text, key, column, above)
+    hint = form_hint(text, key, column, beside)
     if hint or not key or not may_be_date(text):
         return hint
     return f"; a date of another form needs its pattern: {clock_key(key, column, _EXAMPLE)} reads {_READ}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from itertools import islice
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from hgorun.data.units_row import is_value
 from hgorun.errors import ConfigError
 
 _AT_ONCE = 20_000  # rows that are held as text
+_BELOW = 1000  # rows in which dates of a column that is refused are looked at
 
 
 class Rows:
@@ -64,7 +66,8 @@ class Rows:
     def _values(self, blocks: Iterator[Block]) -> Iterator[tuple[float | int, ...]]:
         width, names = self._dialect.width, len(self._dialect.names)
         plan = list(zip(self._places, self._readers, strict=True))
-        for line, cells in self._cells(blocks):
+        rows = self._cells(blocks)
+        for line, cells in rows:
             if len(cells) != width or (width > names and cells[-1].strip()):
                 what = self._commas(cells) or (self._no_sample(cells[0]) if len(cells) < names else "")
                 what += self._name_of_row(cells) if line == self._dialect.first else ""
@@ -72,7 +75,7 @@ class Rows:
             try:
                 yield (line, *(read(cells[place]) for place, read in plan))
             except ValueError:
-                raise self._first_wrong(line, cells) from None
+                raise self._first_wrong(line, cells, rows) from None
 
     def _commas(self, cells: Sequence[str]) -> str:
         """What may be the reason for too many cells, where commas separate them."""
@@ -97,8 +100,13 @@ class Rows:
             return ""
         return f"; a line that is no sample, such as a total, is removed, or begins with {self._dialect.comment}"
 
-    def _first_wrong(self, line: int, row: Sequence[str]) -> ConfigError:
-        """What is wrong in a row, with the name of its column."""
+    def _first_wrong(self, line: int, row: Sequence[str], rest: Iterator[tuple[int, list[str]]]) -> ConfigError:
+        """What is wrong in a row, with the name of its column; rows below it show which patterns read their dates."""
+        with suppress(ConfigError):  # of a row below
+            for (_, below), _ in zip(rest, range(_BELOW), strict=False):
+                for cells, place in zip(self._wanted, self._places, strict=True):
+                    if not isinstance(cells, Flags) and cells.key and place < len(below):
+                        cells.beside.append(below[place].strip())
         for cells, place, read in zip(self._wanted, self._places, self._readers, strict=True):
             try:
                 read(row[place])

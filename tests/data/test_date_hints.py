@@ -184,13 +184,35 @@ def test_of_other_texts_the_parts_are_said_that_are_known(tmp_path: Path, stamp:
     assert message.endswith(f":2: t: expected a number, found '{stamp}'{told}")
 
 
+@pytest.mark.parametrize(
+    ("stamps", "told"),
+    [
+        (["01/02/2024", "01/12/2024", "", "01/13/2024"], 'such as time: {column: t, format: "%m/%d/%Y"}'),
+        (["03/02/24", "04/02/24", "13/02/24", "32.5"], "is first, .* where the year is"),
+        (["03/02/24", "04/02/24", "13/02/99"], 'such as time: {column: t, format: "%d/%m/%y"}'),
+        (["01/02/2024", "Total", "01/13/2024"], "is first, .* where the month is"),
+        (["31.01.2024 23:59:59", "01.02.2024"], "%d.%m.%Y %H:%M:%S, and '01.02.2024' is not: a column has one form"),
+    ],
+)
+def test_what_stands_below_shows_what_is_meant(tmp_path: Path, stamps: list[str], told: str) -> None:
+    block: dict[str, object] = {"time": "t", "outputs": {"y": "y"}}
+    columns = {"t": stamps, "y": [str(k) for k in range(len(stamps))]}
+    assert re.search(f"{re.escape(told) if 'such' in told else told}$", message_of(tmp_path, columns, block))
+
+
+def test_a_quote_that_is_left_open_below_leaves_what_is_said_of_a_date(tmp_path: Path) -> None:
+    block: dict[str, object] = {"time": "t", "outputs": {"y": "y"}}
+    told = message_of(tmp_path, {"t": ["31.01.2024", '"01.02.2024'], "y": ["1", "2"]}, block)
+    assert told.endswith('such as time: {column: t, format: "%d.%m.%Y"}')
+
+
 def test_a_pattern_that_is_said_reads_what_stands_above(tmp_path: Path) -> None:
     clock = {"column": "t", "format": "%d/%m/%Y"}
     block: dict[str, object] = {"time": clock, "outputs": {"y": "y"}}
     told = message_of(tmp_path, {"t": ["01/02/2024", "01/13/2024"], "y": ["1", "2"]}, block)
     assert told.endswith('such as time: {column: t, format: "%m/%d/%Y"}')
     told = message_of(tmp_path, {"t": ["13/02/2024", "01/13/2024"], "y": ["1", "2"]}, block)
-    assert told.endswith("; this one is of the form %m/%d/%Y, and '13/02/2024' above it is not: a column has one form")
+    assert told.endswith("; this one is of the form %m/%d/%Y, and '13/02/2024' is not: a column has one form")
 
 
 def test_where_day_and_month_may_be_either_both_are_said(tmp_path: Path) -> None:
@@ -263,8 +285,7 @@ def test_of_a_file_that_no_key_names_the_block_is_told_that_does(tmp_path: Path)
         ("2026-03-14 10:01:30", "; this one is read with time: {column: t, format: iso}"),
         (
             "14.03.2026 10:01",
-            "; this one is of the form %d.%m.%Y %H:%M, and '14.03.2026 10:01:30' above it is not: a column has one "
-            "form",
+            "; this one is of the form %d.%m.%Y %H:%M, and '14.03.2026 10:01:30' is not: a column has one form",
         ),
         ("12.5", "; leave out format where stamps are numbers"),
         ("31.02.2026 10:01:30", ""),
