@@ -10,18 +10,9 @@ from collections.abc import Iterator, Mapping
 from importlib.metadata import Distribution, distribution
 from pathlib import Path
 
-PAGE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
-EXTRAS = (
-    "control",
-    "dask",
-    "explore",
-    "fmu",
-    "mqtt",
-    "pandas",
-    "parquet",
-    "xarray",
-)  # what users install; not tools of developers
+from hgorun.commands.doctor import extras
 
+PAGE = Path(__file__).resolve().parents[1] / "docs" / "licences.md"
 HEAD = """# Licences
 
 What an installation on Linux brings along, with the licence that each package states in its metadata, or the main one
@@ -97,7 +88,7 @@ def rows() -> Iterator[tuple[str, str, str]]:
     always = needed("hgorun")
     brought: dict[str, list[str]] = {name: [] for name in always}
     packages = dict(always)
-    for extra in EXTRAS:
+    for extra in sorted(extras()):  # what users install; not tools of developers
         try:
             found = needed("hgorun", frozenset({extra}))
         except ModuleNotFoundError:  # PackageNotFoundError: it is not installed here

@@ -24,7 +24,7 @@ def lowest(project: dict[str, Any]) -> Iterator[str]:
         When one has no lower bound.
     """
     optional = project["optional-dependencies"]
-    tools = ("dev", "release", "test")
+    tools = ("bench", "dev", "release", "test")
     extras = [requirement for extra, some in optional.items() if extra not in tools for requirement in some]
     for requirement in [*project["dependencies"], *extras]:
         bound = _BOUND.match(requirement)

@@ -7,6 +7,7 @@ import json as json_text
 import math
 import os
 import platform
+import re
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass
@@ -26,16 +27,9 @@ from hgorun.tables.layout import entry, wrapped
 from hgorun.version import __version__
 
 _LIBRARIES = ("casadi", "h5py", "llvmlite", "matplotlib", "numpy", "pint", "pydantic", "pyyaml", "scipy", "typer")
-# What optional features need.
-EXTRAS: Mapping[str, tuple[str, ...]] = {
-    "dask": ("distributed",),
-    "explore": ("bokeh",),
-    "fmu": ("ziglang",),
-    "mqtt": ("paho-mqtt",),
-    "pandas": ("pandas",),
-    "parquet": ("pyarrow",),
-    "xarray": ("xarray", "h5netcdf"),
-}
+# Extras that whoever works on hgorun itself installs.
+_DEVELOPERS = frozenset({"bench", "dev", "docs", "release", "test"})
+_OF_EXTRA = re.compile(r"""([\w.-]+).*\bextra *== *["']([\w.-]+)["']""")
 _THETA, _END, _STEP = 2.0, 200.0, 1e-3
 _WRONG = 1e-9  # largest error of the self-test: RK4 leaves 1e-11
 _RUNS = 3
@@ -78,7 +72,7 @@ def doctor(options: Doctor) -> int:
     freed = _pruned() if options.prune else None
     test = self_test()
     count, size = _cached()
-    extras = dict(_extras())
+    lacking = _lacking()
     amiss = list(_amiss(test))
     if options.json:
         found: dict[str, object] = {
@@ -86,7 +80,7 @@ def doctor(options: Doctor) -> int:
             "python": platform.python_version(),
             "platform": platform.platform(),
             "libraries": {name: metadata.version(name) for name in _LIBRARIES},
-            "extras": extras,
+            "extras": lacking,
             "cache": {"folder": str(cache_folder()), "entries": count, "bytes": size, "freed": freed},
             "processor": {"name": processor()[0], "doubles": vector_doubles(), "count": processors()},
             "self_test": asdict(test) | {"right": test.right, "stored_seconds": STORED, "stored_on": STORED_ON},
@@ -94,7 +88,7 @@ def doctor(options: Doctor) -> int:
         }
         print(json_text.dumps(found, indent=2))
     else:
-        print("\n".join(_text(test, extras, count, size, freed)))
+        print("\n".join(_text(test, lacking, count, size, freed)))
         for words in amiss:
             print("\n".join(wrapped(f"! {words}")))
     if not test.right:
@@ -145,15 +139,15 @@ def _amiss(test: SelfTest) -> Iterator[str]:
         yield f"compiled code is not kept in {cache_folder()}: {why}; what is not there yet is compiled by each run"
 
 
-def _text(test: SelfTest, extras: Mapping[str, str | None], count: int, size: int, freed: int | None) -> list[str]:
+def _text(test: SelfTest, lacking: Mapping[str, str | None], count: int, size: int, freed: int | None) -> list[str]:
     name, _ = processor()
     lines = [f"hgorun {__version__}, Python {platform.python_version()}, {platform.platform()}", "", "libraries:"]
     versions = {library: metadata.version(library) for library in _LIBRARIES}
     versions["h5py"] += f" with HDF5 {h5py.version.hdf5_version}"
     lines += wrapped(", ".join(f"{library} {version}" for library, version in versions.items()), "  ")
     lines += ["", "extras:"]
-    for extra, lacking in extras.items():
-        lines += entry(extra, "there" if lacking is None else f"not there: pip install {lacking}", 8)
+    for extra, package in lacking.items():
+        lines += entry(extra, "there" if package is None else f"not there: pip install {package}", 8)
     chosen = ", chosen by HGORUN_CPU" if os.environ.get("HGORUN_CPU") else ""
     lines += ["", "processor:"]
     lines += wrapped(f"compiled for {name}{chosen}: {vector_doubles()} members of an ensemble side by side", "  ")
@@ -171,10 +165,25 @@ def _text(test: SelfTest, extras: Mapping[str, str | None], count: int, size: in
     return [*lines, *wrapped(speed, "  ")]
 
 
-def _extras() -> Iterator[tuple[str, str | None]]:
+def extras() -> dict[str, list[str]]:
+    """What each optional feature needs, as the package's metadata say it: names of packages."""
+    try:
+        requirements = metadata.requires("hgorun") or []
+    except metadata.PackageNotFoundError:  # an unpacked archive that was not installed
+        return {}
+    needed: dict[str, list[str]] = {}
+    for requirement in requirements:
+        if (found := _OF_EXTRA.match(requirement)) and found[2] not in _DEVELOPERS:
+            needed.setdefault(found[2], []).append(found[1])
+    return needed
+
+
+def _lacking() -> dict[str, str | None]:
     """Optional features, and what each lacks: a library that is not there, or None."""
-    for extra, needed in EXTRAS.items():
-        yield extra, next((name for name in needed if not _installed(name)), None)
+    return {
+        extra: next((name for name in needed if not _installed(name)), None)
+        for extra, needed in sorted(extras().items())
+    }
 
 
 def _installed(name: str) -> bool:

@@ -161,6 +161,7 @@ class Explore:
             "--port",
             parser=whole("--port", 0, 65535),
             metavar="INTEGER",
+            show_default=False,
             help="Port on this machine (default: any that is free).",
         ),
     ] = 0
@@ -196,7 +197,10 @@ class Export(Configured):
     observers: Annotated[
         list[str],
         typer.Option(
-            "--observer", metavar="LABEL", help="Only this observer; repeatable.", autocompletion=completion.labels
+            "--observer",
+            metavar="LABEL",
+            help="Only this observer (default: all); repeatable.",
+            autocompletion=completion.labels,
         ),
     ] = field(default_factory=list)
     single: Annotated[bool, typer.Option("--float", help="Use float instead of double.")] = False
@@ -206,7 +210,8 @@ class Export(Configured):
             "--late",
             parser=not_negative("--late"),
             metavar="TIME",
-            help="Largest delay of a sample (default: the delay of the configuration).",
+            show_default=False,
+            help="Largest delay of a sample, where it is above that of the configuration or of the log.",
         ),
     ] = 0.0
     inputs_given: Annotated[

@@ -3,7 +3,7 @@
 JAX carries out the same steps: ``vmap`` over the members of a ``lax.scan`` over 1,000 RK4 steps, compiled. heyoka's
 batch mode controls its steps; hgorun's are fixed. Each is run with several tolerances or steps, and what is compared is
 the least time that reaches the accuracy: the largest error of any final state, relative to the largest state. Times are
-CPU times of the process. Neither package is needed for anything else: ``pip install jax heyoka``, whichever there is.
+CPU times of the process. Neither package is needed for anything else: ``pip install '.[bench]'``.
 """
 
 from __future__ import annotations

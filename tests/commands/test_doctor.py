@@ -14,7 +14,7 @@ import pytest
 from shell import Shell
 
 import hgorun.commands.doctor as doctor_module
-from hgorun.commands.doctor import EXTRAS, SelfTest, self_test
+from hgorun.commands.doctor import SelfTest, extras, self_test
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import simulate_prepared
@@ -99,7 +99,7 @@ def test_wrong_numbers_are_found(shell: Shell, monkeypatch: pytest.MonkeyPatch) 
 
 def test_what_is_amiss_changes_the_exit_code_only_with_strict(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(doctor_module, "self_test", lambda: SelfTest(1e-12, 1e-6))
-    monkeypatch.setattr(doctor_module, "EXTRAS", {"none": ("no-such-package-of-ours",)})
+    monkeypatch.setattr(doctor_module, "extras", lambda: {"none": ["no-such-package-of-ours"]})
     (shell.folder / "cache").write_text("a file in the place of the folder")
     code, out, _ = shell("doctor")
     assert (code, "! a step takes" in out, "! compiled code is not kept" in out) == (0, True, True)
@@ -107,10 +107,24 @@ def test_what_is_amiss_changes_the_exit_code_only_with_strict(shell: Shell, monk
     assert shell("doctor", "--strict")[0] == 3
 
 
-def test_extras_are_those_of_the_package() -> None:
+def test_extras_are_those_of_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
+    """All that users install, also one that is added later; not the tools of developers."""
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-    for extra, names in EXTRAS.items():
-        assert [requirement.split(">")[0] for requirement in declared[extra]] == list(names)
+    stated = [f"{one}; extra == '{extra}'" for extra, some in declared.items() for one in some]
+    monkeypatch.setattr(doctor_module.metadata, "requires", lambda name: ["numpy>=2.0", *stated, "new ; extra=='new'"])
+    found = extras()
+    assert set(found) == {*declared, "new"} - {"bench", "dev", "docs", "release", "test"}
+    assert found["control"] == ["control"]
+    assert found["xarray"] == ["xarray", "h5netcdf"]
+    assert found["new"] == ["new"]
+
+
+def test_what_is_not_installed_has_no_extras(monkeypatch: pytest.MonkeyPatch) -> None:
+    def none(name: str) -> list[str]:
+        raise doctor_module.metadata.PackageNotFoundError(name)
+
+    monkeypatch.setattr(doctor_module.metadata, "requires", none)
+    assert extras() == {}
 
 
 def test_the_solutions_in_closed_form_are_solutions() -> None:

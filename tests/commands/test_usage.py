@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
+import typer
 import yaml
 from shell import Shell
+from typer.core import TyperGroup
 
+from hgorun.cli import app
 from hgorun.errors import ConfigError
 from hgorun.tuning.loading import load_tuning
 from hgorun.version import __version__
@@ -126,6 +130,22 @@ def test_help_and_version_are_no_mistakes(shell: Shell) -> None:
     assert shell("--version")[:2] == (0, f"{__version__}\n")
     assert shell("simulate", "-h")[1].startswith("Usage: ")
     assert "Commands:" in "".join(shell()[1:])
+
+
+def test_help_tells_a_default_once() -> None:
+    """Not also the value that stands for "as the file says", and none that says nothing."""
+    group = typer.main.get_command(app)
+    assert isinstance(group, TyperGroup)
+    shown = 0
+    for name, command in group.commands.items():
+        context = typer.Context(command, info_name=name)
+        for param in command.get_params(context):
+            if (record := param.get_help_record(context)) is not None:
+                told = re.findall(r"\[default: (.*?)\]|\(default: (.*?)\)", record[1])
+                assert len(told) <= 1, (name, record)
+                assert not any(one.strip(".") in ("", "None", "0", "0.0", "[]") for pair in told for one in [max(pair)])
+                shown += len(told)
+    assert shown > 40
 
 
 @pytest.mark.costly
