@@ -12,6 +12,7 @@ from typing import Any
 from hgorun.analysis.report import analysis_of
 from hgorun.analysis.subject import Context
 from hgorun.commands.inputs import configuration
+from hgorun.commands.kept import tell_what_runs_keep
 from hgorun.commands.outputs import RESULTS, formats, refuse_other_kinds, there, written
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
@@ -40,6 +41,7 @@ def analyze(options: Analyze) -> int:
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     _refuse_recording(options.config, source.data)
     run = prepare(experiment_of(text, source, options.config, options.run))
+    tell_what_runs_keep(options.config, options)
     result = run_with_progress(run, show=options.text)
     warn(result)
     analysis = analysis_of(run, result, search=options.search)

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from hgorun.commands.exported_samples import export_samples
 from hgorun.commands.inputs import configuration
+from hgorun.commands.kept import tell_what_runs_keep
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.outputs import (
     NOT_OK,
@@ -52,6 +53,7 @@ def estimate(options: Estimate) -> int:
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     refuse_file_of_another_command(source.data, options.config)
     source, name = one_run(source, options.config, options.run)
+    tell_what_runs_keep(options.config, options)
     if "-" in options.data:
         from hgorun.commands.stream import follow
 

@@ -11,6 +11,7 @@ from html import escape
 from pathlib import Path
 
 from hgorun.commands.inputs import configuration
+from hgorun.commands.kept import tell_what_runs_keep
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds
 from hgorun.commands.run_options import Explore
 from hgorun.config.reading import read_source
@@ -30,6 +31,7 @@ def explore(options: Explore) -> int:
     refuse_other_kinds(options.output, _YAML)
     config = configuration(options.config, "explore")
     bench = bench_of(config, options.overrides, seed=options.seed, run=options.run)
+    tell_what_runs_keep(config, options)
     try:
         from hgorun.explore.server import LivePage
     except ImportError as error:

@@ -9,6 +9,7 @@ from pathlib import Path
 from shlex import quote
 
 from hgorun.commands.inputs import configuration
+from hgorun.commands.kept import tell_what_runs_keep
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable
 from hgorun.commands.run_options import Export
 from hgorun.config.nearest import refuse_other
@@ -46,6 +47,7 @@ def export(options: Export) -> int:
         raise ConfigError("--float, --late and --inputs-given are for --lang c; equations have symbols for the inputs")
     wanted = Wanted(late=options.late, inputs_given=options.inputs_given, steps=in_c)
     name, observers = _observers(options, wanted)
+    tell_what_runs_keep(options.config, options)
     contents = {observer.label: _contents(observer, options) for observer in observers}
     folder = options.output or RESULTS / options.config.stem
     remove_leftovers(folder)

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from hgorun.commands.kept import tell_what_runs_keep
 from hgorun.commands.options import Configured
 from hgorun.config.refusals import Refusals
 from hgorun.progress import shown
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
 def experiments_of(path: Path, options: Configured) -> tuple[list[Experiment], list[Run]]:
     """The run named, or all single runs of a file, and its ensembles."""
     if options.run is not None:
-        return [load(path, options.overrides, seed=options.seed, run=options.run)], []
+        one = load(path, options.overrides, seed=options.seed, run=options.run)
+        tell_what_runs_keep(path, options)
+        return [one], []
     study = load_study(path, options.overrides, seed=options.seed)
     if len(study.runs) == 1 and path.stem in study.runs:  # figures beside the run are checked before it
         check_figures(study)
@@ -35,6 +38,7 @@ def experiments_of(path: Path, options: Configured) -> tuple[list[Experiment], l
         with faults.of_a_part():
             single += [run.experiment] if run.single else []
     faults.refuse()
+    tell_what_runs_keep(path, options)
     return single, several
 
 

@@ -53,10 +53,27 @@ def _written_out(data: object, assignment: str) -> list[str]:
     return [f"observers.{label}.{rest}" for label in having]
 
 
-def _with_assignment(source: Source, assignment: str, file: str) -> Source:
-    old, end = _longest_path(source.data, assignment)
+def places_set(data: object, assignment: str) -> list[tuple[KeyPath, str]]:
+    """Where :func:`set_path` would write which text: several places where it begins with ``observers.*``.
+
+    Raises
+    ------
+    ConfigError
+        It begins so, and no observer's block has the key that follows.
+    """
+    parted = (_parted(data, one) for one in _written_out(data, assignment))
+    return [((*old, *new), text) for old, new, _, text in parted]
+
+
+def _parted(data: object, assignment: str) -> tuple[KeyPath, list[str], str, str]:
+    """The part of a path that is there, the names that follow it, the sign of equality, and what is behind it."""
+    old, end = _longest_path(data, assignment)
     names, equals, text = assignment[end:].partition("=")
-    new = names[1 if old else 0 :].split(".") if names else []
+    return old, names[1 if old else 0 :].split(".") if names else [], equals, text
+
+
+def _with_assignment(source: Source, assignment: str, file: str) -> Source:
+    old, new, equals, text = _parted(source.data, assignment)
     if not equals or not (old or new) or any(not name or name != name.strip() for name in new):
         raise ConfigError("expected path=value, without spaces around `=`", file=file, line=1)
     above = at(source.data, old)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import importlib.metadata as metadata
 import json
 import os
 import sys
@@ -111,7 +112,7 @@ def test_extras_are_those_of_the_package(monkeypatch: pytest.MonkeyPatch) -> Non
     """All that users install, also one that is added later; not the tools of developers."""
     declared = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     stated = [f"{one}; extra == '{extra}'" for extra, some in declared.items() for one in some]
-    monkeypatch.setattr(doctor_module.metadata, "requires", lambda name: ["numpy>=2.0", *stated, "new ; extra=='new'"])
+    monkeypatch.setattr(metadata, "requires", lambda name: ["numpy>=2.0", *stated, "new ; extra=='new'"])
     found = extras()
     assert set(found) == {*declared, "new"} - {"bench", "dev", "docs", "release", "test"}
     assert found["control"] == ["control"]
@@ -121,9 +122,9 @@ def test_extras_are_those_of_the_package(monkeypatch: pytest.MonkeyPatch) -> Non
 
 def test_what_is_not_installed_has_no_extras(monkeypatch: pytest.MonkeyPatch) -> None:
     def none(name: str) -> list[str]:
-        raise doctor_module.metadata.PackageNotFoundError(name)
+        raise metadata.PackageNotFoundError(name)
 
-    monkeypatch.setattr(doctor_module.metadata, "requires", none)
+    monkeypatch.setattr(metadata, "requires", none)
     assert extras() == {}
 
 
