@@ -113,7 +113,7 @@ def dialect_of(
     body = rows[1:]
     units: list[str] = []
     if all(is_value(name) for name in names):
-        above = _in_comment(comments, header.number, separator, len(names), told.comment)
+        above = _in_comment(comments, header.number, separator, len(names), told.comment, clocks or {})
         if above is None:
             message = (
                 f"expected a line with the names of the columns, found numbers: {header.text[:60]}; write such a line "
@@ -231,16 +231,21 @@ def _bare(comment: _Line, sign: str, separator: str) -> list[str]:
 
 
 def _in_comment(
-    comments: Sequence[_Line], line: int, separator: str, width: int, sign: str
+    comments: Sequence[_Line], line: int, separator: str, width: int, sign: str, clocks: Collection[str]
 ) -> tuple[list[str], list[str]] | None:
-    """The names of the columns in the last comment above the numbers, and their units if it states these below them."""
+    """The names of the columns in the last comment above the numbers, and their units if it states these below them.
+
+    Names may be units, too, as t and h are: of two such lines the upper one has the names, unless only the lower one
+    has a column of time stamps.
+    """
     rows = [_bare(one, sign, separator) for one in comments if one.number < line]
     last, *above = [*reversed(rows[-2:]), [], []][:2]
     if len(last) != width or any(map(is_value, last)):
         return None
-    if len(above[0]) == width and not any(map(is_value, above[0])) and are_units(last) and not are_units(above[0]):
-        return above[0], last
-    return last, []
+    if len(above[0]) != width or any(map(is_value, above[0])) or not are_units(last):
+        return last, []
+    named = [bool({name.strip() for name in row} & {*clocks}) for row in (above[0], last)]
+    return (last, []) if are_units(above[0]) and named == [False, True] else (above[0], last)
 
 
 def _decimal(numbered: Sequence[tuple[int, Sequence[str]]], path: Path) -> str:

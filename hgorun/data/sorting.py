@@ -245,11 +245,13 @@ class Sorting:
         message = f"{_samples(count)} {what}{_where(samples, found)}"
         if told == "refuse":
             raise self._refused(samples, first.start, message, hint)
-        self._note(kind, samples, first.start, count, message + (", left out" if told == "drop" else ""))
         if told == "report":
+            self._note(kind, samples, first.start, count, message)
             return samples
         for stretch in found:
             keep[kept(stretch)] = True
+        dropped = int(np.count_nonzero(~keep))
+        self._note(kind, samples, first.start, count, f"{message}, of which {dropped:,} are left out")
         return samples.at(keep)
 
 

@@ -87,6 +87,18 @@ def test_handled_as_told(
     assert np.all(np.diff(recording.outputs["S"].taken) >= 0)
 
 
+@pytest.mark.parametrize(("content", "kind", "left"), [(FILLED, "filled", 55), (STUCK, "stuck", 25)])
+def test_of_what_is_dropped_the_ends_stay_and_the_others_are_counted(
+    tmp_path: Path, content: str, kind: str, left: int
+) -> None:
+    recording = recorded(tmp_path, content, {"faults": {kind: "drop"}})
+    (found,) = recording.notes
+    dropped = 60 - recording.outputs["S"].values.size
+    assert 0 < dropped < left
+    assert found.message.startswith(f"{left} samples ")
+    assert found.message.endswith(f", of which {dropped} are left out")
+
+
 def test_repeated_stamps_are_averaged(tmp_path: Path) -> None:
     signal = recorded(tmp_path, AGAIN, {"faults": {"repeated": "mean"}}).outputs["S"]
     assert signal.values[10] == pytest.approx(VALUES[10:13].mean(), abs=1e-12)

@@ -87,6 +87,16 @@ def test_the_last_comment_is_the_header_unless_it_states_units(tmp_path: Path, h
     assert recorded(tmp_path, content).outputs["S"].values.tolist() == VALUES.tolist()
 
 
+@pytest.mark.parametrize(
+    ("header", "unit"),
+    [("# t,h\n# s,m\n", "m"), ("# s,m\n# t,h\n", ""), ("# made today\n# t , h\n# s,m\n", "m"), ("# t,h\n", "")],
+)
+def test_names_in_a_comment_may_be_units_too(tmp_path: Path, header: str, unit: str) -> None:
+    """t is a tonne and h an hour; which line has the names is told by the column of time stamps."""
+    output = recorded(tmp_path, f"{header}0,1\n1,3\n", {"time": "t", "outputs": {"S": "h"}}).outputs["S"]
+    assert (output.values.tolist(), output.unit) == ([1, 3], unit)
+
+
 @pytest.mark.parametrize("comment", ["# s,g/L", "#[s],[g/L]", "# a remark\n# s,g/L"])
 def test_a_comment_below_the_header_may_state_units(tmp_path: Path, comment: str) -> None:
     content = table(TIMES, VALUES).replace("glucose\n", f"glucose\n{comment}\n")
