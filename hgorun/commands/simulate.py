@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
+from shlex import quote
 from typing import TYPE_CHECKING
 
 from hgorun.commands.inputs import configuration
@@ -24,10 +25,10 @@ from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers, write_text
 from hgorun.progress import shown
 from hgorun.result.result import Result
-from hgorun.result.run_names import numbered
 from hgorun.simulation.grid import LONG
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_into
+from hgorun.study.loading import refuse_twins
 
 if TYPE_CHECKING:
     from hgorun.study.study import Run
@@ -89,14 +90,15 @@ def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tu
     targets: list[Path] = []
     ensembles: list[tuple[Run, Path]] = []
     paths = [configuration(path, "simulate") for path in options.configs]
-    for path, name in zip(paths, numbered([path.stem for path in paths]), strict=True):
+    refuse_twins(paths, lambda second: f": give each a folder, as in `hgorun simulate {quote(str(second))} -o FOLDER`")
+    folder = options.output or RESULTS
+    for path in paths:
         single, several = experiments_of(path, options)
-        folder = options.output or RESULTS
         for experiment in single:
+            runs.append(prepare(experiment))
             alone = experiment.name == path.stem
-            runs.append(prepare(experiment.varied({}, name=name) if alone and name != path.stem else experiment))
-            targets.append(folder / f"{name}.h5" if alone else folder / name / f"{experiment.name}.h5")
-        ensembles += [(run, folder / name / f"{run.name}.sweep.h5") for run in several]
+            targets.append((folder if alone else folder / path.stem) / f"{experiment.name}.h5")
+        ensembles += [(run, folder / path.stem / f"{run.name}.sweep.h5") for run in several]
     if options.output is not None and options.output.suffix.lower() in RESULT_SUFFIXES:
         if len(runs) + len(ensembles) > 1:
             files = len(options.configs)

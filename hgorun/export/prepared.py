@@ -177,12 +177,6 @@ def _exported(
     experiment, plant = run.experiment, run.plant
     design = experiment.designs[label]
     path = "observers", label
-    if treatment_of(design.observer) in run.treatments:
-        raise Problem(
-            (*path, "late"),
-            "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
-            f"sample, and leaves none out; {_without_lateness(run, label)}",
-        )
     if isinstance(design.observer, NotExported):
         raise Problem((*path, "type"), design.observer.not_exported)
     steps_alone = isinstance(design.observer, SteppedObserver) and experiment.sampled()
@@ -194,6 +188,12 @@ def _exported(
         )
     if isinstance(design.observer, RecallingObserver):
         raise Problem((*path, "type"), "it looks back at its own past, which is kept in simulations alone")
+    if treatment_of(design.observer) in run.treatments:
+        raise Problem(
+            (*path, "late"),
+            "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
+            f"sample, and leaves none out; {_without_lateness(run, label)}",
+        )
     flows = isinstance(design.observer, ContinuousObserver)
     compares = flows and not isinstance(design.observer, CorrectedObserver)
     late = wanted.late if compares and not isinstance(design.observer, SampledObserver) else 0.0

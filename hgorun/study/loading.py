@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from os import PathLike
 from pathlib import Path
@@ -156,8 +156,14 @@ def _read(path: str | Path, overrides: Sequence[str], seed: int | None) -> tuple
     return text, source
 
 
-def refuse_twins(paths: Sequence[Path]) -> None:
+def refuse_twins(paths: Sequence[Path], instead: Callable[[Path], str] = lambda second: "") -> None:
     """Refuse files of the same name, whose results would overwrite each other.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+    instead : callable, optional
+        What to do with the second of two, for the end of the sentence.
 
     Raises
     ------
@@ -166,5 +172,6 @@ def refuse_twins(paths: Sequence[Path]) -> None:
     seen: dict[str, Path] = {}
     for path in paths:
         if path.stem in seen:
-            raise ConfigError(f"{seen[path.stem]} and {path} have the same name, and results are named after it")
+            what = f"{seen[path.stem]} and {path} have the same name, and results are named after it"
+            raise ConfigError(what + instead(path))
         seen[path.stem] = path

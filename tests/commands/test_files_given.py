@@ -28,28 +28,31 @@ def test_a_result_that_is_replaced_is_told(shell: Shell) -> None:
     assert again.endswith("written: results/a.h5 (replaced), b.csv\n")
 
 
+def test_files_of_one_name_are_refused_by_simulate(shell: Shell) -> None:
+    """Their results are called alike; what the message advises keeps both."""
+    (shell.folder / "b b").mkdir()
+    (shell.folder / "b b" / "a.yaml").write_text(SMALL.replace("theta: 2", "theta: 3"))
+    code, out, err = shell("simulate", "a.yaml", "b b/a.yaml")
+    assert (code, out) == (2, "")
+    assert err == (
+        "hgorun: a.yaml and b b/a.yaml have the same name, and results are named after it: give each a folder, as in "
+        "`hgorun simulate 'b b/a.yaml' -o FOLDER`\n"
+    )
+    assert not (shell.folder / "results").exists()
+    assert shell("simulate", "a.yaml", "a.yaml")[0] == 2
+
+
 @pytest.mark.slow
-def test_files_of_one_name_are_called_alike_by_simulate_and_compare(shell: Shell) -> None:
+def test_files_of_one_name_are_numbered_by_compare(shell: Shell) -> None:
     (shell.folder / "b").mkdir()
     (shell.folder / "b" / "a.yaml").write_text(SMALL.replace("theta: 2", "theta: 3"))
-    code, out, _ = shell("simulate", "a.yaml", "b/a.yaml")
-    assert code == 0
-    assert "written: results/a.h5\n" in out
-    assert "written: results/a (2).h5\n" in out
+    assert shell("simulate", "a.yaml", "-q")[0] == 0
+    assert shell("simulate", "b/a.yaml", "-o", "results/b", "-q")[0] == 0
     compared = shell("compare", "a.yaml", "b/a.yaml", "--no-plots")[1]
     assert "a (2): S" in compared
     assert compared.splitlines()[0] == "a"
-    stored = shell("compare", "results/a.h5", "results/a (2).h5", "--no-plots")[1]
+    stored = shell("compare", "results/a.h5", "results/b/a.h5", "--no-plots")[1]
     assert stored.split("status")[1] == compared.split("status")[1]
-
-
-def test_runs_of_files_of_one_name_go_to_folders_of_their_own(shell: Shell) -> None:
-    (shell.folder / "b").mkdir()
-    for folder in ("", "b/"):
-        (shell.folder / f"{folder}a.yaml").write_text(SMALL + "runs: {one: {}, two: {seed: 1}}\n")
-    assert shell("simulate", "a.yaml", "b/a.yaml", "-q")[0] == 0
-    names = {str(path.relative_to(shell.folder / "results")) for path in (shell.folder / "results").rglob("*.h5")}
-    assert names == {"a/one.h5", "a/two.h5", "a (2)/one.h5", "a (2)/two.h5"}
 
 
 def test_the_name_of_an_experiment_stands_for_it(shell: Shell) -> None:

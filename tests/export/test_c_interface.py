@@ -307,6 +307,17 @@ def test_what_is_refused(reason: str) -> None:
         exported(run)
 
 
+@pytest.mark.parametrize("delay", [{}, {"delay": 0.1}])
+def test_what_is_never_exported_is_told_before_late_samples(delay: Block) -> None:
+    """Without the delay it would be refused all the same."""
+    block: Block = {"type": "mhe", "window": 3, "q": 1}
+    measured = {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.1}]}
+    with pytest.raises(ConfigError) as caught:
+        exported(run_of(CHAIN, block, measured | delay))
+    assert "delay" not in caught.value.message
+    assert str(caught.value.key).endswith("O.type")
+
+
 def test_labels_that_are_one_name() -> None:
     blocks = {"A b": {"type": "shgo", "theta": 2}, "a-b": {"type": "shgo", "theta": 2}}
     both = experiment(chain(2, "-x1"), blocks, step=0.01)
