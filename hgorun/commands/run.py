@@ -13,6 +13,7 @@ from hgorun.config.refusals import Refusals
 from hgorun.progress import shown
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.other_faults import check_parts
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import simulate_prepared
 from hgorun.study.check import check_figures
@@ -37,6 +38,9 @@ def experiments_of(path: Path, options: Configured) -> tuple[list[Experiment], l
     for run in study.runs.values():
         with faults.of_a_part():
             single += [run.experiment] if run.single else []
+    for experiment in single if faults.found else ():  # what else is wrong is said with it
+        with faults.of_a_part():
+            check_parts(experiment)
     faults.refuse()
     tell_what_runs_keep(path, options)
     return single, several

@@ -21,6 +21,7 @@ from hgorun.commands.outputs import (
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import experiments_of, print_json
 from hgorun.commands.run_options import Simulate
+from hgorun.config.refusals import Refusals
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers, write_text
 from hgorun.progress import shown
@@ -92,13 +93,16 @@ def _prepared(options: Simulate) -> tuple[list[PreparedRun], list[Path], list[tu
     paths = [configuration(path, "simulate") for path in options.configs]
     refuse_twins(paths, lambda second: f": give each a folder, as in `hgorun simulate {quote(str(second))} -o FOLDER`")
     folder = options.output or RESULTS
+    faults = Refusals()
     for path in paths:
         single, several = experiments_of(path, options)
         for experiment in single:
-            runs.append(prepare(experiment))
+            with faults.of_a_part():
+                runs.append(prepare(experiment))
             alone = experiment.name == path.stem
             targets.append((folder if alone else folder / path.stem) / f"{experiment.name}.h5")
         ensembles += [(run, folder / path.stem / f"{run.name}.sweep.h5") for run in several]
+    faults.refuse()
     if options.output is not None and options.output.suffix.lower() in RESULT_SUFFIXES:
         if len(runs) + len(ensembles) > 1:
             files = len(options.configs)

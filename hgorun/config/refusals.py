@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 
 from hgorun.errors import ConfigError, HgorunError, Problem
+
+_OF_RUN = re.compile(r"^runs\.[^.]*\.")
 
 
 class Refusals:
@@ -78,5 +81,10 @@ def of_other_blocks(told: Sequence[ConfigError], checks: Iterable[Callable[[], o
 
 def block_of(error: ConfigError) -> tuple[str, ...]:
     """The block that a fault is in; of an observer its own."""
-    keys = (error.key or "").split(".")
+    keys = within_run(error.key or "").split(".")
     return tuple(keys[: 2 if keys[0] == "observers" else 1])
+
+
+def within_run(key: str) -> str:
+    """A key as a configuration of one run has it."""
+    return _OF_RUN.sub("", key)

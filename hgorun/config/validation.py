@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -25,6 +26,7 @@ _MOST = 10  # faults that are told
 _OF_A_KEY = ("unknown_key", "no_value")  # of which a block may have several
 _OF_BLOCKS = ((), ("data",))  # paths below which what is wrong with one key says nothing of another
 _OF_ENTRIES = {"axes", "claims", "figures", "inputs", "outputs", "reference"}
+_MEASUREMENT, _OF_PARTS = ("measurement",), {"outputs", "phases"}
 _NOTHING = object()
 _OF_OBSERVER = 2  # keys of the path to one
 _SHOWN = 6  # entries of a list in a message
@@ -59,7 +61,7 @@ class _Fault:
     error : ConfigError
     line : int
     block : tuple
-        Of a whole file, or of ``data``, the block that it is in; where a block has entries by names, the entry.
+        Of a whole file, ``data`` or ``measurement``, the block that it is in; where a block has entries, the entry.
     mapping : tuple or None
         Where it is a key that is not known, or has no value: the mapping that has it.
     """
@@ -73,10 +75,19 @@ class _Fault:
     def at(cls, where: KeyPath, message: str, source: Source, path: KeyPath, mapping: KeyPath | None) -> _Fault:
         """Of what is checked at a path: a fault somewhere in it."""
         file, line = source.where(where)
-        key = ".".join(map(str, source.written(where))) or None
-        own = where[len(path) :]
-        block = own[: 2 if own[:1] and own[0] in _OF_ENTRIES else 1] if path in _OF_BLOCKS else ()
-        return cls(ConfigError(message, file=file, line=line, key=key), line, block, mapping)
+        key = source.key(where) or None
+        return cls(ConfigError(message, file=file, line=line, key=key), line, _block(path, where[len(path) :]), mapping)
+
+
+def _block(path: KeyPath, own: KeyPath) -> KeyPath:
+    """The part of what is checked at a path in which one fault may follow from another."""
+    if path in _OF_BLOCKS:
+        return own[: 2 if own[:1] and own[0] in _OF_ENTRIES else 1]
+    if path != _MEASUREMENT:
+        return ()
+    if "noise" in own:  # a list, each item of which is of a kind of its own
+        return own[: own.index("noise") + 2]
+    return own[: 3 if own[:1] and own[0] in _OF_PARTS else 1]
 
 
 def validate(model: type[_B], data: object, source: Source, path: KeyPath) -> _B:
@@ -85,12 +96,26 @@ def validate(model: type[_B], data: object, source: Source, path: KeyPath) -> _B
         with source.located():
             return model.model_validate(data)
     except ValidationError as error:
-        raise _explained(error, source, path, model) from None
+        found = error.errors(include_url=False)
+        if path == _MEASUREMENT and isinstance(data, dict):
+            found += _beside_unknown(model, data, found)
+        raise _explained(found, source, path, model) from None
 
 
-def _explained(error: ValidationError, source: Source, path: KeyPath, model: type[BaseModel]) -> ConfigError:
+def _beside_unknown(model: type[BaseModel], data: dict[str, Any], found: Sequence[ErrorDetails]) -> list[ErrorDetails]:
+    """What is wrong with other keys of a block, which is not looked at where one of its keys is not known."""
+    unknown = [item["ctx"]["key"] for item in found if item["type"] == "unknown_key" and not item["loc"]]
+    try:
+        if unknown:
+            model.model_validate({key: part for key, part in data.items() if key in model.model_fields})
+    except ValidationError as error:
+        return [item for item in error.errors(include_url=False) if item["loc"]]
+    return []
+
+
+def _explained(items: Sequence[ErrorDetails], source: Source, path: KeyPath, model: type[BaseModel]) -> ConfigError:
     found: list[_Fault] = []
-    for item in error.errors(include_url=False):
+    for item in items:
         place = where = _known_path(source, path, item["loc"])
         if item["type"] in (*_OF_A_KEY, "unknown_type"):
             where = (*place, item["ctx"]["key"])

@@ -17,7 +17,7 @@ import yaml
 
 from hgorun.config.kinds import refuse_what_is_no_text
 from hgorun.config.nearest import near_file
-from hgorun.config.paths import at, dotted, naming
+from hgorun.config.paths import at, naming
 from hgorun.config.yaml_builder import MAX_DEPTH, TOO_DEEP, Builder, Place
 from hgorun.config.yaml_errors import LINE_BREAK, explain, separated
 from hgorun.errors import ConfigError, KeyPath, PluginError, Problem, named_unseen
@@ -58,22 +58,34 @@ class Source:
     nulls : frozenset
         Paths of keys whose value is written as ``null`` or ``~``, other than nothing at all: where the key is
         inherited, it is to be removed.
+    run : str
+        Where this is a run of a file: its name.
+    of_run : frozenset
+        Paths of what that run says itself.
     """
 
     data: Any
     positions: dict[KeyPath, Place]
     nulls: frozenset[KeyPath] = frozenset()
+    run: str = ""
+    of_run: frozenset[KeyPath] = frozenset()
 
     def where(self, path: KeyPath) -> Place:
         """Return the file and line of ``path``, or of the nearest thing around it."""
         around = (path[:length] for length in range(len(path), -1, -1))
         return next((self.positions[p] for p in around if p in self.positions), ("", 0))
 
+    def key(self, path: KeyPath) -> str:
+        """What messages call a key: what a run says itself stands below its name."""
+        around = (path[:length] for length in range(len(path), 0, -1))
+        own = next((p for p in around if p in self.positions), ()) in self.of_run
+        return ".".join(map(str, (*(("runs", self.run) if own else ()), *self.written(path))))
+
     def told(self, path: KeyPath) -> str:
         """Where something was written and its key, as messages begin: ``file:line: key``, as far as it is known."""
         file, line = self.where(path)
         name = file if file.startswith("--set ") else f"{Path(file).name}:{line}"
-        return ": ".join([name] * bool(file) + [dotted(path) or ""])
+        return ": ".join([name] * bool(file) + [self.key(path)])
 
     def written(self, path: KeyPath) -> KeyPath:
         """The path as far as it is a mapping's or a list's: what is below a single value stands at its key."""
@@ -101,7 +113,7 @@ class Source:
     def _told(self, problem: Problem) -> ConfigError:
         """A problem at a key with its place."""
         file, line = self.where(problem.path)
-        return ConfigError(problem.message, file=file, line=line, key=".".join(map(str, self.written(problem.path))))
+        return ConfigError(problem.message, file=file, line=line, key=self.key(problem.path))
 
     @contextmanager
     def located(self) -> Iterator[None]:

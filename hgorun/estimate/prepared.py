@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from hgorun.config.models import Method
+from hgorun.config.refusals import within_run
 from hgorun.data.recording import FirstSamples
 from hgorun.data.recording import Recording as Recorded
 from hgorun.engine.memory import Start
@@ -259,7 +260,7 @@ def _check_grid(experiment: Experiment) -> None:
     try:
         _ = experiment.even_grid
     except ConfigError as error:
-        if not (error.key or "").startswith("metrics."):
+        if not within_run(error.key or "").startswith("metrics."):
             raise
         message = (
             f"{error.message}; estimates of recorded data have no metrics: leave the block out, or write "

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, Field, SerializeAsAny, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, SerializeAsAny, model_validator
 from pydantic_core import PydanticCustomError
 
-from hgorun.config.expressions import nearest
+from hgorun.config.expressions import ExpressionError, nearest, parse
 from hgorun.config.separators import misread
 from hgorun.config.types import Block, ExpressionText, Name, NonEmpty, NonNegative, Number, Positive, describe
 from hgorun.noise.base import NOISE, Noise
@@ -110,11 +110,24 @@ def _noise(value: Any) -> Any:
 NoiseItem = Annotated[SerializeAsAny[Noise], BeforeValidator(_noise)]
 
 
+def _not_negative(text: str) -> str:
+    """Of a delay that is a number; one that is a function of time is known along the run."""
+    try:
+        found = parse(text).number()
+    except ExpressionError:  # it has names
+        return text
+    if not found >= 0:
+        raise ValueError(f"the delay must be a number >= 0, found {found:g}")
+    return text
+
+
 class Availability(Block):
     """How an output reaches the observers. Omitted keys are taken from the enclosing block."""
 
     sampling: Sampling | None = Field(default=None, description="continuous, or when samples arrive")
-    delay: ExpressionText | None = Field(default=None, description="number or expression of t, >= 0")
+    delay: Annotated[ExpressionText, AfterValidator(_not_negative)] | None = Field(
+        default=None, description="number or expression of t, >= 0"
+    )
     noise: tuple[NoiseItem, ...] | None = Field(default=None, description="summed")
     mode: Literal["additive", "multiplicative"] | None = Field(default=None, description="y + v or y (1 + v)")
 

@@ -214,11 +214,11 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
             f"an observer's label has 1 to {_LONGEST_LABEL} characters, without / and .",
             file=file,
             line=line,
-            key=f"observers.{label}",
+            key=source.key(path),
         )
     if label == PLANT:
         message = "an observer cannot be called plant: results and tables call the plant itself that"
-        raise ConfigError(message, file=file, line=line, key=f"observers.{label}")
+        raise ConfigError(message, file=file, line=line, key=source.key(path))
     if "type" not in block:
         others = [name for name in source.data["observers"] if name != label]
         near = nearest(label, others)
@@ -228,7 +228,7 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
             f"as {_types_near(label)}{other}",
             file=file,
             line=line,
-            key=f"observers.{label}",
+            key=source.key(path),
         )
     cls = _find(OBSERVERS, block["type"], source, (*path, "type"))
     foreign = {key: error for key in block if (error := _of_others(key, cls, source, path)) is not None}
@@ -250,13 +250,13 @@ def _of_others(key: str, cls: type[AnyObserver], source: Source, path: tuple[str
     file, line = source.where((*path, key))
     if key in cls.lacks:
         message = f"there is no {key!r} here: {cls.lacks[key]}"
-        return ConfigError(message, file=file, line=line, key=".".join((*path, key)))
+        return ConfigError(message, file=file, line=line, key=source.key((*path, key)))
     owners = [name for name, other in OBSERVERS.all().items() if key in other.model_fields]
     if owners and not nearest(key, cls.model_fields):
         which = listed(owners, see="hgorun list observers")
         here = listed(cls.model_fields, key, f"hgorun show {source.data[path[0]][path[1]]['type']}")
         message = f"unknown key {key!r}: it is a key of {which}. Known here: {here}"
-        return ConfigError(message, file=file, line=line, key=".".join((*path, key)))
+        return ConfigError(message, file=file, line=line, key=source.key((*path, key)))
     return None
 
 
@@ -272,5 +272,5 @@ def _find(registry: Registry[T], name: Any, source: Source, path: tuple[str, ...
             f"no {registry.kind} is called {describe(name)}.{nearest(str(name), known)} Known: {there}",
             file=file,
             line=line,
-            key=".".join(path),
+            key=source.key(path),
         ) from None

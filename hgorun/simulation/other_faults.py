@@ -31,6 +31,19 @@ def told_together(experiment: Experiment, *more: Callable[[], object]) -> Iterat
         raise
 
 
+def check_parts(experiment: Experiment) -> None:
+    """Refuse what is wrong with the parts of a run, each whatever else is.
+
+    Raises
+    ------
+    ConfigError
+        The first fault, with those of other blocks.
+    """
+    for first in (found := of_other_blocks((), _checks(experiment, (partial(check_grid, experiment),)))):
+        first.add_others(found)
+        raise first
+
+
 def check_grid(experiment: Experiment) -> None:
     """Refuse windows outside of the run and grids that do not fit together, whatever the plant is.
 

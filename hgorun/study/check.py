@@ -15,7 +15,8 @@ from hgorun.result.quantities import inside, kinds, of_loops
 from hgorun.result.quantity import Quantity
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
-from hgorun.study.study import Run, Study, places_of
+from hgorun.study.claimed import places_of
+from hgorun.study.study import Run, Study
 
 
 def check(study: Study) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 from hgorun.config.models import File
@@ -58,7 +59,9 @@ def parts(source: Source, faults: Refusals) -> dict[str, tuple[Source, dict[str,
                 with faults.of_a_part():
                     raise _refused(source, path, key)
             ensemble = {key: override[key] for key in OF_THE_ENSEMBLE if key in override}
-            found[name] = merge(shared, _without(source, path, (*OF_THE_ENSEMBLE, *refused))), ensemble
+            own = _without(source, path, (*OF_THE_ENSEMBLE, *refused))
+            of_run = frozenset(place for place in own.positions if place)
+            found[name] = replace(merge(shared, own), run=name, of_run=of_run), ensemble
     return found
 
 

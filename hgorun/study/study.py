@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,12 +16,13 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_builder import Place
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.members import written_out
-from hgorun.errors import ConfigError, Problem
+from hgorun.errors import ConfigError
 from hgorun.noise.base import RandomNoise
 from hgorun.result.quantity import Quantity
-from hgorun.simulation.blocks import check
 from hgorun.simulation.experiment import Experiment
-from hgorun.study.sentences import Sentence, read_sentence
+from hgorun.simulation.other_faults import check_parts
+from hgorun.study.claimed import check_values, sentences_of
+from hgorun.study.sentences import Sentence
 from hgorun.study.split import OF_THE_FILE, check_ensemble, parts
 
 
@@ -226,10 +227,13 @@ def study_of(source: Source, name: str, text: str) -> Study:
         if given:  # a schema of figures and claims takes longer to build than anything else here: a run asks for none
             blocks = validate(StudyBlocks, given, source, ())
     runs = _runs(source, name, text, faults)
-    sentences = () if faults.found else _all_sentences(blocks, runs, source, faults)
-    for run in runs.values() if faults.found else ():  # what else is wrong is said with it
+    labels = dict.fromkeys(label for run in runs.values() for label in run.labels)
+    if faults.found:  # what else is wrong is said with it
+        check_values(data.get("claims"), tuple(runs), labels, source, faults)
+    sentences = () if faults.found else sentences_of(blocks.claims, tuple(runs), labels, source, faults)
+    for run in runs.values() if faults.found else ():
         with faults.of_a_part():
-            check(run.source)
+            check_parts(run.base)
     faults.refuse()
     return Study(name, source, blocks.title, blocks.reference, runs, blocks.figures, blocks.claims, sentences)
 
@@ -249,39 +253,7 @@ def _runs(source: Source, name: str, text: str, faults: Refusals) -> dict[str, R
     return runs
 
 
-def _all_sentences(
-    blocks: StudyBlocks, runs: Mapping[str, Run], source: Source, faults: Refusals
-) -> tuple[tuple[Sentence, ...], ...]:
-    """What decides the claims, as far as it can be read; and what is wrong with it and with their names."""
-    labels = dict.fromkeys(label for run in runs.values() for label in run.labels)
-    sentences = []
-    seen: set[str] = set()
-    for i, claim in enumerate(blocks.claims):
-        with faults.of_a_part(), source.located():
-            sentences.append(_sentences(i, claim, tuple(runs), labels))
-            if claim.id in seen:
-                raise Problem(("claims", i, "id"), f"two claims have the id {claim.id!r}")
-            seen.add(claim.id)
-    return tuple(sentences)
-
-
 def _begins_with(key: str, path: str) -> bool:
     """Whether a key is that of a path of ``vary``, or below it; ``observers.*`` is any observer."""
     parts = key.split(".")
     return all(wanted in (own, "*") for own, wanted in zip(parts, path.split("."), strict=False))
-
-
-def places_of(number: int, claim: Claim) -> list[tuple[str | int, ...]]:
-    """Where the values of a claim stand in the file, in the order of its inequalities."""
-    others = [("claims", number, "alternatives", k, "value") for k in range(len(claim.alternatives))]
-    return [("claims", number, "value"), *others] if claim.value else []
-
-
-def _sentences(number: int, claim: Claim, runs: tuple[str, ...], labels: Collection[str]) -> tuple[Sentence, ...]:
-    found = []
-    for one, place in zip(claim.inequalities, places_of(number, claim), strict=True):
-        try:
-            found.append(read_sentence(one.value, runs, labels))
-        except ExpressionError as error:
-            raise Problem(place, str(error)) from error
-    return tuple(found)

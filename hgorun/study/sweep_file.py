@@ -9,6 +9,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.kinds import refuse_file_of_another_command
 from hgorun.config.nearest import meant
 from hgorun.config.reading import extended, read_source
+from hgorun.config.refusals import within_run
 from hgorun.config.sweeps import SweepFile
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
@@ -92,7 +93,7 @@ def _base(blocks: SweepFile, source: Source, path: Path) -> Experiment:
         except ConfigError as error:
             if error.line is None:
                 raise ConfigError(f"{target}: {error.message}", file=file, line=line, key="base") from error
-            error.others = tuple(one for one in error.others if not _is_varied(one.key or "", blocks.axes))
+            error.others = tuple(one for one in error.others if not _is_varied(within_run(one.key or ""), blocks.axes))
             raise
     try:
         return _written_here(blocks, source, path)

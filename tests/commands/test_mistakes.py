@@ -340,7 +340,7 @@ def test_faults_of_figures_runs_and_blocks_are_told_at_once(shell: Shell) -> Non
     )
     _, _, err = shell("simulate", "c.yaml")
     wanted = ["4:figures.f.panles", "5:claims.0.valeu", "7:runs.a.sede", "7:runs.a.claims", "9:runs.c.d"]
-    assert _places(err) == [*wanted, "8:runs.b.seeds", "7:solver.stpe", "3:observers.A.thetta"], err
+    assert _places(err) == [*wanted, "8:runs.b.seeds", "7:runs.a.solver.stpe", "3:observers.A.thetta"], err
     assert _places(shell("estimate", "c.yaml", "--run", "a")[2])[:2] == ["7:runs.a.sede", "7:runs.a.claims"]
 
 

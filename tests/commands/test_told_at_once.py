@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from shell import Shell
 
+import hgorun
 from hgorun.config.refusals import Refusals, of_other_blocks
 from hgorun.errors import ConfigError, PluginError, Problem
 
@@ -131,3 +132,63 @@ def test_what_has_no_place_yet_leads() -> None:
     with pytest.raises(Problem) as caught:
         faults.refuse()
     assert (caught.value.message, [one.message for one in caught.value.others]) == ("b", ["a", "c"])
+
+
+def test_of_a_measurement_with_a_key_that_is_not_known(shell: Shell) -> None:
+    """Each item of its noise, whatever else is wrong with it, and not what an unknown key leaves out."""
+    noise = "noise: [{type: gausian, std: 1}, {type: uniform, low: 2, hgh: 1}, {type: gaussian, std: 1}]"
+    outputs = "outputs: {x1: {noise: [{type: uniform, low: 2, high: 1}], delay: -3}}"
+    measurement = f"measurement: {{sampling: {{perod: 0.1}}, dely: 2, {noise}, {outputs}}}\n"
+    observers = "observers: {S: {type: shgo, theta: 2}}\n"
+    (shell.folder / "c.yaml").write_text(TIME + PLANT + observers + measurement)
+    found = told(shell, "simulate", "c.yaml")
+    places = ["sampling", "dely", "noise.0.type", "noise.1.hgh", "outputs.x1.noise.0", "outputs.x1.delay"]
+    assert sorted(found) == sorted(f"measurement.{place}" for place in places)
+    (shell.folder / "c.yaml").write_text(TIME + PLANT + observers + "measurement: {dely: 2}\n")
+    assert list(told(shell, "simulate", "c.yaml")) == ["measurement.dely"]
+
+
+def test_of_claims_beside_other_faults(shell: Shell) -> None:
+    claims = """claims:
+  - {id: "1", claim: x, value: "rmse(S, x1", below: 1}
+  - {id: "2", claim: x, value: "rmse(Z, x1)", below: a}
+  - {id: "3", claim: x, value: "rmse(S, x1)", below: 1}
+  - 4
+"""
+    observers = "observers: {S: {type: shgo, theta: 2}}\n"
+    (shell.folder / "c.yaml").write_text(TIME + PLANT + observers + "figures: {f: {panel: 3}}\n" + claims)
+    found = told(shell, "simulate", "c.yaml")
+    assert sorted(found) == ["claims.0.value", "claims.1.below", "claims.1.value", "claims.3", "figures.f.panel"]
+
+
+RUNS = """observers: {A: {type: shgo, theta: 2}, B: {type: shgo, theta: 2, gains: [1]}}
+runs:
+  a: {observers: {A: {theta: -1}, B: {gains: [1, 1]}}}
+  b: {measurement: {delay: -2}}
+  c: {observers: {B: {poles: [-1, -2], gains: ~}, A: {gains: [3]}}}
+"""
+
+
+def test_of_runs_below_their_names(shell: Shell) -> None:
+    """A key that a run says itself stands below its name, one that all of them share at its own place."""
+    (shell.folder / "c.yaml").write_text(TIME + PLANT + RUNS)
+    found = told(shell, "simulate", "c.yaml")
+    assert list(found) == ["runs.a.observers.A.theta", "runs.b.measurement.delay", "runs.c.observers.A.gains"]
+    right = RUNS.replace("theta: -1", "theta: 1").replace("delay: -2", "delay: 0")
+    (shell.folder / "c.yaml").write_text(TIME + PLANT + right)
+    assert list(told(shell, "simulate", "c.yaml")) == ["observers.B.gains", "runs.c.observers.A.gains"]
+    with pytest.raises(ConfigError) as error:
+        hgorun.simulate(hgorun.load(shell.folder / "c.yaml", run="c"))
+    assert error.value.key == "runs.c.observers.A.gains"
+
+
+def test_of_a_base_with_runs_whose_keys_a_sweep_varies(shell: Shell) -> None:
+    """What an axis replaces is told with nothing else."""
+    runs = (
+        "observers: {A: {type: shgo, theta: 2}}\nruns: {b: {observers: {A: {theta: -1}}, measurement: {delay: -2}}}\n"
+    )
+    (shell.folder / "c.yaml").write_text(TIME + PLANT + runs)
+    (shell.folder / "s.yaml").write_text("base: c.yaml\nrun: b\naxes: {observers.A.theta: [2, 3]}\n")
+    assert list(told(shell, "sweep", "s.yaml")) == ["runs.b.measurement.delay"]
+    (shell.folder / "s.yaml").write_text("base: c.yaml\nrun: b\naxes: {solver.step: [0.1, 0.05]}\n")
+    assert list(told(shell, "sweep", "s.yaml")) == ["runs.b.measurement.delay", "runs.b.observers.A.theta"]
