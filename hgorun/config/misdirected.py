@@ -18,7 +18,10 @@ ALL_OBSERVERS = "observers.*."
 """How a path begins that means every observer."""
 _SOUGHT = ("tune", "gains")  # whose keys are paths
 _MOST = 6  # paths in a message
-_IN_BRACKETS = re.compile(r"\[\s*['\"]?([^]['\"]*)['\"]?\s*\]")  # a key or an index, as in Python
+# A key or an index, as in Python; behind a dot or a space a bracket belongs to a name.
+_IN_BRACKETS = re.compile(r"(?<=[^.\s])\[\s*([^][]*?)\s*\]")
+_QUOTED_IN_BRACKETS = re.compile(r"\[\s*(['\"])(.*?)\1\s*\]")
+_QUOTED = re.compile(r"(^|\.)(['\"])(.*?)\2(?=\.|$)")
 
 
 def refuse_lost(data: Any, old: KeyPath, new: Sequence[str], file: str | None = None) -> None:
@@ -40,18 +43,31 @@ def refuse_lost(data: Any, old: KeyPath, new: Sequence[str], file: str | None = 
     """
     if not new:
         return
-    names = tuple(_IN_BRACKETS.sub(r".\1", ".".join(new)).split("."))
+    names = tuple(_between_dots(at(data, old), ".".join(new)).split("."))
     line = None if file is None else 1
     if not old and names[0] not in File.model_fields:
         _refuse_part_of_a_path(data, names, ".".join(new), file, line)
     if names != tuple(new):
         right = dotted((*old, *names))
         raise ConfigError(
-            f"keys and indices stand between dots, not in brackets. Did you mean `{right}`?",
+            f"keys and indices stand between dots, not in brackets or quotes. Did you mean `{right}`?",
             file=file,
             line=line,
             key=dotted((*old, *new)),
         )
+
+
+def _between_dots(block: object, text: str) -> str:
+    """A path into a block without quotes and brackets around keys and indices; names that are there keep their own."""
+    plain = _QUOTED.sub(r"\1\3", _QUOTED_IN_BRACKETS.sub(r".\2", text)).removeprefix(".")
+    rest = plain
+    while rest:
+        there = {str(key): part for key, part in entries(block) if f"{rest}.".startswith(f"{key}.")}
+        if not there:
+            break
+        name = max(there, key=len)
+        block, rest = there[name], rest[len(name) + 1 :]
+    return plain[: len(plain) - len(rest)] + _IN_BRACKETS.sub(r".\1", rest)
 
 
 def _refuse_part_of_a_path(data: Any, names: KeyPath, written: str, file: str | None, line: int | None) -> None:

@@ -172,6 +172,6 @@ def refuse_twins(paths: Sequence[Path], instead: Callable[[Path], str] = lambda 
     seen: dict[str, Path] = {}
     for path in paths:
         if path.stem in seen:
-            what = f"{seen[path.stem]} and {path} have the same name, and results are named after it"
-            raise ConfigError(what + instead(path))
+            two = f"{seen[path.stem]} and {path}"
+            raise ConfigError(f"{two} have the same name, and results are named after it{instead(path)}")
         seen[path.stem] = path

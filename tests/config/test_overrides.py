@@ -354,6 +354,35 @@ def test_the_end_of_a_path_is_no_path(assignment: str, meant: str) -> None:
         assert caught.value.key == assignment.partition("=")[0]
 
 
+@pytest.mark.parametrize(
+    ("path", "meant"),
+    [
+        ('observers."[7] HGO".theta', "observers.[7] HGO.theta"),
+        ("observers['[7] HGO'].theta", "observers.[7] HGO.theta"),
+        ('observers["H[1]"].theta', "observers.H[1].theta"),
+        ("observers[S].theta", "observers.S.theta"),
+        ("observers['S'].theta", "observers.S.theta"),
+        ("observers.'S'.theta", "observers.S.theta"),
+        ("measurement.noise[0].std", "measurement.noise.0.std"),
+        ("measurement['noise'][0]['std']", "measurement.noise.0.std"),
+    ],
+)
+def test_a_path_with_brackets_or_quotes_is_told_without(path: str, meant: str) -> None:
+    """What is proposed is there, also where a label itself has brackets."""
+    text = "observers: {'[7] HGO': {theta: 2}, S: {theta: 2}, 'H[1]': {theta: 2}}\nmeasurement: {noise: [{std: 1}]}"
+    with pytest.raises(ConfigError, match=re.escape(f"not in brackets or quotes. Did you mean `{meant}`?")):
+        set_path(parse(text, "f.yaml"), f"{path}=3")
+    assert set_path(parse(text, "f.yaml"), f"{meant}=3").data != parse(text, "f.yaml").data
+
+
+@pytest.mark.parametrize("label", ["[8] HGO", "S [1]", "'S"])
+def test_brackets_of_a_new_label_are_its_own(label: str) -> None:
+    assert set_path(parse("observers: {S: {theta: 2}}", "f.yaml"), f"observers.{label}.theta=3").data["observers"] == {
+        "S": {"theta": 2},
+        label: {"theta": 3},
+    }
+
+
 def test_a_text_in_place_of_a_list_of_changes(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(EXAMPLE)
     with pytest.raises(ConfigError, match=r"overrides: expected a list, such as \['seed=2'\], found the text 'seed=2'"):
