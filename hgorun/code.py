@@ -48,6 +48,7 @@ FIGURE = (
     "ensemble/never.py",
     "ensemble/points.py",
     "ensemble/statistics.py",
+    "ensemble/unmoved.py",
     "figures",
     "tables/axis_names.py",
     "tables/typeset.py",

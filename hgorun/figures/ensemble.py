@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from types import MappingProxyType
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected import Collected, Floats, levels
 from hgorun.ensemble.never import never
+from hgorun.ensemble.unmoved import said_of_hf
 from hgorun.figures.actors import Actor, texts
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.page import NARROW, TWO
@@ -141,9 +142,10 @@ def _named(axis: str) -> str:
     return f"{words(name)}{whose}" if whose else shown
 
 
-def headed(members: Collected, text: str) -> str:
-    """The title of a figure: whose members it shows, and what is said of them."""
-    return ": ".join(part for part in (members.title or members.name, text) if part)
+def headed(members: Collected, text: str, metrics: Collection[str] = ()) -> str:
+    """The title of a figure: whose members it shows, and what is said of them and of the metrics that are drawn."""
+    said = "; ".join(filter(None, (text, said_of_hf(members, metrics))))
+    return ": ".join(part for part in (members.title or members.name, said) if part)
 
 
 def pooled_over(members: Collected, drawn: Sequence[str]) -> str:

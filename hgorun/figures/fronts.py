@@ -60,7 +60,7 @@ def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure
             _draw(ax, cast, found, [level == one for one in joined])
         what = "medians over random draws" if any(len(part) > 1 for _, part in parts) else "points: members"
         title = f"{what}; lines: {_fronts(members, joined)}; small: others{words_of_lost_points(members, (x, y))}"
-        return finished(figure, axes, columns, headed(members, title), grow=True)
+        return finished(figure, axes, columns, headed(members, title, (x, y)), grow=True)
 
 
 def words_of_lost_points(members: Collected, metrics: Sequence[str]) -> str:

@@ -72,7 +72,7 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
             label = paragraph(cast.quantity(metric, state), _LABEL)
             bar.set_label(said_logarithmic(label) if isinstance(norm, LogNorm) else label)
         title = _title(members, axes, metric, len(cells[0][0]) * len(cells[1][0]))
-        return finished(figure, panels, columns, headed(members, title), grow=cast.narrow)
+        return finished(figure, panels, columns, headed(members, title, (metric,)), grow=cast.narrow)
 
 
 def _title(members: Collected, axes: tuple[str, str], metric: str, cells: int) -> str:

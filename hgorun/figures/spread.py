@@ -79,7 +79,7 @@ def against(members: Collected, axis: str, metrics: Sequence[str], *, width: flo
         _scale(rows)
         title = f"medians, 50 % and 90 % of {_count(members, len(at))}{pooled_over(members, [axis])}"
         title += words_of_lost_at(members, whose, len(at), metrics)
-        return finished(figure, axes, columns, headed(members, title), grow=True)
+        return finished(figure, axes, columns, headed(members, title, metrics), grow=True)
 
 
 def _count(members: Collected, places: int) -> str:
@@ -163,7 +163,7 @@ def boxes(members: Collected, metrics: Sequence[str], *, width: float = WIDTH) -
         _scale(rows)
         title = f"median, box 50 %, whiskers 90 % of {len(members)} members{pooled_over(members, [])}"
         title += _above_boxes(members, metrics)
-        return finished(figure, axes, columns, headed(members, title), grow=True)
+        return finished(figure, axes, columns, headed(members, title, metrics), grow=True)
 
 
 def _box(ax: Axes, place: int, values: Floats, sound: NDArray[np.bool_], look: Look) -> Floats:

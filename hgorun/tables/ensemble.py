@@ -10,6 +10,7 @@ from typing import Any
 from hgorun.ensemble.collected import Collected, levels, shown
 from hgorun.ensemble.points import points
 from hgorun.ensemble.statistics import Difference, Statistics, Summary, largest_errors, statistics
+from hgorun.ensemble.unmoved import said_of_hf
 from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.tables.axis_names import bracketed, names_of_points, short_axis, unit_of_axis
 from hgorun.tables.layout import Name, apart, number, packed, wrapped
@@ -160,7 +161,7 @@ def _whole(one: Compared, *, pairs: bool) -> list[str]:
         names = [Name(f"{label} ", state) for label, _, state in keys]
         for block in packed(names, [[column] for column in columns], title=metric + _unit_of(metric, one)):
             lines += ["", *block]
-    lines += [line for words in said_of_times(one) for line in ("", *wrapped(printable(words)))]
+    lines += [line for words in said_of_numbers(one) for line in ("", *wrapped(printable(words)))]
     lines += ["", *wrapped(_NOTE if part.independent else _POOLED_NOTE)]
     if part.differences and pairs:
         columns_of: dict[tuple[str, str], list[str]] = {}
@@ -199,8 +200,8 @@ def _unit_of(metric: str, one: Compared) -> str:
     return bracketed(found.pop()) if len(found) == 1 else ""
 
 
-def said_of_times(one: Compared) -> list[str]:
-    """What ``never`` means, and of which other times the mean is too small, and why; nothing where there are none."""
+def said_of_numbers(one: Compared) -> list[str]:
+    """What ``never`` means, which other times have means that are too small, and why hf is 0; of what there is."""
     most: dict[tuple[str, str, str], tuple[int, int]] = {}
     for part in one.parts:
         for key, count in part.cut.items():
@@ -211,7 +212,8 @@ def said_of_times(one: Compared) -> list[str]:
     if who:
         where = ", in the row with most of them" if one.points else ""
         said.append(f"{', '.join(who)} members never settle{where}; {_TOO_SMALL}")
-    return said
+    said.append(said_of_hf(one.members, {metric for _, metric, _ in one.whole.summaries}))
+    return list(filter(None, said))
 
 
 def said_of_errors(members: Collected) -> list[str]:
@@ -243,7 +245,7 @@ def _by_point(one: Compared) -> list[str]:
         columns = [[label, *(_mean_at(part, label, metric, state) for part in one.points)] for label in observers]
         for block in packed(rows, [[column] for column in columns], title=_named(metric, state, one).whole):
             lines += ["", *block]
-    lines += [line for words in said_of_times(one) for line in ("", *wrapped(printable(words)))]
+    lines += [line for words in said_of_numbers(one) for line in ("", *wrapped(printable(words)))]
     what = "mean ± 95 % interval" if any(part.independent for part in one.parts) else "mean"
     return [*lines, "", *wrapped(f"{what}; in brackets the number of members without numbers")]
 

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from hgorun.ensemble.statistics import Statistics
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import names_of_values, short_axis, unit_of_axis
-from hgorun.tables.ensemble import Compared, best, said_of_times
+from hgorun.tables.ensemble import Compared, best, said_of_numbers
 from hgorun.tables.latex import NEEDS, latex_head, latex_unit
 from hgorun.tables.rows import NEVER
 from hgorun.tables.typeset import latex_number, latex_words, symbol
@@ -59,7 +59,7 @@ def _tabular(one: Compared) -> str:
         text = "; ".join(map(latex_words, notes)).replace("±", r"$\pm$")
         said = [
             line
-            for words in (*bold, *said_of_times(one))
+            for words in (*bold, *said_of_numbers(one))
             for line in textwrap.wrap(words, _LINE, break_on_hyphens=False)
         ]
         below = [text, *map(latex_words, said)]

@@ -15,6 +15,7 @@ from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
 from hgorun.ensemble.collected import Collected, Trajectories
+from hgorun.ensemble.unmoved import said_of_hf
 from hgorun.errors import ConfigError
 from hgorun.figures.bands import bands, family
 from hgorun.figures.data import moving_maximum
@@ -29,6 +30,7 @@ from hgorun.figures.page import STYLES, Page, on_page
 from hgorun.figures.spread import against, boxes
 from hgorun.figures.style import styled
 from hgorun.figures.ticks import tick
+from hgorun.tables.ensemble import compared, said_of_numbers
 
 THETA, PERIOD = "observers.F.theta", "measurement.sampling.period"
 THETAS, PERIODS, SEEDS = np.array([2.0, 4.0, 8.0, 16.0]), np.array([0.1, 0.2, 0.3]), np.arange(9)
@@ -184,6 +186,20 @@ def test_boxes_tell_how_many_are_lost() -> None:
     figure = boxes(members.where(members.axes[THETA] == THETAS[-1]), ["hf"])
     assert [text.get_text() for text in figure.axes[0].texts] == ["18 lost"]
     assert [label.get_text() for label in figure.axes[0].get_xticklabels()] == ["F", "S"]
+
+
+def test_an_hf_that_says_nothing_is_told_where_it_is_drawn() -> None:
+    members = made(lost=False)
+    still = replace(members, metrics={**members.metrics, "hf": np.zeros_like(members.metrics["hf"])})
+    why = "its moving mean is no longer than a step; set metrics.average"
+    said = f"hf is 0 of all members, whatever their errors are: {why}"
+    assert caption(front(still, "hf", "settling")).endswith(said)
+    assert said not in caption(against(still, THETA, ["rmse"]))
+    assert said_of_hf(still, ["rmse", "hf"]) == said
+    assert said_of_hf(members, ["hf"]) == said_of_hf(still, ["rmse"]) == ""
+    exact = replace(still, metrics={**still.metrics, "rmse": np.zeros_like(members.metrics["rmse"])})
+    assert said_of_hf(exact, ["hf"]) == ""  # there is no error
+    assert said_of_numbers(compared(still, [])) == [said]
 
 
 def unsettled() -> Collected:
