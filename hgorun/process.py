@@ -29,6 +29,7 @@ unfinished: set[Path] = set()
 """Temporary files that this process is writing."""
 
 _ended_by: list[int] = []  # exit codes of the signals that came, the first one first
+_instead: list[int] = []  # the exit code of a process that a signal ends, where it is not the signal's
 _postponed: list[list[int]] = []  # codes of signals that wait for the end of what is done whole
 _said: set[str] = set()  # what has been said on stderr
 _remaining: list[Callable[[], str]] = []  # what is to be said besides where a signal ends the process
@@ -63,7 +64,13 @@ def _leave(code: int) -> NoReturn:
         say_ended(code)
     with suppress(OSError, ValueError):
         sys.stdout.flush()
-    os._exit(code)
+    os._exit(_instead[0] if _instead else code)
+
+
+def end_with(code: int) -> NoReturn:
+    """End a process that a signal ends in its course, with an exit code that says more than which signal it was."""
+    _instead[:] = [code]
+    raise SystemExit(code)
 
 
 def processors() -> int:

@@ -13,6 +13,7 @@ from typing import Protocol
 
 from hgorun.commands.mqtt_address import Address, Credentials, client_id_of, require_topic
 from hgorun.commands.mqtt_session import Message, Session
+from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_lines import Block, JsonForm, Sample
 from hgorun.commands.stream_progress import Redelivered
@@ -27,7 +28,7 @@ from hgorun.commands.stream_samples import (
 )
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, HgorunError, printable
-from hgorun.process import say
+from hgorun.process import end_with, say
 
 _TOLD = 20  # messages that are left out and told; of more it is known that there are more
 
@@ -43,7 +44,7 @@ class Broker(Protocol):
 
 
 def follow_topic(source: Source, name: str, options: Estimate) -> int:
-    """Follow a topic until the process is ended."""
+    """Follow a topic until the process is ended; with ``strict`` its exit code says whether all has been well."""
     refuse_results(options)
     if find_spec("paho") is None:
         raise HgorunError("MQTT needs the package paho-mqtt: pip install 'hgorun[mqtt]'")
@@ -63,8 +64,12 @@ def follow_topic(source: Source, name: str, options: Estimate) -> int:
     try:
         while True:
             follower.take_some(session)
+    except (KeyboardInterrupt, SystemExit):  # a topic has no other end
+        if options.strict and not follower.one_by_one.all_ok:
+            end_with(NOT_OK)
+        raise
     finally:
-        tell_left_out(follower.one_by_one, stream.experiment)
+        tell_left_out(follower.one_by_one, stream)
         with suppress(OSError):
             session.close()
 

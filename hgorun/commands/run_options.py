@@ -108,7 +108,10 @@ class Estimate(Configured, Drawing):
     ] = True
     strict: Annotated[
         bool,
-        typer.Option("--strict", help="Exit with code 3 if a status is not ok, or a gate left out too many samples."),
+        typer.Option(
+            "--strict",
+            help="Exit with code 3 if a status is not ok, or a gate left out too many samples; of a stream at its end.",
+        ),
     ] = False
 
     @property

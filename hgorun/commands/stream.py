@@ -6,6 +6,7 @@ import sys
 import time as clock
 from collections.abc import Iterator
 
+from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_lines import Block, CsvForm, JsonForm, Sample, Samples, read
 from hgorun.commands.stream_progress import InOrder
@@ -19,7 +20,7 @@ _SECONDS = 1.0  # between two checkpoints
 
 
 def follow(source: Source, name: str, options: Estimate) -> int:
-    """Follow the stream to its end."""
+    """Follow the stream to its end, and say with ``strict`` whether all has been as it should be."""
     refuse_results(options)
     if options.publish is not None or options.client_id is not None:
         raise ConfigError("--publish and --client-id are for brokers: hgorun estimate CONFIG mqtt://HOST/TOPIC")
@@ -37,11 +38,11 @@ def follow(source: Source, name: str, options: Estimate) -> int:
         _follow(form, blocks, one_by_one, progress)
     except (ConfigError, KeyboardInterrupt, SystemExit):  # between two samples: both are as they should be
         progress.save_what_there_is()
-        tell_left_out(one_by_one, stream.experiment)
+        tell_left_out(one_by_one, stream)
         raise
     progress.save()
-    tell_left_out(one_by_one, stream.experiment)
-    return 0
+    tell_left_out(one_by_one, stream)
+    return NOT_OK if options.strict and not one_by_one.all_ok else 0
 
 
 def _follow(form: CsvForm | JsonForm, blocks: Iterator[Block], one_by_one: OneByOne, progress: InOrder) -> None:

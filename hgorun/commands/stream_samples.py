@@ -21,6 +21,7 @@ from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.lateness import why_refused
+from hgorun.estimate.shut_out import too_many
 from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.observers.treatment import treatment_of
 from hgorun.process import say, uninterrupted
@@ -142,6 +143,12 @@ class OneByOne:
     progress: Progress
     writer: Writer
 
+    @property
+    def all_ok(self) -> bool:
+        """Whether all that has been told is as it should be; as of a file, a gate may leave out some samples."""
+        counts = [pair for of_outputs in self.estimator.gated.values() for pair in of_outputs.values()]
+        return self.writer.all_ok and not self.estimator.any_lost and not any(too_many(*pair) for pair in counts)
+
     def take(self, sample: Sample) -> None:
         """Take a sample, and write what is known then."""
         if self.progress.knows(sample):
@@ -171,8 +178,9 @@ class OneByOne:
                 self.progress.late[sample.signal] += 1
 
 
-def tell_left_out(one_by_one: OneByOne, experiment: Experiment) -> None:
+def tell_left_out(one_by_one: OneByOne, stream: Stream) -> None:
     """On stderr, at the end: how many samples gates have left out, and how many since they were late."""
+    experiment = stream.experiment
     if all(treatment_of(observer) == "drop" for observer in experiment.observers.values()):
         for output, count in one_by_one.progress.late.items():
             left_out = f"{count} samples of {output} were left out since they were late (late: drop)"
@@ -180,7 +188,11 @@ def tell_left_out(one_by_one: OneByOne, experiment: Experiment) -> None:
     for label, of_outputs in one_by_one.estimator.gated.items():
         for output, (count, offered) in of_outputs.items():
             if count:
-                say(f"hgorun: {label}: the gate of {output} left out {count} of {offered} samples")
+                why = ""
+                if too_many(count, offered):
+                    small = f"whether std or the gate of {stream.said.gates[output]:g} is too small"
+                    why = f", too many for outliers: look at their unit, the model, and {small}"
+                say(f"hgorun: {label}: the gate of {output} left out {count} of {offered} samples{why}")
 
 
 class Grid:
@@ -201,10 +213,17 @@ class Grid:
 
 
 class Writer:
-    """Writes estimates as lines, in the form of the input."""
+    """Writes estimates as lines, in the form of the input.
+
+    Attributes
+    ----------
+    all_ok : bool
+        Whether the status of all lines has been ``ok``.
+    """
 
     def __init__(self, stream: TextIO, estimator: Estimator, *, as_json: bool) -> None:
         self._stream, self._estimator, self._as_json = stream, estimator, as_json
+        self.all_ok = True
         if not as_json:
             stream.write(",".join(["t", "observer", *estimator.states, "status"]) + "\n")
 
@@ -217,6 +236,7 @@ class Writer:
                 status = "diverged"
             elif not all(map(math.isfinite, numbers)):
                 status = "undefined"
+            self.all_ok &= status == "ok"
             if self._as_json:
                 states = zip(self._estimator.states, numbers, strict=True)
                 values = {s: v if math.isfinite(v) else None for s, v in states}
@@ -229,6 +249,7 @@ class Writer:
         moments, found = list(map(repr, times.tolist())), []
         for label, (xhat, lost) in estimates.items():
             status = np.where(lost, "diverged", np.where(np.isfinite(xhat).all(axis=1), "ok", "undefined"))
+            self.all_ok &= bool(np.all(status == "ok"))
             numbers = [map(repr, column) for column in xhat.T.tolist()]
             found.append(map(",".join, zip(moments, repeat(label), *numbers, status.tolist())))
         self._stream.write("\n".join(chain.from_iterable(zip(*found, strict=True))) + "\n")

@@ -199,14 +199,52 @@ def test_kills_at_any_packet_lose_nothing(shell: Shell, monkeypatch: pytest.Monk
     assert process.wait() == 143
 
 
-def started(shell: Shell, broker: Broker) -> subprocess.Popen[bytes]:
+def started(shell: Shell, broker: Broker, *more: str) -> subprocess.Popen[bytes]:
     """The command in a process of its own."""
     address = f"mqtt://127.0.0.1:{broker.port}/plant/+"
-    words = ["estimate", "plant.yaml", address, "--checkpoint", STATE, "--publish", "estimates"]
+    words = ["estimate", "plant.yaml", address, "--checkpoint", STATE, "--publish", "estimates", *more]
     environment = {**os.environ, "PYTHONPATH": str(Path(__file__).parents[2])}
     return subprocess.Popen(
         [sys.executable, "-m", "hgorun", *words], cwd=shell.folder, env=environment, stderr=subprocess.DEVNULL
     )
+
+
+@pytest.mark.parametrize(("theta", "strict", "wanted"), [(4000, True, 3), (4000, False, 143), (2, True, 143)])
+def test_a_topic_that_is_followed_no_more_says_whether_all_was_well(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, theta: float, strict: bool, wanted: int
+) -> None:
+    """Its only end is that of the process."""
+
+    class Stopped:
+        def __init__(self, *_: object, **__: object) -> None:
+            self.left = [[Message("plant/any", line.encode(), 1, 1) for line in samples(30)]]
+
+        def messages(self) -> list[Message]:
+            if not self.left:
+                raise SystemExit(143)
+            return self.left.pop()
+
+        def acknowledge(self, messages: list[Message]) -> None: ...
+
+        def close(self) -> None: ...
+
+    monkeypatch.setattr("hgorun.commands.mqtt.Session", Stopped)
+    more = ["--strict"] if strict else []
+    words = ("estimate", "plant.yaml", "mqtt://h/plant/+", "--checkpoint", STATE, "--set", f"observers.o.theta={theta}")
+    code, out, _ = shell(*words, *more)
+    assert code == wanted
+    assert ('"diverged"' in out) == (theta > 2)
+
+
+@pytest.mark.slow
+def test_a_signal_that_ends_a_topic_ends_with_the_code_of_strict(shell: Shell, broker: Broker) -> None:
+    process = started(shell, broker, "--strict", "--set", "observers.o.theta=4000")
+    broker.wait_until(lambda: any(one.topics for one in broker.sessions.values()))
+    for line in samples(30):
+        broker.publish("plant/any", line)
+    broker.wait_until(lambda: len(broker.received) > 0 and not broker.unacknowledged)
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=60) == 3
 
 
 def test_messages_that_are_wrong_are_told_and_acknowledged(

@@ -86,6 +86,39 @@ def test_what_gates_leave_out_of_a_stream_is_counted(shell: Shell, monkeypatch: 
     assert (code, err) == (0, "hgorun: K: the gate of a left out 2 of 39 samples\n")
 
 
+TOO_FAST = "observers.o.theta=4000"  # for steps of 0.02
+
+
+@pytest.mark.parametrize("of", [io.StringIO, bytes_of])
+@pytest.mark.parametrize(("set_", "strict", "wanted"), [(TOO_FAST, True, 3), (TOO_FAST, False, 0), ("seed=1", True, 0)])
+def test_the_exit_code_says_whether_an_observer_of_a_stream_has_numbers(
+    shell: Shell,
+    monkeypatch: pytest.MonkeyPatch,
+    of: Callable[[str], io.TextIOBase],
+    set_: str,
+    strict: bool,
+    wanted: int,
+) -> None:
+    monkeypatch.setattr(sys, "stdin", of("\n".join(["t,signal,y", *stream(30)])))
+    more = ["--strict"] if strict else []
+    code, out, _ = shell("estimate", "pendulum.yaml", "-", "--set", CONSTANT, "--set", set_, *more)
+    assert code == wanted
+    assert out.splitlines()[-1].rpartition(",")[2] == ("diverged" if set_ == TOO_FAST else "ok")
+
+
+@pytest.mark.parametrize(("bad", "wanted", "told"), [(2, 0, ""), (12, 3, ", too many for outliers: look at")])
+def test_the_exit_code_says_whether_a_gate_leaves_out_too_many_samples(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, bad: int, wanted: int, told: str
+) -> None:
+    """Also where the process goes on from a checkpoint behind the last one that was left out."""
+    kalman = ("--set", "observers={K: {type: ekf, Q: {b: 0.1}, R: 0.01}}", "--strict", "--checkpoint", "state")
+    lines = [f"{0.1 * k:.1f},a,{np.sin(0.1 * k) + 5 * (10 <= k < 10 + bad):.4f}" for k in range(1, 31)]
+    for end in (25, 30):
+        code, _, err = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines[:end]]), *kalman)
+        assert code == wanted
+        assert f"hgorun: K: the gate of a left out {bad} of {end} samples{told}" in err
+
+
 def test_a_stream_on_a_grid_of_its_own(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     _, out, _ = piped(
         shell, monkeypatch, "\n".join(["t,signal,y,available", "0.1,a,0.1,0.3", "1.0,a,0.8,"]), "--every", "0.25"
