@@ -194,7 +194,7 @@ class Tune(Printing, Drawing):
         typer.Option(
             "--set",
             metavar="tune.KEY=VALUE",
-            help="Change a key of tune; repeatable.",
+            help="Change a key of tune, or any one of recorded data; repeatable.",
             autocompletion=completion.keys,
         ),
     ] = field(default_factory=list)

@@ -28,6 +28,7 @@ from hgorun.process import say
 from hgorun.simulation.experiment import Experiment
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tuning.gain import Gain, at_an_end, refuse_ends
+from hgorun.tuning.loading import is_of_tune
 
 _OF_PLANT = "plant.parameters."
 
@@ -68,13 +69,22 @@ def tune_data(options: Options, text: str, source: Source) -> int:
         _warn(one, options.config.stem, experiments[0])
     numbers = {path: rounded(value) for one in found for path, value in one.gains.items()}
     before = there([target])
-    write_text(target, with_values(options.config, numbers, target))
+    overrides = [one for one in options.overrides if not is_of_tune(one)]
+    write_text(target, _with_overrides(with_values(options.config, numbers, target, overrides=overrides), overrides))
+    if overrides:
+        say(f"hgorun: {options.config.stem}: {target} has the values of --set, too")
     if options.json:
         print(json_text.dumps(json_value(_as_json(found, options.config.stem, target)), indent=2, allow_nan=False))
     elif options.text:
         print(_table(found))
         print(written([target], before))
     return 0
+
+
+def _with_overrides(text: str, overrides: Sequence[str]) -> str:
+    """The tuned configuration, and what it has from the command line."""
+    said = (f"# --set {' '.join(one.split())}\n" for one in overrides)
+    return "".join(line for line in said if line not in text) + text
 
 
 def _samples(log: Log, goal: Goal) -> Samples:

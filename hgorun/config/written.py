@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import copy
 import os
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeGuard
 
 import yaml
 
+from hgorun.config.differences import different
 from hgorun.config.overrides import replaced
-from hgorun.config.paths import at
+from hgorun.config.paths import at, copy
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.errors import KeyPath
@@ -23,7 +24,9 @@ _COLUMNS = ("outputs", "inputs", "reference")
 _DIGITS = 6
 
 
-def with_values(path: Path, values: Mapping[str, Value], target: Path, *, run: str | None = None) -> str:
+def with_values(
+    path: Path, values: Mapping[str, Value], target: Path, *, run: str | None = None, overrides: Sequence[str] = ()
+) -> str:
     """The text of a configuration with values in place of its own; numbers have all their digits.
 
     Where all of them stand in the file as single values, its text is kept but for them, and for the names of the files
@@ -40,31 +43,38 @@ def with_values(path: Path, values: Mapping[str, Value], target: Path, *, run: s
         Where the text will stand.
     run : str, optional
         Whose values they are, where the file has several runs.
+    overrides : sequence of str, optional
+        Assignments of ``--set`` that the text has, too.
     """
-    text, source = read_source(path)
-    beside = Path(os.path.relpath(path.parent.resolve(), target.parent.resolve()))
+    text, before = read_source(path)
+    _, source = read_source(path, overrides)
+    way = Path(os.path.relpath(path.parent.resolve(), target.parent.resolve()))
+    if way != Path():
+        source = replace(source, data=beside(source, path.parent, target.parent))
+    changes = dict(different(before.data, source.data))
     scalars = _scalars(yaml.compose(text, Loader=yaml.SafeLoader))
-    edits: list[tuple[yaml.ScalarNode, str]] = []
-    moved = {place: str(beside / name) for place, name in _files(source)} if beside != Path() else {}
-    if any(place not in scalars for place in moved):
-        return _on_top(beside / path.name, values, source, run, moved)
+    edits: dict[KeyPath, str] = {}
+    for place, value in changes.items():
+        if place not in scalars or not _is_single(value):
+            return _on_top(way / path.name, values, source, run, changes)
+        edits[place] = _written(value)
     for name, value in values.items():
-        node = next((scalars[place] for place in _places(source, name, value, run) if place in scalars), None)
-        if node is None or isinstance(value, list):
-            return _on_top(beside / path.name, values, source, run, moved)
-        edits.append((node, _written(value)))
+        found = next((place for place in _places(source, name, value, run) if place in scalars), None)
+        if found is None or not _is_single(value):
+            return _on_top(way / path.name, values, source, run, changes)
+        edits[found] = _written(value)
     extended = scalars.get(("extends",))
-    if extended is not None:
-        edits.append((extended, _quoted(str(beside / str(extended.value)))))
-    edits += [(scalars[place], _quoted(name)) for place, name in moved.items()]
-    for node, new in sorted(edits, key=lambda edit: -edit[0].start_mark.index):
-        text = text[: node.start_mark.index] + new + text[node.end_mark.index :]
+    if extended is not None and way != Path():
+        edits[("extends",)] = _quoted(str(way / str(extended.value)))
+    nodes = {place: scalars[place] for place in edits}
+    for place, node in sorted(nodes.items(), key=lambda one: -one[1].start_mark.index):
+        text = text[: node.start_mark.index] + edits[place] + text[node.end_mark.index :]
     return text
 
 
 def beside(source: Source, folder: Path, target: Path) -> dict[str, Any]:
     """What a configuration in a folder says, with the files of its data as seen from another folder."""
-    data: dict[str, Any] = copy.deepcopy(source.data)
+    data: dict[str, Any] = copy(source.data)
     way = Path(os.path.relpath(folder.resolve(), target.resolve()))
     for place, name in _files(source):
         holder: Any = at(data, place[:-1])
@@ -108,11 +118,12 @@ def _files(source: Source) -> Iterator[tuple[KeyPath, str]]:
 
 
 def _on_top(
-    base: Path, values: Mapping[str, Value], source: Source, run: str | None, files: Mapping[KeyPath, str]
+    base: Path, values: Mapping[str, Value], source: Source, run: str | None, changes: Iterable[KeyPath]
 ) -> str:
-    """A file that extends another one and has the values, and the names of files, of its own.
+    """A file that extends another one and has the values of its own, and those of a source at some places.
 
-    Where a value stands in a list, that list: one on top of another replaces it as a whole.
+    Where a value stands in a list, that list: one on top of another replaces it as a whole. What the source does not
+    have is removed.
     """
     data: dict[str, Any] = {"extends": str(base)}
     places: list[KeyPath] = []
@@ -121,13 +132,9 @@ def _on_top(
         places.append(place)
     for place in dict.fromkeys(map(_outside_lists, places)):
         _put(data, place if run is None else ("runs", run, *place), at(source.data, place))
-    for place, file in files.items():
-        if isinstance(place[-1], int):
-            *above, last = place[:-1]
-            _holder(data, above).setdefault(str(last), []).append(file)
-        else:
-            _put(data, place, file)
-    return str(yaml.safe_dump(data, sort_keys=False, allow_unicode=True))
+    for place in dict.fromkeys(map(_outside_lists, changes)):
+        _put(data, place, at(source.data, place[:-1]).get(place[-1]))
+    return str(yaml.safe_dump(copy(data), sort_keys=False, allow_unicode=True))
 
 
 def _outside_lists(place: KeyPath) -> KeyPath:
@@ -162,6 +169,10 @@ def _scalars(root: yaml.Node | None) -> dict[KeyPath, yaml.ScalarNode]:
         elif isinstance(node, yaml.SequenceNode):
             todo += [((*path, i), value) for i, value in enumerate(node.value)]
     return {path: node for path, node in found.items() if seen[node.start_mark.index] == 1}
+
+
+def _is_single(value: object) -> TypeGuard[bool | int | float | str]:
+    return isinstance(value, bool | int | float | str)
 
 
 def _quoted(name: str) -> str:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hgorun.config.differences import different
 from hgorun.config.paths import entries
 from hgorun.config.reading import read_source
 from hgorun.config.written import with_values
@@ -90,7 +91,7 @@ class Keeper:
             if self.bench.run_name is not None:
                 raise _Gone
             before = read_source(self.bench.path)[1].data
-            values = {".".join(map(str, place)): value for place, value in _different(before, shown.said.data)}
+            values = {".".join(map(str, place)): value for place, value in _changed(before, shown.said.data)}
         except _Gone:
             return self.bench.text(shown, target)
         text = with_values(self.bench.path, values, target)
@@ -118,33 +119,22 @@ class Keeper:
             )
 
 
-def _different(before: Any, after: Any, place: KeyPath = ()) -> Iterator[tuple[KeyPath, Any]]:
-    """What has another value, or is new, and where: as deep as it can be said.
+def _changed(before: Any, after: Any) -> Iterator[tuple[KeyPath, Any]]:
+    """The values that are others, or new, and where.
 
     Raises
     ------
     _Gone
         Where something is no longer there.
     """
-    if before == after and type(before) is type(after):
-        return
-    if isinstance(before, dict) and isinstance(after, dict):
-        if before.keys() - after.keys():
+    for place, value in different(before, after):
+        if value is None:
             raise _Gone
-        for key, part in after.items():
-            if key in before:
-                yield from _different(before[key], part, (*place, key))
-            else:
-                yield from _leaves(part, (*place, key))
-    elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
-        for i, (one, other) in enumerate(zip(before, after, strict=True)):
-            yield from _different(one, other, (*place, i))
-    else:
-        yield place, after
+        yield from _leaves(value, place)
 
 
 def _leaves(part: Any, place: KeyPath) -> Iterator[tuple[KeyPath, Any]]:
-    """The values of what is new: those inside a mapping each."""
+    """The values of a part: those inside a mapping each."""
     if isinstance(part, dict) and part:
         for key, inner in entries(part):
             yield from _leaves(inner, (*place, key))

@@ -54,7 +54,7 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
         For anything wrong in them: file, line, key, what was found and what would be right.
     """
     for assignment in overrides:
-        if not assignment.startswith(("tune.", "tune=")):
+        if not is_of_tune(assignment):
             raise ConfigError(
                 f"--set {assignment}: only keys of tune can be changed here; the tuned file would lack other changes"
             )
@@ -79,6 +79,11 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     for task in asked.tasks:
         refuse(task.base, _ends(task))
     return asked
+
+
+def is_of_tune(assignment: str) -> bool:
+    """Whether an assignment of ``--set`` says how to tune, and nothing of what is tuned."""
+    return assignment.startswith(("tune.", "tune="))
 
 
 def _goal(data: Mapping[str, Any]) -> str:

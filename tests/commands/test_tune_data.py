@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import yaml
 from shell import Shell
+
+from hgorun.commands import tune_data
 
 CONFIG = """
 plant:
@@ -69,6 +72,29 @@ def test_the_model_is_found_with_the_gain(shell: Shell, logs: list[str]) -> None
     assert one["held_out"]["holdout_rmse(o, *)"] < 0.05  # in standard deviations
     written = yaml.safe_load((shell.folder / "results" / "tuned.tuned.yaml").read_text())
     assert written["plant"]["parameters"]["k"] == pytest.approx(one["gains"]["plant.parameters.k"], rel=1e-5)
+
+
+def test_what_was_set_stands_in_the_tuned_file(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Otherwise it would be another configuration than the one that was tuned: here one without the observer."""
+
+    def at_once(*_: object) -> object:
+        return SimpleNamespace(sought=[], gains={"observers.NEW.theta": 2.5})
+
+    monkeypatch.setattr(tune_data, "_tuned", at_once)
+    monkeypatch.setattr(tune_data, "_table", lambda _: "")
+    changed(shell, "gains", {"observers.NEW.theta": {"log": [2, 4]}})
+    new, plant = "observers.NEW={type: shgo, theta: 3, poles: -1}", "plant.parameters.k=4"
+    words = ["--set", new, "--set", plant, "--set", "tune.minimise=holdout_rmse(NEW, a)"]
+    code, _, err = shell("tune", "tuned.yaml", *words)
+    assert (code, err) == (0, "hgorun: tuned: results/tuned.tuned.yaml has the values of --set, too\n")
+    text = (shell.folder / "results" / "tuned.tuned.yaml").read_text()
+    assert text.startswith(f"# --set {new}\n# --set {plant}\nextends: ../tuned.yaml\n")
+    written = yaml.safe_load(text)
+    assert written["observers"] == {"NEW": {"type": "shgo", "theta": 2.5, "poles": -1}}
+    assert written["plant"] == {"parameters": {"k": 4}}
+    assert "tune" not in written
+    code, _, err = shell("estimate", "results/tuned.tuned.yaml", "--export-samples", "-", "-q")
+    assert (code, err) == (0, "")
 
 
 @pytest.mark.slow

@@ -8,7 +8,8 @@ import pytest
 import yaml
 
 from hgorun import load
-from hgorun.config.written import with_values
+from hgorun.config.reading import read_source
+from hgorun.config.written import beside, with_values
 from hgorun.study.loading import load_study
 
 PLAIN = """\
@@ -92,10 +93,38 @@ def test_files_with_data_are_found_from_elsewhere(tmp_path: Path, files: str) ->
         named = [(target.parent / name).resolve().relative_to(tmp_path.resolve()).name for name in names]
         assert named == files.strip("[]").split(", ")
         assert (target.parent / found["data"]["outputs"]["a"]["file"]).resolve() == (tmp_path / "sub/a.csv").resolve()
-        assert found["data"]["reference"]["a"]["file"] == "/lab/b.csv"
+        assert read_source(target)[1].data["data"]["reference"]["a"]["file"] == "/lab/b.csv"
         assert found["observers"]["F"][number] == 5.0
     beside = with_values(own, {"observers.F.theta": 5.0}, tmp_path / "b.yaml")
     assert beside == own.read_text().replace("theta: 3", "theta: 5")
+
+
+@pytest.mark.parametrize(
+    ("overrides", "kept"),
+    [
+        (["data.time=u", "observers.F.theta=7"], True),  # single values of the file: its own text
+        (["data.outputs.a.std=0.1"], False),
+        (["observers.G={type: fhgo1, theta: 2, r: 1, poles: -1}"], False),
+        (["observers.F={type: fhgo2, theta: 2, r: 1, poles: [-1, -2]}"], False),  # in place of another type
+        (["observers.F={type: shgo, theta: 2}"], False),  # without poles
+        (["data.reference=null", "observers.F.poles=null"], False),
+        (["data.file=[c.csv, d.csv]"], False),
+        (["plant={type: van_der_pol, initial: {x1: 1, x2: 0}}", "data.outputs={x1: x1}"], False),
+    ],
+)
+@pytest.mark.parametrize("folder", [".", "results"])
+def test_assignments_are_in_the_text(tmp_path: Path, folder: str, overrides: list[str], kept: bool) -> None:
+    path = tmp_path / "own.yaml"
+    path.write_text(RECORDED.replace("FILES", "log.csv"))
+    target = tmp_path / folder / "tuned.yaml"
+    target.parent.mkdir(exist_ok=True)
+    label = "G" if "observers.G" in overrides[0] else "F"
+    text = with_values(path, {f"observers.{label}.theta": 5.0}, target, overrides=overrides)
+    assert ("# measured" in text) == kept
+    target.write_text(text)
+    wanted = read_source(path, [*overrides, f"observers.{label}.theta=5"])[1]
+    found = {key: value for key, value in read_source(target)[1].data.items() if key != "extends"}
+    assert found == (wanted.data if folder == "." else beside(wanted, tmp_path, target.parent))
 
 
 def test_numbers_have_all_their_digits(tmp_path: Path) -> None:
