@@ -32,7 +32,8 @@ class ContinuousBank(BySampling, ByLateness, ObserverBank):
     the solver's steps and after samples, at most one switch each. So eta_sigma stays below (min eta_k)/eps after each
     decision, and below 1/eps of the nominal's; for eps < 1 the ratio of two costs has to change by eps^2 before the way
     back. With eps = 1 equal costs do not switch, but almost equal ones may at every step. ``reset: true``: at a switch
-    all modes but the nominal and the new one begin at the new one's estimate and cost. The nominal mode is never reset.
+    all modes but the nominal and the new one begin at the new one's estimate and cost, of samples with its innovation.
+    The nominal mode is never reset.
 
     Modes are those of any observer of chains with the keys ``theta`` (``thetas``) or ``gains`` that has a flow only,
     for its plants. The theorem asks for nu below the nominal's rate of decay. lam2 > 0 in the units of the state counts
@@ -77,6 +78,13 @@ class SampledBank(ObserverBank, CorrectedObserver):
             for x, held in zip(estimates(s), ca.vertsplit(s.innovations), strict=True)
         ]
         return {"innovations": ca.vertcat(*rows)}
+
+    def begun_again(self, s: Symbols, best: ca.SX) -> dict[str, ca.SX]:
+        """The innovation that is held, too: that of an estimate which is thrown away says nothing of the new one."""
+        first, *others = ca.vertsplit(s.innovations)
+        chosen = chosen_of(best, [first, *others])
+        rows = [ca.if_else(best != s.mode, chosen, own) for own in others]
+        return {**super().begun_again(s, best), "innovations": ca.vertcat(first, *rows)}
 
 
 class LateBank(ObserverBank, RecallingObserver):

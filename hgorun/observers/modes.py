@@ -204,9 +204,9 @@ class ObserverBank(NoiseInformed, NotLinear, SeveralGains, DecidedObserver):
             best, least = ca.if_else(less, i, best), ca.if_else(less, eta, least)
         if not self.reset or len(etas) == 1:
             return {"mode": best}
-        return {"mode": best, **self._begun_again(s, best)}
+        return {"mode": best, **self.begun_again(s, best)}
 
-    def _begun_again(self, s: Symbols, best: ca.SX) -> dict[str, ca.SX]:
+    def begun_again(self, s: Symbols, best: ca.SX) -> dict[str, ca.SX]:
         """At a switch all modes but the nominal one are what the new one is."""
         count, switched = s.eta.numel(), best != s.mode
         names = [name[:-2] for name in vars(s) if name.endswith("_0") and f"{name[:-2]}_1" in vars(s)]

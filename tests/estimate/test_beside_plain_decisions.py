@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -72,7 +73,8 @@ OSCILLATOR = plant("a", a="b", b="-a - 0.3*b")
 COSTS: Block = {"theta_1": 2.0, "dT": 0.2, "lam": 0.3, "m": 0.5, "beta": 12.0}
 BANK: Block = {"observer": {"type": "shgo"}, "thetas": [2, 4, 1], "nu": 3, "lam1": 0.8, "lam2": 0.02, "eps": 0.8}
 THREE_MODES = Bank(pair, [0, 2], thetas=(2, 4, 1), nu=3, lam=(0.8, 0.02), eps=0.8)
-RESET = Bank(pair, [0, 2], thetas=(2, 4, 1), nu=3, lam=(0.8, 0.02), eps=0.8, reset=True)
+OFTEN: Block = {"thetas": [2, 8, 1, 4], "nu": 8, "eps": 0.97}  # modes begin anew, and are shown later
+RESET = Bank(pair, [0, 2], thetas=(2, 8, 1, 4), nu=8, lam=(0.8, 0.02), eps=0.97, reset=True)
 TWO: Mapping[str, Case] = {
     "switched": (
         {"theta_1": 3, "theta_2": 1, "delta": {"a": 1.2, "c": 1.5}, "dwell": 0.4},
@@ -80,13 +82,22 @@ TWO: Mapping[str, Case] = {
         BOTH,
     ),
     "bank": (BANK, THREE_MODES, BACK),
-    "bank with reset": ({**BANK, "reset": True}, RESET, BACK),
+    "bank with reset": ({**BANK, **OFTEN, "reset": True}, RESET, BACK),
     "aekf": (
         {**COSTS, "window": 0.8, "copies": 4},
         Adaptive(pair, [0, 2], Q=np.eye(4), R=np.eye(2), d=0.8, N=4, **COSTS),
         BOTH,
     ),
 }
+
+
+class Keeping(Bank):
+    """What it is not: at a reset every mode keeps the innovation of the estimate that it had."""
+
+    def decided(self, z: Array, e: Array, t: float) -> Array:
+        _, kept, _, _ = self.parts(z)
+        x, _, eta, mode = self.parts(super().decided(z, e, t))
+        return self.whole(x, kept, eta, mode)
 
 
 def derivatives(x: Array, u: float) -> Array:
@@ -265,7 +276,8 @@ def test_estimates_of_further_random_logs(group: str, tmp_path: Path) -> None:
         ("switched", Switched(pair, [0, 2], thetas=(3, 3), delta=[9, 9])),
         ("switched", Switched(pair, [0, 2], thetas=(1, 1), delta=[9, 9])),
         ("bank", Bank(pair, [0, 2], thetas=(2,), nu=3)),
-        ("bank with reset", THREE_MODES),
+        ("bank with reset", replace(RESET, reset=False)),
+        ("bank with reset", Keeping(**vars(RESET))),
         ("aekf", Adaptive(pair, [0, 2], Q=np.eye(4), R=np.eye(2), d=9, **COSTS)),
     ],
 )
