@@ -191,6 +191,9 @@ def main() -> None:
             why = "too little memory, or a broken installation"
             say(f"hgorun: a library cannot be loaded: {why}: {printable(str(error))}")
             sys.exit(1)
+        if error.filename is not None:  # one that was to be opened, and not an output that ended
+            say(f"hgorun: {printable(str(error.filename))}: {printable(str(error.strerror))}")
+            sys.exit(ConfigError.exit_code)
         say(f"hgorun: {printable(str(error.strerror or error))}: the output is incomplete")
         sys.exit(1)
     except MemoryError:

@@ -14,8 +14,6 @@ from pathlib import Path
 from typing import Any
 from zlib import crc32
 
-import numpy as np
-
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.process import unfinished
 
@@ -37,6 +35,11 @@ def _mode() -> int:
 _FILE_MODE = _mode()  # asked for once, before there are threads: the question changes the process for a moment
 
 
+def real_path(path: Path) -> Path:
+    """Where a path leads to through links, as far as they lead anywhere: that of :mod:`pathlib` fails on a loop."""
+    return Path(os.path.realpath(path))
+
+
 @contextmanager
 def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
     """A temporary file beside ``path``, which takes its name when the block ends well and vanishes when not.
@@ -54,8 +57,8 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
     """
     try:
         if path.is_symlink():
-            path = path.resolve()  # what it points to is replaced, not the link
-        if path.exists():
+            path = real_path(path)  # what it points to is replaced, not the link
+        if os.path.exists(path):
             _check_file(path)
         path.parent.mkdir(parents=True, exist_ok=True)
         prefix = f".{path.name[:60]}-{_MACHINE}-{os.getpid()}-"
@@ -78,6 +81,17 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
         raise HgorunError(f"{path}: cannot be written: {error.strerror or error}") from error
 
 
+def why_unreachable(path: Path) -> str:
+    """Why nothing could stand at a path: links in a loop, a name that is too long, a folder that is closed; or ""."""
+    try:
+        os.stat(path)
+    except (FileNotFoundError, NotADirectoryError):
+        return ""
+    except (OSError, ValueError) as error:  # ValueError: a NUL in the name
+        return str(getattr(error, "strerror", None) or error)
+    return ""
+
+
 def _check_file(path: Path) -> None:
     """Raise an OSError where something stands that is not to be replaced."""
     mode = path.stat().st_mode
@@ -92,17 +106,19 @@ def why_unwritable(path: Path) -> str:
 
     It is tried: rights alone do not say it of the folders of a system, such as /proc.
     """
-    target = folder = Path(os.path.realpath(path))
+    target = folder = real_path(path)
     try:
         if not os.path.isdir(target):
             if os.path.exists(target):
                 _check_file(target)
             elif len(os.fsencode(target.name)) > _LONGEST_NAME:
                 return f"its name is longer than {_LONGEST_NAME} bytes"
+            elif why := why_unreachable(target):
+                return why
             folder = target.parent
             while not os.path.exists(folder):
                 folder = folder.parent
-        if not folder.is_dir():
+        if not os.path.isdir(folder):
             return f"{folder} is a file, not a folder"
         with tempfile.TemporaryFile(dir=folder):
             return ""
@@ -143,7 +159,7 @@ def remove_file(path: Path) -> None:
 
 def remove_leftovers(folder: Path) -> None:
     """Remove what a killed process has left half-written in a folder."""
-    if not folder.is_dir():
+    if not os.path.isdir(folder):
         return
     for path in folder.glob(".*.part"):
         match = _LEFTOVER.fullmatch(path.name)
@@ -168,6 +184,8 @@ def _alive(pid: int) -> bool:
 
 def json_value(value: Any) -> Any:
     """A value as JSON holds it: numbers that are not finite as text, complex ones as [re, im], arrays as lists."""
+    import numpy as np  # not for whoever asks where a path leads
+
     if isinstance(value, Mapping):
         return {str(key): json_value(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from inspect import getmro
@@ -178,7 +179,7 @@ def _of_result(path: Path) -> Source:
     The resolved configuration lacks ``reference``, which the file's own text may have.
     """
     where = f"{path}: config_resolved"
-    if path.is_dir():
+    if os.path.isdir(path):
         return Manifest.read(path).ensemble(path).base.source
     if is_sweep(path):
         return parse(base_of(path), where)

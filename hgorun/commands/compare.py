@@ -21,7 +21,7 @@ from hgorun.commands.outputs import (
 )
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import experiments_of, print_json, run_with_progress
-from hgorun.config.nearest import near_file, refuse_other
+from hgorun.config.nearest import no_file, refuse_other
 from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.process import say
@@ -86,7 +86,7 @@ def compare(options: Compare) -> int:
 
 def _refuse_what_is_not_there(path: Path, options: Compare) -> None:
     """Before anything is said of what the sources are: a file that is not there is neither a run nor an ensemble."""
-    if path.is_dir():
+    if os.path.isdir(path):
         from hgorun.ensemble.reading import is_sweep
 
         if not is_sweep(path):
@@ -94,7 +94,7 @@ def _refuse_what_is_not_there(path: Path, options: Compare) -> None:
     elif not os.path.exists(path) and (is_result(path) or options.of_ensembles):
         found = configuration(path, "compare")
         if not os.path.exists(found):
-            raise ConfigError(f"there is no such file{near_file(path)}", file=str(path))
+            raise ConfigError(no_file(path), file=str(path))
 
 
 def _style(options: Compare) -> Style:

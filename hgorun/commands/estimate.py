@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import os
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -25,6 +26,7 @@ from hgorun.commands.outputs import (
 )
 from hgorun.commands.run_options import Estimate
 from hgorun.config.kinds import refuse_file_of_another_command
+from hgorun.config.nearest import MEASURED, no_file
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
@@ -32,7 +34,7 @@ from hgorun.errors import ConfigError, HgorunError
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
-from hgorun.files import remove_leftovers, write_text
+from hgorun.files import real_path, remove_leftovers, write_text
 from hgorun.process import keep_memory, say, take_short_turns
 from hgorun.study.split import split
 
@@ -148,8 +150,9 @@ def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Record
             raise ConfigError(f"--holdout {text}: samples of {output} are held out already")
         every = number_of(output, what)
         if every is None:
-            if not Path(what).is_file():
-                raise ConfigError(f"--holdout {text}: expected a number of samples, or a file; there is no file {what}")
+            if not os.path.isfile(what):
+                why = f"{what}: {no_file(Path(what), MEASURED)}"
+                raise ConfigError(f"--holdout {text}: expected a number of samples, or a file; {why}")
             recording, aside[output] = log.held_out(recording, output, Path(what))
         else:
             chosen.append(every)
@@ -172,10 +175,10 @@ def _refuse_with_samples(options: Estimate) -> None:
 def _refuse_to_overwrite(options: Estimate, log: Log, target: Path) -> None:
     """Refuse to write where something is read from: a recording cannot be made once more."""
     held_out = (Path(what) for _, what in map(parse_holdout, options.holdout))
-    read_from = {path.resolve() for path in (options.config, *log.all_files, *held_out)}
-    if target.resolve() in read_from:
+    read_from = {real_path(path) for path in (options.config, *log.all_files, *held_out)}
+    if real_path(target) in read_from:
         raise ConfigError(f"{target} is read, and the result would replace it: name another file with --output")
-    if options.export_csv is not None and options.export_csv.resolve() in read_from | {target.resolve()}:
+    if options.export_csv is not None and real_path(options.export_csv) in read_from | {real_path(target)}:
         raise ConfigError(f"--export-csv: {options.export_csv} is read or written otherwise: name another file")
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.commands.outputs import STDOUT
 from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
-from hgorun.files import write_text
+from hgorun.files import real_path, write_text
 
 
 def export_samples(recording: Recording, read_from: Sequence[Path], target: Path, *, quiet: bool = False) -> int:
@@ -26,7 +26,7 @@ def export_samples(recording: Recording, read_from: Sequence[Path], target: Path
         for line in lines(recording):
             sys.stdout.write(line)
         return 0
-    if target.resolve() in {path.resolve() for path in read_from}:
+    if real_path(target) in {real_path(path) for path in read_from}:
         raise ConfigError(f"--export-samples: {target} is read: name another file")
     write_text(target, "".join(lines(recording)))
     if not quiet:

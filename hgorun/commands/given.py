@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -42,7 +43,7 @@ def refuse_what_is_no_configuration(path: Path, command: str) -> None:
     ------
     ConfigError
     """
-    if (path / _MANIFEST).is_file():
+    if os.path.isfile(path / _MANIFEST):
         raise _refused(path, command, "the folder of a sweep", _OF_A_SWEEP.get(command, _VARIED))
     head = head_of(path)
     if kind_of(head) is HDF5:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -89,11 +90,11 @@ def _first(options: Init) -> int:
             found = _fitting(options.plant, plant, options.observers)
         target = target or Path(f"{options.plant}.yaml")
     else:
-        if target is not None and target.exists() and not options.force:
+        if target is not None and os.path.exists(target) and not options.force:
             raise ConfigError(f"{target} exists; --force overwrites it, {_ANOTHER}")
         chosen = ask()
         target = target or Path(f"{chosen.name}.yaml")
-        if target.exists() and not options.force:
+        if os.path.exists(target) and not options.force:
             target = ask_for_file(target)
         found = _that_runs(chosen)
     schema = _schema_for(target.parent, beside=options.schema)
@@ -171,7 +172,7 @@ def _experiment(name: str, options: Init) -> int:
 def _refuse_no_folder(name: str, folder: Path | None) -> None:
     """Where a copy cannot go, since the place is that of a file, or called as one."""
     if folder is not None and (
-        folder.is_file() or (folder.suffix.lower() in (".yaml", ".yml") and not folder.exists())
+        os.path.isfile(folder) or (folder.suffix.lower() in (".yaml", ".yml") and not os.path.exists(folder))
     ):
         raise ConfigError(f"expected a folder behind {name}, found {folder}: a copy keeps its name")
 
@@ -184,7 +185,7 @@ def _refuse_files(name: str) -> None:
         copied = f"`hgorun init {path.stem}` copies the experiment {shipped}, and " if shipped is not None else ""
         written = f"`hgorun init --plant NAME -o {name}` writes one"
         raise ConfigError(f"{name} names a file, and init copies experiments: {copied}{written}")
-    if path.is_file():
+    if os.path.isfile(path):
         raise ConfigError(f"{name} is a file, and init copies experiments: see hgorun list experiments")
 
 
@@ -210,8 +211,8 @@ class _Schema:
 def _write(copies: Sequence[tuple[Path, str]], schema: _Schema, another: str, *, force: bool) -> None:
     """Write the schema and texts, none of them where another text is in the way; ``another`` says how to avoid that."""
     for target, text in copies:
-        if target.exists() and not force and (target.is_dir() or target.read_bytes() != text.encode()):
-            if target.is_dir():
+        if os.path.exists(target) and not force and (os.path.isdir(target) or target.read_bytes() != text.encode()):
+            if os.path.isdir(target):
                 raise ConfigError(f"{target} is a folder, and a file is to be written there")
             raise ConfigError(f"{target} exists and differs; --force overwrites it, {another}")
     if schema.new is not None:
@@ -228,12 +229,12 @@ def _schema_for(folder: Path, *, beside: bool) -> _Schema:
     Plug-ins have plants and observers that the package's schema does not know: then it is written, too.
     """
     file, installed, made = folder / SCHEMA_FILE, experiments_folder() / SCHEMA_FILE, build_schema()
-    if not beside and not file.exists() and installed.is_file():
+    if not beside and not os.path.exists(file) and os.path.isfile(installed):
         known = json.loads(installed.read_text(encoding="utf-8"))
         if made["$defs"].keys() <= known["$defs"].keys():
             return _Schema(installed.resolve().as_uri())
     text = schema_text(made)
-    stands = file.exists() and file.read_text(encoding="utf-8") == text
+    stands = os.path.exists(file) and file.read_text(encoding="utf-8") == text
     return _Schema(SCHEMA_FILE, None if stands else (file, text))
 
 

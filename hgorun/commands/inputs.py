@@ -83,7 +83,7 @@ def with_suffix(path: Path) -> Path | None:
     """The YAML file that a name without suffix is of, which is said, since an experiment is called so, too."""
     if path.suffix in SUFFIXES:
         return None
-    own = next((file for end in SUFFIXES if (file := path.with_name(path.name + end)).is_file()), None)
+    own = next((file for end in SUFFIXES if os.path.isfile(file := path.with_name(path.name + end))), None)
     if own is not None:
         say(f"hgorun: {path}: taking {own}; where there is no such file, the name is that of an experiment of hgorun")
     return own
@@ -122,4 +122,4 @@ def is_result(path: Path) -> bool:
 
 def may_be_ensemble(path: Path) -> bool:
     """Whether a look into it is worth while."""
-    return path.is_dir() or is_result(path)
+    return os.path.isdir(path) or is_result(path)

@@ -54,7 +54,7 @@ def follow_topic(source: Source, name: str, options: Estimate) -> int:
     if options.publish is not None:
         require_topic(options.publish, wildcards=False)
     credentials = Credentials.of(os.environ)
-    known = options.checkpoint.exists()
+    known = os.path.exists(options.checkpoint)
     stream = Stream.of(source, name)
     stream.tell_what_is_ignored()
     stream.check_lateness()

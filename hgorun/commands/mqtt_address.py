@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
 
+from hgorun.config.nearest import no_file
 from hgorun.errors import ConfigError
 
 _ADDRESS = re.compile(r"(?P<scheme>mqtts?)://(?P<host>\[[^\]/]*\]|[^\[\]:/]*)(?::(?P<port>\d+))?/(?P<topic>.*)")
@@ -107,8 +109,8 @@ class Credentials:
         found = cls(**{name: environment.get(variable) or None for name, variable in _VARIABLES.items()})
         for name in ("authority", "certificate", "key"):
             file = getattr(found, name)
-            if file is not None and not Path(file).is_file():
-                raise ConfigError(f"{_VARIABLES[name]}: there is no file {file}")
+            if file is not None and not os.path.isfile(file):
+                raise ConfigError(f"{_VARIABLES[name]}: {file}: {no_file(Path(file))}")
         return found
 
 

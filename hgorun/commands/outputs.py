@@ -115,7 +115,7 @@ def refuse_no_configuration(path: Path, name: str, option: str) -> None:
         By which somebody names it.
     """
     if path.suffix.lower() not in (".yaml", ".yml"):
-        right = path / f"{name}.yaml" if path.is_dir() else path.with_suffix(".yaml")
+        right = path / f"{name}.yaml" if os.path.isdir(path) else path.with_suffix(".yaml")
         raise ConfigError(f"{option}: expected a file whose name ends in .yaml, such as {right}, found {path}")
 
 
@@ -124,9 +124,9 @@ def refuse_no_csv(option: str, file: Path | None, *, or_stdout: bool = False) ->
     if file is None or (or_stdout and file == STDOUT):
         return
     _refuse_stdout(option, file)
-    if file.suffix and file.suffix.lower() not in _CSV and not file.exists():
+    if file.suffix and file.suffix.lower() not in _CSV and not os.path.exists(file):
         raise ConfigError(f"{option}: expected a file {', '.join(_CSV)}, found {file}")
-    if file.is_dir():
+    if os.path.isdir(file):
         raise ConfigError(f"{option}: expected a file {', '.join(_CSV)}, found the folder {file}")
     refuse_unwritable(file, option)
 
@@ -139,7 +139,7 @@ def formats(output: Path | None) -> tuple[str, ...]:
 
 def there(files: Iterable[Path]) -> frozenset[Path]:
     """Those files that exist: a command that writes them replaces them."""
-    return frozenset(file for file in files if file.exists())
+    return frozenset(file for file in files if os.path.exists(file))
 
 
 def written(files: Iterable[Path | str], before: Collection[Path] = ()) -> str:

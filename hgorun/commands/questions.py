@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field, replace
@@ -228,6 +229,6 @@ def _observers(start: Start, text: str) -> Start:
 def _new_file(text: str) -> Path:
     file = Path(text)
     refuse_no_configuration(file, "mine", "file")
-    if why := "it exists already" if file.exists() else why_unwritable(file):
+    if why := "it exists already" if os.path.exists(file) else why_unwritable(file):
         raise ValueError(f"expected the name of a new file, found {file}: {why}")
     return file

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sys
 from abc import ABC, abstractmethod
 from collections import Counter, deque
@@ -52,8 +53,12 @@ class Progress(ABC):
         self.t, self.shown = -math.inf, -math.inf
         self.late = Counter[str]()
         taken = []
-        if path is not None and path.exists():
-            taken = self._restore(path.read_bytes(), str(path))
+        if path is not None and os.path.exists(path):
+            try:
+                stored = path.read_bytes()
+            except OSError as error:
+                raise ConfigError(f"cannot be read: {error.strerror}", file=str(path)) from None
+            taken = self._restore(stored, str(path))
         self._start(taken)
 
     def _restore(self, stored: bytes, file: str) -> list[_Key]:

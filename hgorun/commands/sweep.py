@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
+import os
 import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -102,7 +103,7 @@ def _place(options: Printing, name: str) -> Place:
 
 def _is_file(output: Path) -> bool:
     """Whether ``--output`` names the collected file, not a folder."""
-    return output.suffix.lower() in RESULT_SUFFIXES and not output.is_dir()
+    return output.suffix.lower() in RESULT_SUFFIXES and not os.path.isdir(output)
 
 
 def _executor(options: Sweep) -> tuple[Executor, int]:

@@ -8,6 +8,7 @@ from itertools import islice
 from pathlib import Path
 
 from hgorun.errors import ConfigError
+from hgorun.files import why_unreachable
 
 # What others call the keys of a configuration.
 _CALLED_ELSEWHERE = {
@@ -164,7 +165,7 @@ def near_file(path: Path, suffixes: Collection[str] | None = None) -> str:
         How the names end that may be meant, any by default; names that end as that of the file may always be.
     """
     try:
-        names = [entry.name for entry in path.parent.iterdir()]
+        names = [entry.name for entry in path.parent.iterdir() if entry.name != path.name]  # as of a link to nothing
     except OSError:
         return ""
     if suffixes is not None:
@@ -174,6 +175,19 @@ def near_file(path: Path, suffixes: Collection[str] | None = None) -> str:
     if not near and os.sep == "/" and "\\" in path.name:
         near = " Folders are separated by / here"
     return near and f".{near}"
+
+
+def no_file(path: Path, suffixes: Collection[str] | None = None) -> str:
+    """What is said of a path that is not that of a file, and why where the system tells; for its parameters see above.
+
+    Of a folder, where one is not meant, whoever asks says more.
+    """
+    if os.path.isdir(path):
+        return "this is a folder"
+    if os.path.exists(path):
+        return "not a regular file"
+    why = why_unreachable(path)
+    return f"cannot be read: {why}" if why else f"there is no such file{near_file(path, suffixes)}"
 
 
 def _closest(name: str, known: Iterable[str]) -> str | None:

@@ -13,6 +13,7 @@ from hgorun.config.separators import misread
 from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
+from hgorun.files import real_path
 
 _LONGEST_CHAIN = 20  # files that extend each other
 
@@ -75,7 +76,7 @@ def extended(source: Source, path: Path) -> Source:
     ------
     ConfigError
     """
-    return _extended(source, path, [path.resolve()])
+    return _extended(source, path, [real_path(path)])
 
 
 def _read(path: Path) -> tuple[str, Source]:
@@ -104,7 +105,7 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
     if not isinstance(parent.data, dict):
         message = f"{target} holds {describe(parent.data)}; a mapping with keys such as time and plant was expected"
         raise ConfigError(message, file=file, line=line, key="extends")
-    if target.resolve() in seen:
+    if real_path(target) in seen:
         raise ConfigError(
             f"{base} extends itself, directly or through other files", file=file, line=line, key="extends"
         )
@@ -112,5 +113,5 @@ def _extended(source: Source, path: Path, seen: list[Path]) -> Source:
         raise ConfigError(
             f"a chain of more than {_LONGEST_CHAIN} files that extend each other", file=file, line=line, key="extends"
         )
-    parent = _extended(parent, target, [*seen, target.resolve()])
+    parent = _extended(parent, target, [*seen, real_path(target)])
     return merge(parent, source)

@@ -17,6 +17,7 @@ from hgorun.config.paths import at, copy
 from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.errors import KeyPath
+from hgorun.files import real_path
 
 Value: TypeAlias = bool | int | float | str | list[Any]
 
@@ -48,7 +49,7 @@ def with_values(
     """
     text, before = read_source(path)
     _, source = read_source(path, overrides)
-    way = Path(os.path.relpath(path.parent.resolve(), target.parent.resolve()))
+    way = Path(os.path.relpath(real_path(path.parent), real_path(target.parent)))
     if way != Path():
         source = replace(source, data=beside(source, path.parent, target.parent))
     changes = dict(different(before.data, source.data))
@@ -75,7 +76,7 @@ def with_values(
 def beside(source: Source, folder: Path, target: Path) -> dict[str, Any]:
     """What a configuration in a folder says, with the files of its data as seen from another folder."""
     data: dict[str, Any] = copy(source.data)
-    way = Path(os.path.relpath(folder.resolve(), target.resolve()))
+    way = Path(os.path.relpath(real_path(folder), real_path(target)))
     for place, name in _files(source):
         holder: Any = at(data, place[:-1])
         holder[place[-1]] = str(way / name)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from hgorun.config.data import Csv
 from hgorun.config.kinds import HDF5, HEAD, MEASUREMENTS, PARQUET, kind_of
-from hgorun.config.nearest import MEASURED, near_file
+from hgorun.config.nearest import MEASURED, no_file
 from hgorun.data.csv_table import CsvFile
 from hgorun.data.table import TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
@@ -38,10 +38,7 @@ def open_table(path: Path, told: Csv, key: KeyPath | None, clocks: Mapping[str, 
         When it is no file of measurements, or there is none and no key names it.
     """
     if not os.path.isfile(path):
-        if os.path.isdir(path):
-            what = "this is a folder; name the file of the log in it"
-        else:
-            what = "not a regular file" if os.path.exists(path) else f"there is no such file{near_file(path, MEASURED)}"
+        what = "this is a folder; name the file of the log in it" if os.path.isdir(path) else no_file(path, MEASURED)
         if key is None:
             raise ConfigError(what, file=str(path))
         raise Problem(key, f"{path}: {what}")

@@ -10,6 +10,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from hgorun.config.named import name_keys
+from hgorun.files import real_path
 from hgorun.memo import Memo, same
 
 Hold = Literal["zero", "linear"]
@@ -70,7 +71,7 @@ class Signal:
 
     def stands_in(self, file: Path) -> np.ndarray:
         """Which of the samples stand in a file, shape (n,)."""
-        where = [k for k, source in enumerate(self.sources) if source.resolve() == file.resolve()]
+        where = [k for k, source in enumerate(self.sources) if real_path(source) == real_path(file)]
         part = self.part if self.part.size else np.zeros(self.values.size, np.int16)
         return np.isin(part, where)
 

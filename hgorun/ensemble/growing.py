@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -111,7 +112,7 @@ def read_sweep(path: str | Path, *, max_memory: float = LARGEST) -> Sweep:
     (2, 2, 2)
     """
     path = Path(path)
-    found = _finished(Store.existing(path), max_memory) if path.is_dir() else read(path, max_memory=max_memory)
+    found = _finished(Store.existing(path), max_memory) if os.path.isdir(path) else read(path, max_memory=max_memory)
     return Sweep(**{field.name: getattr(found, field.name) for field in fields(Collected)})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -55,7 +56,7 @@ class Manifest:
             When there is none, or it is none.
         """
         path = folder / MANIFEST
-        if folder.is_file():
+        if os.path.isfile(folder):
             raise ConfigError(
                 "this is a file; merge takes the folders NAME.sweep in which parts of a sweep were run",
                 file=str(folder),
@@ -63,7 +64,7 @@ class Manifest:
         try:
             said = json.loads(path.read_text(encoding="utf-8"))
         except FileNotFoundError:
-            if not folder.exists():
+            if not os.path.exists(folder):
                 raise ConfigError(f"there is no such folder{near_file(folder)}", file=str(folder)) from None
             raise ConfigError(f"not the folder of a sweep: {MANIFEST} is missing", file=str(folder)) from None
         except (OSError, ValueError, RecursionError) as error:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
@@ -25,8 +26,8 @@ QUANTITIES = "quantities"
 
 def is_sweep(path: Path) -> bool:
     """Whether it is a collected file, or the folder in which one is made."""
-    if path.is_dir():
-        return (path / "manifest.json").is_file()
+    if os.path.isdir(path):
+        return os.path.isfile(path / "manifest.json")
     return form_of(path) == SWEEP
 
 

@@ -8,6 +8,7 @@ damaged later is noticed.
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -74,7 +75,7 @@ class Store:
         for part in (folder, folder / "blocks"):
             remove_leftovers(part)
         before = None
-        if (folder / MANIFEST).exists():
+        if os.path.exists(folder / MANIFEST):
             try:
                 before = Manifest.read(folder)
                 cls(folder, before).refuse_changes(manifest, f"; {advice}")
@@ -144,7 +145,7 @@ class Store:
         """
         found = []
         blocks = self.folder / "blocks"
-        for path in blocks.iterdir() if blocks.is_dir() else ():
+        for path in blocks.iterdir() if os.path.isdir(blocks) else ():
             match = _BLOCK.fullmatch(path.name)
             if match and match[3] == self._mark:
                 start, stop = int(match[1]), int(match[2])
@@ -199,7 +200,7 @@ class Store:
     def _has(self, one: Stored) -> bool:
         """Whether there is the same block, undamaged."""
         own = self.folder / "blocks" / one.path.name
-        return own.is_file() and digest(own.read_bytes()) == one.digest
+        return os.path.isfile(own) and digest(own.read_bytes()) == one.digest
 
     def read(self, *several: Stored) -> list[Carried]:
         """The members of blocks.

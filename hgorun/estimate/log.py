@@ -21,6 +21,7 @@ from hgorun.data.reading import Reader, read
 from hgorun.data.recording import Note, Origin, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.holdout import part
+from hgorun.files import real_path
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -70,7 +71,7 @@ class Log:
             known = dict.fromkeys((*self.block.outputs, *self.block.reference))
             add = self._to_add(output, file) or f"; known there: {among(output, known)}"
             raise ConfigError(f"--holdout {output}={file}: {told} in which column {output} stands{add}")
-        of_file = [one for one in blocks if one.file and (self.folder / one.file).resolve() == file.resolve()]
+        of_file = [one for one in blocks if one.file and real_path(self.folder / one.file) == real_path(file)]
         return [*of_file, *blocks][0].model_dump(exclude_none=True, exclude={"lag"})
 
     def _to_add(self, name: str, file: Path) -> str:
@@ -118,7 +119,7 @@ class Log:
         column = self._columns(name, file)["column"]
         for output, block in self.block.outputs.items():
             files = (self.folder / block.file,) if block.file is not None else self.shared_files
-            if block.column == column and file.resolve() in (one.resolve() for one in files):
+            if block.column == column and real_path(file) in (real_path(one) for one in files):
                 raise ConfigError(
                     f"--holdout {name}={file}: observers get this column {column} as the output {output}: hold out "
                     f"some of its samples, --holdout {output}=5"
@@ -131,7 +132,7 @@ class Log:
         are known late, the rows may stand in any order.
         """
         columns = self._columns(output, file)
-        own = columns.get("file") is not None and (self.folder / columns["file"]).resolve() == file.resolve()
+        own = columns.get("file") is not None and real_path(self.folder / columns["file"]) == real_path(file)
         if columns.pop("available", None) is not None and self.block.faults.backwards is None:
             columns["faults"] = {"backwards": "sort", **columns.get("faults", {})}
         other = Measured(**{**columns, "file": str(file.absolute())})

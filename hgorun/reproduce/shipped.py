@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -75,6 +76,6 @@ def examples() -> dict[str, tuple[Path, ...]]:
 
 def found(path: Path) -> Path:
     """A file, or the experiment that a name without suffix stands for where there is no file of that name."""
-    if path.exists() or path.suffix:
+    if os.path.exists(path) or path.suffix:
         return path
     return next((file for name, file in experiments().items() if str(path) in (name, Path(name).name)), path)

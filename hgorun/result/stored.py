@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 
 from hgorun.config.kinds import HDF5, head_of, is_recording, kind_of
-from hgorun.config.nearest import near_file
+from hgorun.config.nearest import no_file
 from hgorun.errors import ConfigError, printable
 from hgorun.result import digests
 from hgorun.result.guarded import Failed, guarded
@@ -34,9 +34,7 @@ def file_at(path: str | Path) -> Path:
     ConfigError
     """
     if not os.path.isfile(path):
-        if os.path.exists(path):
-            raise ConfigError("not a regular file", file=str(path))
-        raise ConfigError(f"there is no such file{near_file(Path(path))}", file=str(path))
+        raise ConfigError(no_file(Path(path)), file=str(path))
     return Path(path)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -9,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from hgorun.config.kinds import refuse_file_of_another_command
-from hgorun.config.nearest import near_file
+from hgorun.config.nearest import no_file
 from hgorun.config.reading import mapping, read_source
 from hgorun.config.tuning import Tune, TuneFile
 from hgorun.config.validation import validate
@@ -69,9 +70,9 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     if "base" in data:
         blocks = validate(TuneFile, data, source, ())
         config, run = path.parent / blocks.base, run or blocks.run
-        if not config.is_file():
+        if not os.path.isfile(config):
             file, line = source.where(("base",))
-            raise ConfigError(f"{config}: there is no such file{near_file(config)}", file=file, line=line, key="base")
+            raise ConfigError(f"{config}: {no_file(config)}", file=file, line=line, key="base")
     experiment = load(config, run=run)
     block = validate(Tune, data["tune"], source, ("tune",))
     with source.located():

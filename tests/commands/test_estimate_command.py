@@ -91,7 +91,10 @@ def test_one_of_several_runs(shell: Shell) -> None:
             ("--holdout", "b=more.csv"),
             'b stands: write below data, with the column\'s name, reference: {b: {file: "more.csv", column: COLUMN}}\n',
         ),
-        (("--holdout", "a=2.5"), "--holdout a=2.5: expected a number of samples, or a file; there is no file 2.5"),
+        (
+            ("--holdout", "a=2.5"),
+            "--holdout a=2.5: expected a number of samples, or a file; 2.5: there is no such file",
+        ),
         (("--holdout", "a=5", "--holdout", "a=3"), "--holdout a=3: samples of a are held out already"),
         (("--set", "time.start=100"), "time.start: there are no data then: they are from 0 to 9.9"),
         (("--set", "time.end=-1"), "time.end: there are no data then: they are from 0 to 9.9"),

@@ -328,7 +328,7 @@ def test_credentials_are_those_of_the_environment(monkeypatch: pytest.MonkeyPatc
     found = Credentials.of({"HGORUN_MQTT_USER": "a", "HGORUN_MQTT_PASSWORD": "b", "HGORUN_MQTT_KEY": ""})
     assert (found.user, found.password, found.key) == ("a", "b", None)
     assert "b" not in repr(found).split("object")[0]
-    with pytest.raises(ConfigError, match="HGORUN_MQTT_CA: there is no file nowhere"):
+    with pytest.raises(ConfigError, match="HGORUN_MQTT_CA: nowhere: there is no such file"):
         Credentials.of({"HGORUN_MQTT_CA": "nowhere"})
     with Broker(user=("a", "b")) as broker:
         session = Session(Address("127.0.0.1", broker.port, False, "t"), "c", found, lambda _: None)
