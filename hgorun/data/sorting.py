@@ -18,6 +18,7 @@ from hgorun.errors import ConfigError
 _ALL_DIGITS = 17  # that tell two doubles apart
 _SHOWN = 5  # places of a fault whose lines are named
 _HELD = "an input's last value is held meanwhile, or with hold: linear a straight line goes to the next"
+_LATEST = 1e8  # steps between samples
 
 
 class Sorting:
@@ -121,6 +122,19 @@ class Sorting:
                 )
             what = f"known at {known}, before it was taken at {taken}"
             raise self._refused(samples, k, what, "the two columns may have been exchanged")
+        return self._known_soon(samples)
+
+    def _known_soon(self, samples: Samples) -> Samples:
+        """Refuse a sample that the run would have to wait for, far beyond the log, as a stream does."""
+        step = np.ptp(samples.taken) / (samples.taken.size - 1) if samples.late and samples.taken.size > 1 else 0.0
+        if step and (late := samples.available - samples.taken > _LATEST * step).any():
+            k = int(late.argmax())
+            known, taken = (
+                shown(float(times[k]), self._origin, samples.time_unit) for times in (samples.available, samples.taken)
+            )
+            what = f"known at {known}, more than {_LATEST:g} mean steps of the log after it was taken at {taken}"
+            hint = "correct it, or leave the cell empty and say faults: {missing: drop}"
+            raise self._refused(samples, k, what, hint)
         return samples
 
     def _in_order(self, samples: Samples) -> Samples:

@@ -25,7 +25,7 @@ from hgorun.observers.base import (
     DecidedObserver,
     SampledObserver,
 )
-from hgorun.observers.capabilities import NotExported
+from hgorun.observers.capabilities import NotExported, Punctual
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
@@ -239,13 +239,13 @@ def _beside(experiment: Experiment, label: str) -> tuple[str, ...]:
 
 
 def _without_lateness(run: PreparedRun, label: str) -> str:
-    """What to change for an observer that goes back to late samples."""
+    """What to change for an observer that goes back to late samples, or leaves them out."""
     data = run.experiment.blocks.data
     recorded = {} if data is None else data.outputs
     keys = [f"data.outputs.{name}.available" for name, one in recorded.items() if one.available is not None]
     said = f"take {' and '.join(keys)} out" if keys else "leave measurement.delay out"
-    corrected = isinstance(run.experiment.observers[label], CorrectedObserver)
-    return said if corrected else f"say `late: innovation`, or {said}"
+    without = isinstance(run.experiment.observers[label], CorrectedObserver | SampledObserver | Punctual)
+    return said if without else f"say `late: innovation`, or {said}"
 
 
 def _start(run: PreparedRun, label: str, found: Equations) -> np.ndarray:

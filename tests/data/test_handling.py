@@ -140,6 +140,16 @@ def test_known_before_it_was_taken(tmp_path: Path) -> None:
         recorded(tmp_path, changes=LATE, **late("1,5,3\n2,1,4\n"))
 
 
+def test_known_long_after_the_log(tmp_path: Path) -> None:
+    """No output grid reaches that far: the line is named, and not the key of the grid."""
+    with pytest.raises(
+        ConfigError, match=r":3: outputs\.S: known at 1e\+300 s, more than 1e\+08 mean steps of the log"
+    ):
+        recorded(tmp_path, changes=LATE, **late("1,5,3\n2,1e300,4\n3,4,9\n"))
+    recording = recorded(tmp_path, changes=LATE, **late("1,5,3\n2,1e7,4\n3,4,9\n"))
+    assert recording.span == (1, 1e7)
+
+
 def test_what_is_never_known_is_left_out(tmp_path: Path) -> None:
     recording = recorded(tmp_path, changes=LATE, **late("1,5,3\n2,,4\n3,4,9\n"))
     np.testing.assert_array_equal(recording.outputs["S"].taken, [1, 3])

@@ -119,6 +119,29 @@ def test_one_that_is_not_exported_names_the_way_to_export_the_others(shell: Shel
     assert "to export the others" not in err
 
 
+@pytest.mark.parametrize(
+    "block",
+    [
+        "prescribed_time, T: 1, mu_max: 20, late: replay",
+        "super_twisting, f: 20, late: drop",
+        "deadbeat, late: drop",
+        "red, L: 2, late: drop",
+        "eso, omega_o: 5, late: replay",
+    ],
+)
+def test_no_innovation_is_advised_that_does_not_take_late_samples(shell: Shell, tmp_path: Path, block: str) -> None:
+    """It was, and refused in its turn with the advice of what had been there."""
+    config = (
+        MIXED.split("observers:")[0].replace("delay: 0.2, ", "delay: 0.1, ") + f"observers:\n  P: {{type: {block}}}\n"
+    )
+    (tmp_path / "punctual.yaml").write_text(config)
+    code, _, err = shell("export", "punctual.yaml")
+    assert code == 2
+    assert err.endswith("leaves none out; leave measurement.delay out\n"), err
+    (tmp_path / "punctual.yaml").write_text(config.replace("delay: 0.1, ", "").replace(", late: replay", ""))
+    assert shell("export", "punctual.yaml")[0] == 0
+
+
 LOST = """
 time: {end: 2, output_step: 0.1}
 plant: {states: [x1, x2], dynamics: {x1: x2, x2: -x1 + x2**3/10}, output: x1, initial: {x1: 0.5, x2: 0}}
