@@ -11,6 +11,7 @@ from hgorun.export.c_memory import bytes_of, members
 from hgorun.export.c_source import Source
 from hgorun.export.names import identifier, plain
 from hgorun.export.observer import Exported
+from hgorun.observers.capabilities import Switching
 from hgorun.version import __version__
 
 LARGE = 100_000  # bytes that may be too many for a stack
@@ -53,6 +54,8 @@ def _described(source: Source) -> Iterator[str]:
         yield f"  {name + ':':<9} {cost}"
     for name in _long(observer) if source.real.single else ():
         yield f"The start of {name} is so large that the first estimates in float have fewer digits than later ones."
+    if source.real.single and _switches(observer):
+        yield "Its equations jump where a sign changes: near that, float may take the other side, as other steps do."
     yield f"Memory: {bytes_of(source)} bytes, in one structure without pointers: memcpy keeps and restores it."
     if bytes_of(source) > LARGE:
         yield "Declare it static: so much memory does not fit on every stack."
@@ -65,6 +68,11 @@ def _long(observer: Exported) -> Iterator[str]:
         values = observer.start[states[name].start :][: states[name].size]
         if role == "gain" and np.max(np.abs(values), initial=0.0) > _LONG:
             yield name
+
+
+def _switches(observer: Exported) -> bool:
+    """Whether steps go across a discontinuity, back and forth."""
+    return observer.flows and isinstance(observer.design.observer, Switching) and observer.design.observer.switches
 
 
 def header(source: Source) -> str:

@@ -262,6 +262,18 @@ def test_the_header_says_where_float_has_few_digits() -> None:
         assert ("The start of P is so large" in header(Source(observer, Real(single)))) == said
 
 
+def test_the_header_says_where_float_may_take_another_side() -> None:
+    """Of steps across a jump; not of double, nor of a step from sample to sample."""
+    for single, kind, keys, said in (
+        (True, "super_twisting", {"f": 3}, True),
+        (False, "super_twisting", {"f": 3}, False),
+        (True, "shgo", {"theta": 2}, False),
+        (True, "red", {"L": 2}, False),
+    ):
+        (observer,) = exported(run_of(chain(2, "0", 1.0), {"type": kind, **keys}, {"sampling": {"period": 0.1}}))
+        assert ("jump where a sign changes" in header(Source(observer, Real(single)))) == said
+
+
 def test_the_cost_of_a_step_is_that_of_its_stages() -> None:
     """Of two integrators with gains (4, 4): four right-hand sides and their sums."""
     run = run_of(chain(2, "0", 1.0), {"type": "shgo", "theta": 2}, {"sampling": {"period": 0.1}})
