@@ -23,8 +23,15 @@ DEFINED = (
     "thousand_Btu = 1000 Btu",
     "million_Btu = 1e6 Btu",
     "part_per_billion = 1e-9 = ppb",
+    "delta_neper = [difference_of_levels]",
+    "delta_decibel = 0.1151292546497022842 * delta_neper",
+    "delta_decibelmilliwatt = delta_decibel",
+    "delta_decibelwatt = delta_decibel",
 )
-"""Units that it is given, for it has none of them, or in a system where they are of another kind."""
+"""Units that it is given, for it has none of them, or in a system where they are of another kind.
+
+Beside another factor it takes a level for a difference of levels, as a temperature, but has no such unit.
+"""
 
 
 def may_be_read(text: str) -> bool:

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hgorun.config.time_units import SECONDS, SHORT
-from hgorun.data.units import NO_UNIT, are_usual, converted, is_time
+from hgorun.data.units import NO_UNIT, are_usual, converted, in_usual_notation, is_time
 from hgorun.data.written_units import with_temperatures
 from hgorun.errors import Problem
 
@@ -19,7 +19,8 @@ _OFFSET = re.compile(r"(?<!\w)deg([CF])(?!\w)")  # of a rate only differences co
 _NEAR = 1e-6
 _SIDE_BY_SIDE = re.compile(r"(?<=[\w)])\s+(?=[\w(])")
 _ONE = frozenset(("rad", "radian", "radians"))  # beside which a number is the same
-_NUMBERS = frozenset(("deg", "degree", "degrees", "percent", "ppm", "ppb", "arcmin", "arcsec", "%", "°", "grade"))
+_SIGNS = {"%": "percent", "‰": "permille", "°": "deg"}
+_NUMBERS = frozenset(("deg", "degree", "degrees", "percent", "ppm", "ppb", "arcmin", "arcsec", "permille", "grade"))
 
 Factors: TypeAlias = Mapping[str, int]
 """A unit as its factors, with their exponents."""
@@ -64,7 +65,9 @@ def factors_of(unit: str) -> Factors | None:
     """
     if unit in NO_UNIT or not are_usual(unit):
         return None
-    text = _OFFSET.sub(r"delta_deg\1", with_temperatures(unit)).replace("^", "**")
+    text = _OFFSET.sub(r"delta_deg\1", in_usual_notation(unit)).replace("^", "**")
+    for sign, name in _SIGNS.items():
+        text = text.replace(sign, name)
     try:
         return _factors(ast.parse(_SIDE_BY_SIDE.sub("*", text), mode="eval").body)
     except (SyntaxError, ValueError):

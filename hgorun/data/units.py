@@ -94,7 +94,8 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     Problem
         At ``path``, when a unit is not known or when the two are of different kinds.
     """
-    if _written_out(unit) == _written_out(wanted) or (are_usual(unit) and _usual(unit) == _usual(wanted)):
+    alike_written = are_usual(unit) and in_usual_notation(unit) == in_usual_notation(wanted)
+    if alike_written or _written_out(unit) == _written_out(wanted):
         return values
     from pint.errors import DimensionalityError
 
@@ -126,7 +127,7 @@ def are_usual(*units: str) -> bool:
 
     To import it takes longer than many a run takes.
     """
-    return all(unit in NO_UNIT or _is_read(_usual(unit)) for unit in units)
+    return all(unit in NO_UNIT or _is_read(in_usual_notation(unit)) for unit in units)
 
 
 def _is_read(written: str) -> bool:
@@ -138,8 +139,8 @@ def not_known(unit: str) -> str:
     """That a unit is not known, with what may be meant; empty where it is, or says that there is none."""
     if unit in NO_UNIT:
         return ""
-    if are_usual(unit) and _UNIT.fullmatch(_usual(unit)):
-        return "" if _NOT_NUMBERS.search(_usual(unit)) else f"{unit!r} is a number, not a unit."
+    if are_usual(unit) and _UNIT.fullmatch(in_usual_notation(unit)):
+        return "" if _NOT_NUMBERS.search(in_usual_notation(unit)) else f"{unit!r} is a number, not a unit."
     try:
         _parsed(_registry(), unit, ())
     except Problem:
@@ -187,7 +188,7 @@ def foreign(unit: str, wanted: str) -> bool:
     meant, of = _meant_alone(unit), _meant_alone(wanted)
     readings = [meant]
     if len(meant) > 1:  # RPM, KPA, M/S
-        readings += in_other_letters(meant) or [low for low in [meant.lower()] if _is_read(_usual(low))]
+        readings += in_other_letters(meant) or [low for low in [meant.lower()] if _is_read(in_usual_notation(low))]
     seen = [factor for factor in (_read_as(one, of) for one in readings) if factor is not None]
     return bool(seen) and not any(seen)
 
@@ -200,7 +201,7 @@ def _meant_alone(unit: str) -> str:
 
 def _read_as(unit: str, wanted: str) -> bool | None:
     """Whether a library reads a text as the same unit as another; None where it is of another kind or none."""
-    two, written = np.array([0.0, 1.0]), [_usual(one) for one in (unit, wanted)]
+    two, written = np.array([0.0, 1.0]), [in_usual_notation(one) for one in (unit, wanted)]
     if unit == "percent" and wanted in NO_UNIT:
         return False
     if unit.isdigit() or not all(_UNIT.fullmatch(one) and may_be_read(one) for one in written):
@@ -234,7 +235,7 @@ def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted
     """A unit; of one that is not known it is said what may be meant, if the kind that is wanted is known."""
     if text in NO_UNIT:
         return registry.Unit("dimensionless")
-    written = _usual(text)
+    written = in_usual_notation(text)
     if not _UNIT.fullmatch(written):
         raise Problem(path, f"{text!r} cannot be a unit{_meant(text, wanted, '.')}")
     if _is_read(written):
@@ -245,7 +246,7 @@ def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted
     raise Problem(path, f"{text!r} is not a known unit{hint}")
 
 
-def _usual(text: str) -> str:
+def in_usual_notation(text: str) -> str:
     """A unit as pint reads it: ``m3``, ``L-1``, ``·`` and ``s⁻¹`` are usual, too."""
 
     def raised(match: re.Match[str]) -> str:
@@ -270,7 +271,7 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     meant = "deg" if text in ("Grad", "grad") else temperature_in(text)  # German; to others 0.9 of that
     if meant:
         return f"{before} Did you mean `{meant}`?"
-    if _fits(text, wanted, anything=True) and (counts := counted_by(_registry().Unit(_usual(text)))):
+    if _fits(text, wanted, anything=True) and (counts := counted_by(_registry().Unit(in_usual_notation(text)))):
         return f"{before} It does not say what it counts: {counts}."
     if (plain := without_reference(text)) and _fits(_meant_alone(text), wanted):
         meant = f"Did you mean `{meant_by(plain) or plain}`?"

@@ -41,6 +41,12 @@ def unit_remarks(source: Source, model: PlantModel) -> Iterator[str]:
         own, beside = written(term.unit), written(other.unit)
         place = source.told(("plant", "dynamics", name))
         what = f"its term of {' and '.join(term.signals)}" if len(term.signals) > 1 else term.signals[0]
+        if one.factor == 1:
+            yield (
+                f"{place}: {term.signals[0]} is in {_of_scale(own)}, and {other.signals[0]}, which is compared with "
+                f"it, in {_of_scale(beside)}, from another zero. Write the units that the numbers have"
+            )
+            continue
         if one.rate:
             says = f"its derivative in {beside}, with time in {printable(clock)}"
         else:
@@ -49,6 +55,11 @@ def unit_remarks(source: Source, model: PlantModel) -> Iterator[str]:
             f"{place}: {what} is in {own}, and {says}: 1 {beside} is {one.factor:.6g} {own}. "
             "Write the units that the numbers have, or the factor into the equation"
         )
+
+
+def _of_scale(difference: str) -> str:
+    """The unit of a temperature, from that of differences."""
+    return difference.removeprefix("delta_")
 
 
 def _derivatives(model: PlantModel) -> Iterator[tuple[str, str]]:

@@ -6,13 +6,14 @@ import sys
 from fractions import Fraction
 from pathlib import Path
 
+import numpy as np
 import pytest
 from examples import VAN_DER_POL, experiment, inline
 
 import hgorun
 from hgorun import ConfigError
 from hgorun.config.time_units import SECONDS, SHORT
-from hgorun.data.units import _registry, not_known
+from hgorun.data.units import _registry, converted, not_known
 from hgorun.simulation.scheduling import remarks
 
 OBSERVER = {"S": {"type": "shgo", "theta": 2}}
@@ -201,6 +202,62 @@ def test_what_is_added_is_of_one_unit_or_of_another_kind(one: str, other: str, t
     plant = inline({"x1": "0.1*(x1 + x2)", "x2": "-0.1*x2"}, "x1", units={"x1": other, "x2": one})
     found = [one for one in remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"})) if " is in " in one]
     assert len(found) == (told != "")
+
+
+@pytest.mark.parametrize(
+    ("units", "right_side", "time", "told"),
+    [
+        (("L", "mL/min"), "u", "h", "u is in mL/min, and its derivative in L/h, with time in h: 1 L/h is 16.6667"),
+        (("km/h", "m/s^2"), "u", "h", "1 km/h^2 is 7.71605e-05 m/s^2"),
+        (("mmol/L", "mol/(L h)"), "u", "h", "1 mmol/(L h) is 0.001 mol/(L h)"),
+        (("L", "L/h"), "u", "h", ""),
+        (("K", "kW"), "u", "h", ""),
+        (("mg L-1", "d-1"), "-u*x", "h", "u and x is in mg/(d L), and its derivative in mg/(L h), with time in h: 1"),
+        (("mg·L⁻¹", "h⁻¹"), "-u*x", "h", ""),
+        (("kg", "%"), "u*x", "h", ""),
+        (("%", "percent/h"), "u", "h", ""),
+        (("%", "ppm/h"), "-u", "h", "1 percent/h is 10000 ppm/h"),
+        (("°", "rad/s"), "-u", "s", "1 deg/s is 0.0174533 rad/s"),
+        (("dB", "Np/s"), "-u", "s", "1 dB/s is 0.115129 Np/s"),
+        (("dB", "Np"), "u", "s", ""),
+        (("dBm", "dBW/s"), "-u", "s", ""),
+    ],
+)
+def test_an_input_alone_and_units_in_all_notations_are_compared(
+    units: tuple[str, str], right_side: str, time: str, told: str
+) -> None:
+    plant = inline({"x": right_side}, "x", inputs={"u": "0.3"}, units=dict(zip("xu", units, strict=True)))
+    found = [one for one in remarks(experiment(plant, OBSERVER).varied({"time.unit": time})) if " is in " in one]
+    assert len(found) == (told != "")
+    assert told in "".join(found)
+
+
+def test_derivatives_of_levels_are_compared() -> None:
+    """A neper is 20 lg e = 8.686 dB."""
+    plant = inline({"x1": "x2", "x2": "-x1"}, "x1", units={"x1": "dB", "x2": "Np"})
+    (found,) = remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"}))
+    assert "Np is of another kind" in found
+    assert converted(np.ones(1), "Np/s", "dB/s", ()) == pytest.approx(20 / np.log(10), rel=1e-12)
+    assert converted(np.ones(1), "dBm/s", "dBW/s", ()) == 1
+
+
+@pytest.mark.parametrize(
+    ("right_side", "told"),
+    [
+        ("0.1*(u - T)", "u is in K, and T, which is compared with it, in degC, from another zero"),
+        ("u - T", "u is in K, and T,"),
+        ("-(T - u)*T", "in degC"),
+        ("0.1*(T - T + u)", ""),
+        ("0.1*(u + T)", ""),
+        ("u/10", ""),
+    ],
+)
+def test_temperatures_from_two_zeros_have_no_difference(right_side: str, told: str) -> None:
+    """A raise by some K of what is in degC is none."""
+    plant = inline({"T": right_side}, "T", inputs={"u": "0.3"}, units={"T": "°C", "u": "kelvin"})
+    found = [one for one in remarks(experiment(plant, OBSERVER).varied({"time.unit": "h"})) if " is in " in one]
+    assert len(found) == (told != "")
+    assert told in "".join(found)
 
 
 def test_units_of_time_that_differ_ask_for_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
