@@ -16,13 +16,13 @@ from hgorun.config.written import rounded, with_values
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, Problem
-from hgorun.estimate.cases import Case, score
+from hgorun.estimate.cases import Case
 from hgorun.estimate.completed import completed
 from hgorun.estimate.goal import ALL, Goal, Samples, read_goal, split
 from hgorun.estimate.holdout import thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.estimate.samples import stated
-from hgorun.estimate.tuning import Trials, search
+from hgorun.estimate.tuning import Trials, reported, search
 from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment import Experiment
@@ -35,7 +35,7 @@ _OF_PLANT = "plant.parameters."
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Tuned:
-    """The best gains of an observer, and the score with them."""
+    """The best gains of an observer, the score with them, and what is told of outliers in it."""
 
     goal: Goal
     sought: list[Gain]
@@ -44,6 +44,7 @@ class _Tuned:
     held_out: float
     runs: int
     budget: int
+    remarks: list[str]
 
 
 def tune_data(options: Options, text: str, source: Source) -> int:
@@ -67,6 +68,7 @@ def tune_data(options: Options, text: str, source: Source) -> int:
     target = folder / f"{options.config.stem}.tuned.yaml"
     for one in found:
         _warn(one, options.config.stem, experiments[0])
+    _tell(found, options.config.stem)
     numbers = {path: rounded(value) for one in found for path, value in one.gains.items()}
     before = there([target])
     overrides = [one for one in options.overrides if not is_of_tune(one)]
@@ -155,7 +157,8 @@ def _tuned(
     ]
     trials = Trials(alone, goal, {gain.path: gain.range for gain in gains}, budget)
     best = search(trials)
-    return _Tuned(goal, gains, best, trials.least, score(alone, goal, best, report=True), len(trials.tried), budget)
+    held_out, remarks = reported(trials, best)
+    return _Tuned(goal, gains, best, trials.least, held_out, len(trials.tried), budget, remarks)
 
 
 def _warn(one: _Tuned, name: str, base: Experiment) -> None:
@@ -163,6 +166,13 @@ def _warn(one: _Tuned, name: str, base: Experiment) -> None:
     for gain in one.sought:
         if told := at_an_end(base, gain, one.gains[gain.path]):
             say(f"hgorun: {name}: {told}")
+
+
+def _tell(found: Sequence[_Tuned], name: str) -> None:
+    """Outliers are reported on stderr, those of all observers once."""
+    of = {words: [one.goal.label for one in found if words in one.remarks] for one in found for words in one.remarks}
+    for words, labels in of.items():
+        say(f"hgorun: {name}: {', '.join(labels)}: {words}")
 
 
 def _table(found: Sequence[_Tuned]) -> str:

@@ -7,9 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.data.recording import Recording
 from hgorun.errors import HgorunError
 from hgorun.estimate.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.goal import ALL, Goal, Samples
+from hgorun.estimate.outlying import Errors, Mask
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.samples import stated
 from hgorun.estimate.scores import settled
@@ -53,22 +55,16 @@ class Case:
         return prepare_estimate(prepared.experiment.varied({f"observers.{label}.initial": start}), self.samples.given)
 
 
-def score(cases: Sequence[Case], goal: Goal, gains: Mapping[str, float], *, report: bool = False) -> float:
-    """The score with some gains, the root of its mean square over the recordings.
-
-    Infinite where an estimate is lost or cannot be made.
+def errors_of(
+    cases: Sequence[Case], goal: Goal, gains: Mapping[str, float], *, report: bool = False
+) -> list[Errors] | None:
+    """The errors in all recordings; None where an estimate is lost or cannot be made.
 
     Parameters
     ----------
     report : bool
         On the samples for the report, in place of those for the search.
     """
-    found = errors(cases, goal, gains, report=report)
-    return float(np.sqrt(found @ found)) if found is not None else np.inf
-
-
-def errors(cases: Sequence[Case], goal: Goal, gains: Mapping[str, float], *, report: bool = False) -> Floats | None:
-    """The errors whose sum of squares is the score's square; None where an estimate is lost or cannot be made."""
     found = []
     for case in cases:
         try:
@@ -77,29 +73,56 @@ def errors(cases: Sequence[Case], goal: Goal, gains: Mapping[str, float], *, rep
             evaluated = evaluate_run(prepared, compared, {}, with_error=False)
         except HgorunError:
             return None
-        of_outputs = _errors(prepared, evaluated, goal, report)
-        parts = [one / np.sqrt(one.size * len(of_outputs) * len(cases)) for one in of_outputs if one.size]
+        of_outputs = _errors(prepared, evaluated, case.samples.given, goal, len(cases), report=report)
+        parts = [one for one in of_outputs if one.values.size]
         lost = np.isfinite(evaluated.carried.raw.diverged[0, 0]) or not parts
-        if lost or not all(np.all(np.isfinite(one)) for one in parts):
+        if lost or not all(np.all(np.isfinite(one.values)) for one in parts):
             return None
         found += parts
-    return np.concatenate(found)
+    return found
 
 
-def _errors(prepared: PreparedEstimate, found: Evaluated, goal: Goal, report: bool) -> list[Floats]:
+def counted(errors: Sequence[Errors], left_out: Sequence[Mask] | None = None) -> Floats:
+    """Numbers whose sum of squares is the score's square: the score is the root of its mean square over all parts."""
+    kept = [one.values for one in errors]
+    if left_out is not None:
+        kept = [values[~out] for values, out in zip(kept, left_out, strict=True)]
+    return np.concatenate([values / np.sqrt(values.size * one.parts) for one, values in zip(errors, kept, strict=True)])
+
+
+def score(errors: Sequence[Errors] | None, left_out: Sequence[Mask] | None = None) -> float:
+    """The score that follows from errors; infinite where there are none."""
+    if errors is None:
+        return np.inf
+    found = counted(errors, left_out)
+    return float(np.sqrt(found @ found))
+
+
+def _errors(
+    prepared: PreparedEstimate, found: Evaluated, given: Recording, goal: Goal, cases: int, *, report: bool
+) -> list[Errors]:
     """What counts as errors of a run with one observer: of an output or state, or of every output.
 
     Innovations are of samples that the observer gets and that the search has seen. A report on them is of what is
     predicted of samples that it does not get.
     """
     noise = stated(prepared.experiment)
-    size = noise if goal.name == ALL else {}
+    units = noise if goal.name == ALL else {}
     if report or goal.score != "innovation_rms":
-        return [one.residuals[0] / size.get(name, 1.0) for name, one in found.held_out.items()]
-    chosen = [i for i, one in enumerate(prepared.samples) if goal.name in (ALL, one.output)]
-    used = [found.carried.used[prepared.slots[i], 0] for i in chosen]
-    outputs = [prepared.samples[i].output for i in chosen]
+        gates = {name: one.gate for name, one in given.outputs.items()}
+        of_outputs = [
+            (name, prepared.run.origin + one.taken, one.residuals[0], gates.get(name))
+            for name, one in found.held_out.items()
+        ]
+    else:
+        chosen = [i for i, one in enumerate(prepared.samples) if goal.name in (ALL, one.output)]
+        used = [found.carried.used[prepared.slots[i], 0] for i in chosen]
+        of_outputs = [
+            (prepared.samples[i].output, np.empty(0), settled(found.predicted[i].of(0)[taken]), None)
+            for i, taken in zip(chosen, used, strict=True)
+        ]
+    parts = len(of_outputs) * cases
     return [
-        settled(found.predicted[i].of(0)[taken]) / size.get(name, 1.0)
-        for i, taken, name in zip(chosen, used, outputs, strict=True)
+        Errors(name, taken, values / (unit := units.get(name, 1.0)), noise.get(name, 0.0) / unit, gate, parts)
+        for name, taken, values, gate in of_outputs
     ]

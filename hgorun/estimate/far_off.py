@@ -7,15 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 
 from hgorun.estimate.evaluated import Evaluated
+from hgorun.estimate.outlying import FAR, NORMAL, few
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
 from hgorun.estimate.scores import rms
 from hgorun.symbolic.evaluate import Floats
-
-_FEWEST = 8  # samples that tell how far they usually are
-_FAR = 10.0  # standard deviations from the median of the residuals
-_PART = 0.1  # of the samples, though one may always be: more are no outliers
-_NORMAL = 1.4826  # standard deviations in a median of absolute deviations
 
 
 def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
@@ -26,15 +22,14 @@ def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
     noise, origin = stated(prepared.experiment), prepared.run.origin
     for name, one in found.held_out.items():
         sound = np.flatnonzero(np.isfinite(one.residuals).all(axis=1)).tolist()
-        if one.taken.size < _FEWEST or not sound:
+        if not one.taken.size or not sound:
             continue
         residuals = one.residuals[sound]
         sizes = np.min([_deviations(row, noise.get(name, 0.0)) for row in residuals], axis=0)
-        far = sizes > _FAR
-        far[: int(np.argmin(far))] = False
+        far = few(sizes > FAR)
         count = int(np.count_nonzero(far))
         scores = [(rms(row) or 0.0, rms(row[~far]) or 0.0) for row in residuals]
-        if not 0 < count <= max(1, _PART * far.size) or not all(2 * rest < whole for whole, rest in scores):
+        if not count or not all(2 * rest < whole for whole, rest in scores):
             continue
         size, at = float(sizes[far].min()), origin + float(one.taken[far.argmax()])
         whose = [f" of {prepared.run.observers[j].label}" if len(scores) > 1 else "" for j in sound]
@@ -58,5 +53,5 @@ def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
 def _deviations(residuals: Floats, least: float) -> Floats:
     """How many standard deviations each is from their median; of residuals that are mostly equal, none."""
     away = np.abs(residuals - np.median(residuals))
-    scale = max(_NORMAL * float(np.median(away)), least)
+    scale = max(NORMAL * float(np.median(away)), least)
     return away / scale if scale > 0 else np.zeros(away.size)

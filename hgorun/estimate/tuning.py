@@ -9,8 +9,9 @@ import numpy as np
 
 from hgorun.config.tuning import Range
 from hgorun.errors import HgorunError
-from hgorun.estimate.cases import Case, errors
+from hgorun.estimate.cases import Case, counted, errors_of, score
 from hgorun.estimate.goal import Goal
+from hgorun.estimate.outlying import Errors, Mask, outliers, told
 from hgorun.symbolic.evaluate import Floats
 
 _FEW = 2  # gains that a simplex finds alone
@@ -30,6 +31,8 @@ class Trials:
         One for each recording.
     gains : mapping of str to Range
         By path.
+    left_out : sequence of ndarray of bool, optional
+        Which samples the score is without.
     """
 
     cases: Sequence[Case]
@@ -37,6 +40,8 @@ class Trials:
     gains: Mapping[str, Range]
     budget: int
     tried: list[tuple[tuple[float, ...], float]] = field(default_factory=list)
+    left_out: Sequence[Mask] | None = None
+    _runs: list[Sequence[Errors] | None] = field(default_factory=list)  # until it is known what is left out
 
     def at(self, u: Floats) -> dict[str, float]:
         """The gains at a place in the unit cube."""
@@ -50,15 +55,27 @@ class Trials:
         gains = self.at(u)
         if not self.tried:  # what is wrong with all gains is said, and not taken for a lost estimate
             self.cases[0].experiment.varied(gains)
-        found = errors(self.cases, self.goal, gains)
-        size = np.inf if found is None else float(np.sqrt(found @ found))
-        self.tried.append((tuple(np.clip(u, 0.0, 1.0).tolist()), size))
-        return found
+        found = errors_of(self.cases, self.goal, gains)
+        if self.left_out is None:
+            self._runs.append(found if found is not None and any(one.gate is not None for one in found) else None)
+        self.tried.append((tuple(np.clip(u, 0.0, 1.0).tolist()), score(found, self.left_out)))
+        return None if found is None else counted(found, self.left_out)
 
     def value(self, u: Floats) -> float:
         """The score on the samples of the search; infinite where there are no errors."""
         found = self.errors(u)
         return np.inf if found is None else float(np.sqrt(found @ found))
+
+    def leave_out(self) -> None:
+        """Leave out of the score, from now on and of what has been tried, the samples that are outliers in it."""
+        known = [run for run in self._runs if run is not None]
+        self.left_out = outliers(known) if known else None
+        if self.left_out is not None and any(out.any() for out in self.left_out):
+            self.tried = [
+                (place, size if run is None else score(run, self.left_out))
+                for (place, size), run in zip(self.tried, self._runs, strict=True)
+            ]
+        self._runs.clear()
 
     @property
     def least(self) -> float:
@@ -104,6 +121,7 @@ def search(trials: Trials) -> dict[str, float]:
         trials.value(u)
     if not np.isfinite(trials.least):
         return trials.best()  # which says so
+    trials.leave_out()
     if count > _FEW:
         _descend(trials)
     best = np.array(trials.first)
@@ -121,6 +139,17 @@ def search(trials: Trials) -> dict[str, float]:
         },
     )
     return trials.best()
+
+
+def reported(trials: Trials, gains: Mapping[str, float]) -> tuple[float, list[str]]:
+    """The score on samples that the search has not seen, and what is told of outliers among these and the others."""
+    remarks: list[str] = []
+    if (found := errors_of(trials.cases, trials.goal, gains)) is not None:
+        remarks += told(found, trials.left_out or outliers([found]), "search")
+    if (found := errors_of(trials.cases, trials.goal, gains, report=True)) is None:
+        return np.inf, remarks
+    left_out = outliers([found])
+    return score(found, left_out), [*remarks, *told(found, left_out, "report")]
 
 
 def _descend(trials: Trials) -> None:
