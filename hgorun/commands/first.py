@@ -12,12 +12,14 @@ import numpy as np
 from hgorun.commands.described import own_doc
 from hgorun.config.expressions import nearest
 from hgorun.errors import ConfigError
-from hgorun.observers.base import OBSERVERS
+from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.observers.capabilities import Switching
+from hgorun.observers.kalman import KalmanFilter
 from hgorun.plants.base import PLANTS, Input, Parameter, Plant, Start, units_of
 
 _POINTS = 1000  # of the output grid, at least
 _WIDTH = 100
+_DRIFT = 0.1  # of a state in this part of a run
 _PLAIN = re.compile(r"[A-Za-z]([A-Za-z0-9_ ]*[A-Za-z0-9_])?")  # text without meaning for YAML
 
 
@@ -177,11 +179,29 @@ def with_observers(start: Start, types: Sequence[str]) -> Start:
             advice = plant or f"{hint} See hgorun list observers"
             raise ConfigError(f"no observer is called {name!r}.{advice}", key="--observer") from None
         known = next((keys for keys in start.observers.values() if keys["type"] == name), None)
-        example = {**cls.example(tuple(start.initial)), **start.told.get(name, {})}
+        example = {**_example(cls, start), **start.told.get(name, {})}
         gain = cls.model_fields.get("theta")
         theta = {"theta": 5} if gain is not None and gain.is_required() else {}
         blocks[name.upper()] = dict(known) if known is not None else {"type": name, **theta, **example}
     return replace(start, observers=blocks)
+
+
+def _example(cls: type[AnyObserver], start: Start) -> dict[str, object]:
+    """The keys that a type needs; those of the noise follow from what is known of the plant and the measurement."""
+    example = dict(cls.example(tuple(start.initial)))
+    if not issubclass(cls, KalmanFilter):
+        return example
+    if "Q" in example:
+        example["Q"] = _uncertain(start)
+    if cls.of_samples and start.noise:
+        example.pop("R", None)  # it is that of the noise
+    return example
+
+
+def _uncertain(start: Start) -> dict[str, float]:
+    """Densities of process noise with which the model may drift by a tenth of a state in a tenth of the run."""
+    sizes = {name: max(abs(value), abs(start.estimate[name] - value)) or 1.0 for name, value in start.initial.items()}
+    return {name: float(f"{(_DRIFT * size) ** 2 / (_DRIFT * start.end):.1g}") for name, size in sizes.items()}
 
 
 def _guessed(cls: type[Plant]) -> Start:

@@ -104,8 +104,11 @@ def _first(options: Init) -> int:
         _ANOTHER,
         force=options.force,
     )
+    for change in found.changes:
+        print(f"note: {change}")
     if found.error > FOLLOWS:
-        print(f"note: an estimate misses its state by {found.error:.0%} of what that moves through: try other gains")
+        advice = "try other gains, less noise or a first guess that is nearer"
+        print(f"note: an estimate misses its state by {found.error:.0%} of what that moves through: {advice}")
     _try(target)
     return 0
 
@@ -136,7 +139,7 @@ def _that_runs(chosen: First) -> Found:
 
     It may be written though it does not run, since a plant of your own may be the reason.
     """
-    while (found := followed(chosen)).trouble:
+    while (found := followed(chosen, answered=True)).trouble:
         other = ask_for_others(chosen, found.trouble)
         if other is None:
             return Found(0, chosen)

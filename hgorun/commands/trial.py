@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import yaml
 
-from hgorun.commands.first import First
+from hgorun.commands.first import First, number_text
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.base import OBSERVERS
 from hgorun.result.result import Result
@@ -45,10 +45,6 @@ class Outcome:
     refused: bool = False
     error: float = np.inf
 
-    @property
-    def follows(self) -> bool:
-        return self.trouble is None and self.error < FOLLOWS
-
 
 @dataclass(frozen=True)
 class Found:
@@ -61,28 +57,50 @@ class Found:
     first : First
     trouble : str
         What kept the first try from running, if nothing runs.
+    changes : sequence of str
+        What was answered, why it does not run, and what is written in its place.
     """
 
     error: float
     first: First
     trouble: str = ""
+    changes: Sequence[str] = ()
 
 
-def followed(first: First) -> Found:
-    """The configuration, with what each observer needs: other gains, a better first guess, less noise, all times."""
+def followed(first: First, *, answered: bool = False) -> Found:
+    """The configuration, with what each observer needs: other gains, a better first guess, less noise, all times.
+
+    Parameters
+    ----------
+    first : First
+    answered : bool
+        Whether noise, sampling and first guess are answers, which stay where the observers run with them.
+    """
     best, why, first = Found(np.inf, first), "", _with_boxes(first)
+    enough = np.inf if answered else FOLLOWS
     for sampled in dict.fromkeys((first.sampled, False)):
         for share in _QUIETER:
             scene = replace(first, sampled=sampled, noise=share)
-            chosen = [_best(scene, label) for label in first.start.observers]
-            made = Found(max(outcome.error for outcome, _ in chosen), _together(scene, [one for _, one in chosen]))
-            best = min(best, made, key=lambda found: found.error)
-            if best.error < FOLLOWS:
+            chosen = [_best(scene, label, enough) for label in first.start.observers]
+            made = _together(scene, [found for _, found, _ in chosen])
+            changes = [*_changes(first, made, why), *(told for _, _, told in chosen if told)] if answered else ()
+            error = max(outcome.error for outcome, _, _ in chosen)
+            best = min(best, Found(error, made, changes=changes), key=lambda found: found.error)
+            if best.error < enough:
                 return best
-            why = why or next((outcome.trouble for outcome, _ in chosen if outcome.trouble), "")
-            if any(outcome.refused for outcome, _ in chosen):
+            why = why or next((outcome.trouble for outcome, _, _ in chosen if outcome.trouble), "")
+            if any(outcome.refused for outcome, _, _ in chosen):
                 break  # whatever the noise
     return replace(best, trouble=why or "its estimate is not finite") if best.error == np.inf else best
+
+
+def _changes(first: First, made: First, why: str) -> Iterator[str]:
+    """What is told of the noise and the sampling that are not those of the answers."""
+    if made.noise < 1:
+        of, other = (number_text(float(f"{share * first.start.noise:.6g}")) for share in (1, made.noise))
+        yield f"with noise of standard deviation {of}: {why}; {other} is written in its place"
+    if made.sampled != first.sampled:
+        yield f"with samples: {why}; what is written has an output that is known at all times"
 
 
 def _with_boxes(first: First) -> First:
@@ -152,24 +170,36 @@ def _together(scene: First, alone: Sequence[First]) -> First:
     return scene
 
 
-def _best(scene: First, label: str) -> tuple[Outcome, First]:
-    """The observer alone: the first variant whose estimate follows well, or the best of them."""
-    found: list[tuple[Outcome, First]] = []
+def _best(scene: First, label: str, enough: float) -> tuple[Outcome, First, str]:
+    """The observer alone: the first variant whose estimate follows well, or the best of them.
+
+    Other first guesses are tried where the error is not below ``enough`` with the one that is meant; with the variant
+    comes what is told of its first guess, where that is another one.
+    """
+    found: list[tuple[Outcome, First, str]] = []
+    why = ""
     start, keys = scene.start, scene.start.observers[label]
     for share in _NEARER:
         estimate = {name: value + share * (start.estimate[name] - value) for name, value in start.initial.items()}
+        meant, other = _guess(start.estimate), _guess(estimate)
+        told = f"{label} from the first guess {meant}: {why}; {other} is written in its place" if share < 1 else ""
         for block in _blocks(keys, sampled=scene.sampled):
             alone = replace(scene, start=replace(start, observers={}), estimates={})
             one = alone.with_observer(label, block, estimate if share < 1 else None)
             outcome = outcome_of(one)
-            found.append((outcome, one))
+            found.append((outcome, one, told))
+            why = why or outcome.trouble or ""
             if outcome.trouble is None and outcome.error < _WELL:
-                return outcome, one
+                return found[-1]
             if outcome.refused:
                 break  # whatever the gain
-        if any(outcome.follows for outcome, _ in found):
+        if any(outcome.trouble is None and outcome.error < enough for outcome, _, _ in found):
             break  # from the first guess that is meant
-    return min(found, key=lambda pair: (pair[0].refused, pair[0].error))
+    return min(found, key=lambda one: (one[0].refused, one[0].error))
+
+
+def _guess(estimate: Mapping[str, float]) -> str:
+    return ", ".join(f"{name} = {number_text(float(f'{value:.6g}'))}" for name, value in estimate.items())
 
 
 def _blocks(keys: Mapping[str, object], *, sampled: bool) -> Iterator[Mapping[str, object]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+from dataclasses import replace
 from pathlib import Path
 from urllib.parse import urlsplit
 from urllib.request import url2pathname
@@ -15,7 +16,7 @@ from chosen_cases import ALL_CASES
 from shell import Shell
 
 from hgorun.commands import init, trial
-from hgorun.commands.first import first_of
+from hgorun.commands.first import first_of, with_observers
 from hgorun.commands.trial import FOLLOWS, followed
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import PLANTS
@@ -206,6 +207,77 @@ def test_names_that_only_equations_have_are_asked_for(shell: Shell, monkeypatch:
     assert found["plant"]["inputs"] == {"c": "0.5*sin(t)"}
 
 
+TANK = ("own", "", "h", "", "", "(20 - 8*sqrt(h))/50", "h", "4")  # which has no derivative where it is empty
+
+
+@pytest.mark.parametrize(
+    ("guess", "noise", "observer", "written", "told"),
+    [
+        ("2", "0.05", "shgo", (2, 0.05), ()),
+        ("0", "0.05", "ekf", (3.6, 0.05), ("EKF from the first guess h = 0: ", "; h = 3.6 is written in its place")),
+        ("2", "1", "shgo", (2, 1), ("an estimate misses its state by ", "try other gains, less noise or a")),
+        ("2", "40", "shgo", (2, 4), ("with noise of standard deviation 40: observer SHGO", "; 4 is written in its p")),
+    ],
+)
+def test_answers_stay_or_what_is_written_in_their_place_is_told(
+    shell: Shell,
+    monkeypatch: pytest.MonkeyPatch,
+    guess: str,
+    noise: str,
+    observer: str,
+    written: tuple[float, float],
+    told: tuple[str, ...],
+) -> None:
+    answers(monkeypatch, *TANK, guess, "20", "0.5", noise, observer)
+    code, out, err = shell("init", "--ask", "-o", "tank.yaml")
+    assert (code, err) == (0, "")
+    notes = [line for line in out.splitlines() if line.startswith("note: ")]
+    assert [line for line in notes if told and all(words in line for words in told)] == notes[: len(told) > 0]
+    found = yaml.safe_load((shell.folder / "tank.yaml").read_text())
+    (block,) = found["observers"].values()
+    assert (block["initial"]["h"], found["measurement"]["noise"][0]["std"]) == written
+
+
+def test_samples_that_an_observer_does_not_take_are_told() -> None:
+    first = first_of("integrator_chain", PLANTS.find("integrator_chain"), ["kkl"])
+    found = followed(first, answered=True)
+    assert (found.first.sampled, found.trouble) == (False, "")
+    (told,) = found.changes
+    assert told.startswith("with samples: ")
+    assert told.endswith("; what is written has an output that is known at all times")
+    assert not followed(first).changes
+
+
+@pytest.mark.parametrize(
+    ("observer", "noise", "keys"),
+    [
+        ("ekf", 0.1, {"Q": {"x1": 0.04, "x2": 1.0}}),
+        ("ekf", 0.0, {"Q": {"x1": 0.04, "x2": 1.0}, "R": 0.1}),
+        ("kalman_bucy", 0.1, {"Q": {"x1": 0.04, "x2": 1.0}, "R": 0.1}),
+        ("shgo", 0.1, {"theta": 2.0}),
+    ],
+)
+def test_a_filter_gets_the_noise_of_the_measurement_and_of_the_size_of_states(
+    observer: str, noise: float, keys: dict[str, object]
+) -> None:
+    """Of a density Q the deviation after the time T is sqrt(Q T): 0.2 and 1 after a tenth of the run.
+
+    These are a tenth of x1, and of the distance of x2 from its first guess.
+    """
+    first = PLANTS.find("van_der_pol").first
+    assert first is not None
+    start = replace(
+        first,
+        end=10,
+        initial={"x1": 2, "x2": 0},
+        estimate={"x1": 1, "x2": 10},
+        noise=noise,
+        observers={},
+    )
+    ((_, found),) = with_observers(start, [observer]).observers.items()
+    assert {key: value for key, value in found.items() if key != "type"} == keys
+
+
 def test_a_built_in_plant_from_answers(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     answers(monkeypatch, "contoi", "contois", "0.2 1/h", "0.2*mu", "", "0.5", "", "")
     code, out, err = shell("init", "--ask")
@@ -323,7 +395,7 @@ def test_what_cannot_be_seen_is_told_at_the_output_and_at_the_observers(
 def test_several_outputs_are_asked_for_until_they_can_be_read(
     shell: Shell, monkeypatch: pytest.MonkeyPatch, given: tuple[str, ...], told: tuple[str, ...], written: object
 ) -> None:
-    monkeypatch.setattr(init, "followed", lambda first: trial.Found(0, first))
+    monkeypatch.setattr(init, "followed", lambda first, **_: trial.Found(0, first))
     answers(monkeypatch, *APART, *given, *[""] * 7, "ekf")
     code, _, err = shell("init", "--ask", "-o", "a.yaml")
     assert (code, err.count("\n")) == (0, len(told)), err
@@ -337,7 +409,7 @@ def test_no_answer_is_lost_for_a_file_that_cannot_be_written(shell: Shell, monke
     assert (code, out) == (2, "")
     assert err == "hgorun: contois.yaml exists; --force overwrites it, -o FILE names another one\n"
     assert shell("init", "--ask", "-o", "a.txt")[1] == ""
-    monkeypatch.setattr(init, "followed", lambda first: trial.Found(0, first))
+    monkeypatch.setattr(init, "followed", lambda first, **_: trial.Found(0, first))
     answers(monkeypatch, "contois", *[""] * 5, "a.txt", "contois.yaml", "contois.yaml/a.yaml", "")
     code, out, err = shell("init", "--ask")
     assert (code, "written: my_contois.yaml" in out, err.count("\n")) == (0, True, 3), err
