@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
-from typing import Protocol
+from typing import NoReturn, Protocol
 
 from hgorun.commands.mqtt_address import Address, Credentials, client_id_of, require_topic
 from hgorun.commands.mqtt_session import Message, Session
@@ -28,6 +28,7 @@ from hgorun.commands.stream_samples import (
 )
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, HgorunError, printable
+from hgorun.files import held_alone
 from hgorun.process import end_with, say
 
 _TOLD = 20  # messages that are left out and told; of more it is known that there are more
@@ -54,13 +55,16 @@ def follow_topic(source: Source, name: str, options: Estimate) -> int:
     if options.publish is not None:
         require_topic(options.publish, wildcards=False)
     credentials = Credentials.of(os.environ)
-    known = os.path.exists(options.checkpoint)
-    stream = Stream.of(source, name)
+    client_id = options.client_id or client_id_of(name, address.topic, options.checkpoint)
+    with held_alone(options.checkpoint):
+        session = Session(address, client_id, credentials, _tell, known=os.path.exists(options.checkpoint))
+        return _follow_for_ever(session, Stream.of(source, name), options)
+
+
+def _follow_for_ever(session: Session, stream: Stream, options: Estimate) -> NoReturn:
     stream.tell_what_is_ignored()
     stream.check_lateness()
     follower = Follower.of(stream, options)
-    client_id = options.client_id or client_id_of(name, address.topic, options.checkpoint)
-    session = Session(address, client_id, credentials, _tell, known=known)
     try:
         while True:
             follower.take_some(session)

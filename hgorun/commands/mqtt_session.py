@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import socket
 import time as clock
 from collections.abc import Callable, Sequence
@@ -20,6 +21,7 @@ KEEPALIVE = 30
 _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 60.0  # seconds between attempts to connect
 _MOST = 1000  # messages that are taken together
 _QOS = 1
+_SOON, _AGAIN = 5.0, 3  # seconds in which a connection is lost, and times in a row, that hint at another client
 _BUSY = 136  # a broker that cannot be used now; other refusals are for good
 
 
@@ -75,6 +77,8 @@ class Session:
         self._known, self._told_of_loss, self._pause = known, False, _FIRST_PAUSE
         self._client: Client | None = None
         self._connection = 0
+        self._welcomed = math.nan  # when the broker has taken the client that stands
+        self._soon_lost = 0  # connections in a row
         self._inbox: list[Message] = []
         self._unpublished: set[int] = set()
         self._subscribed: list[bool] = []  # in this connection: whether with the quality of service asked for
@@ -190,7 +194,7 @@ class Session:
             if reason.is_failure:
                 self._refusal = (reason.value, str(reason))
             else:
-                self._present = flags.session_present
+                self._present, self._welcomed = flags.session_present, clock.monotonic()
                 client.subscribe(self._address.topic, qos=_QOS)
 
         def on_subscribe(_client: Client, _: object, _number: int, granted: list[Any], _more: object) -> None:
@@ -224,3 +228,11 @@ class Session:
         if self._refusal is None and not self._told_of_loss:
             self._tell(f"{self._address}: {why}; trying again")
             self._told_of_loss = True
+        lasted, self._welcomed = clock.monotonic() - self._welcomed, math.nan
+        if not math.isnan(lasted):  # it stood
+            self._soon_lost = self._soon_lost + 1 if lasted < _SOON else 0
+            if self._soon_lost == _AGAIN:
+                self._tell(
+                    f"{self._address}: the connection was lost {_AGAIN} times soon after it was made: another client "
+                    f"may use the id {self._id}; each needs its own, see --client-id"
+                )

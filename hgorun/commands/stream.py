@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time as clock
 from collections.abc import Iterator
+from contextlib import nullcontext
 
 from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
@@ -13,6 +14,7 @@ from hgorun.commands.stream_progress import InOrder
 from hgorun.commands.stream_samples import REMEMBERED, Grid, OneByOne, Stream, Writer, refuse_results, tell_left_out
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
+from hgorun.files import held_alone
 from hgorun.process import uninterrupted
 
 _FEW = 3  # lines that are not worth being taken together
@@ -24,6 +26,11 @@ def follow(source: Source, name: str, options: Estimate) -> int:
     refuse_results(options)
     if options.publish is not None or options.client_id is not None:
         raise ConfigError("--publish and --client-id are for brokers: hgorun estimate CONFIG mqtt://HOST/TOPIC")
+    with nullcontext() if options.checkpoint is None else held_alone(options.checkpoint):
+        return _follow_to_end(source, name, options)
+
+
+def _follow_to_end(source: Source, name: str, options: Estimate) -> int:
     stream = Stream.of(source, name)
     stream.tell_what_is_ignored()
     form, late, blocks = read(sys.stdin)

@@ -158,8 +158,26 @@ def test_connections_that_are_cut_lose_nothing(shell: Shell, monkeypatch: pytest
     follow(follower(), Mortal(session_at(broker.port, told.append, known=True)))
     assert broker.connections > 20
     assert once(broker) == whole
-    assert told
-    assert all("trying again" in one for one in told)
+    (hint,) = [one for one in told if "trying again" not in one]
+    assert told.index(hint) > 0
+    assert "was lost 3 times soon after it was made: another client may use the id test; each needs its own" in hint
+
+
+@pytest.mark.parametrize(("soon", "hints"), [(60.0, 1), (0.0, 0)])
+def test_clients_of_one_name_are_told_of_each_other(
+    monkeypatch: pytest.MonkeyPatch, broker: Broker, soon: float, hints: int
+) -> None:
+    """Each takes the session from the other; but not from one whose connection is lost now and then."""
+    told = list[str]()
+    session, other = session_at(broker.port, told.append), session_at(broker.port)
+    monkeypatch.setattr("hgorun.commands.mqtt_session._SOON", soon)
+    for _ in range(4):
+        session._connect()
+        other._connect()
+        while session._client is not None:
+            session._step(1.0)
+        other.close()
+    assert ["another client may use the id test" in one for one in told] == [False] + [True] * hints
 
 
 @pytest.mark.measured("None")

@@ -17,6 +17,7 @@ from typing_extensions import Buffer
 from hgorun.commands.stream_lines import Sample
 from hgorun.commands.stream_lines import read as read_lines
 from hgorun.errors import ConfigError
+from hgorun.files import held_alone
 
 
 @pytest.fixture(name="shell")
@@ -132,6 +133,19 @@ def test_a_stream_goes_on_from_its_checkpoint(shell: Shell, monkeypatch: pytest.
     _, first, _ = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines[:13]]), "--checkpoint", "state")
     _, rest, _ = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines]), "--checkpoint", "state")
     assert first + rest[1:] == whole
+
+
+def test_a_second_stream_with_the_same_checkpoint_is_refused(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    text = "t,signal,y\n0.1,a,0.1\n"
+    with held_alone(shell.folder / "state"):
+        for data in ((), ("mqtt://127.0.0.1:1/plant/a",)):
+            monkeypatch.setattr(sys, "stdin", io.StringIO(text))
+            code, out, err = shell("estimate", "pendulum.yaml", *(data or ("-",)), "--checkpoint", "state")
+            assert (code, out) == (2, "")
+            assert "state: another process has it in use (.state.lock is locked): end that process, or name" in err
+        assert piped(shell, monkeypatch, text, "--checkpoint", "other")[0] == 0
+    assert piped(shell, monkeypatch, text, "--checkpoint", "state")[0] == 0
+    assert not list(shell.folder.glob(".*"))
 
 
 @pytest.mark.parametrize(("key", "first", "then"), [("std", "0.02", "0.05"), ("gate", "4", "6")])
