@@ -24,12 +24,13 @@ from hgorun.commands.outputs import (
     there,
     written,
 )
+from hgorun.commands.remarks import coarse_members
 from hgorun.commands.run_options import Simulate
 from hgorun.config.expressions import nearest
 from hgorun.config.nearest import refuse_other
 from hgorun.ensemble.collected import Collected, levels
 from hgorun.ensemble.growing import read_sweep
-from hgorun.ensemble.outcome import outcome_of
+from hgorun.ensemble.outcome import largest_of_ok, outcome_of
 from hgorun.ensemble.reading import is_sweep
 from hgorun.ensemble.refused import refusal_of, told_where
 from hgorun.ensemble.sweep import Place
@@ -63,6 +64,8 @@ def compare_ensembles(options: Compare) -> int:
     style = _style(options)
     Page.named(options.width, options.style)  # refused before anything is computed
     found = [_compared(read_sweep(path), options, str(path)) for path in options.sources]
+    for one in found:
+        _tell_coarse(one.members)
     if options.json:
         objects = [plain_tables.as_json(one) for one in found]
         print(json_text.dumps(objects[0] if len(objects) == 1 else objects, indent=2, allow_nan=False))
@@ -104,7 +107,7 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
         refusal = refusal_of(ensemble, outcome.first[0])
         if isinstance(refusal, ConfigError):  # wrong input, such as a mistyped path of vary
             raise refusal
-    for words in outcome.troubles(partial(told_where, ensemble)):
+    for words in (*outcome.troubles(partial(told_where, ensemble)), *coarse_members(outcome.largest_error)):
         say(f"hgorun: {run.name}: {words}")
     if outcome.nothing:
         raise SimulationError(f"{run.name}: none of its {outcome.members} members could be carried out")
@@ -132,6 +135,7 @@ def report(options: Report) -> int:
     found = _compared(read_sweep(options.source), options, str(options.source))
     if not found.members.observers:
         raise ConfigError("it has no observers, so there is nothing to report", file=str(options.source))
+    _tell_coarse(found.members)
     output = options.output or RESULTS
     path = write_page(found, output if output.suffix.lower() in _PAGES else output / f"{found.members.name}.html")
     if options.json:
@@ -153,6 +157,12 @@ def draw(found: Compared, options: Compare) -> list[Path]:
             path for _, figure in islice(figures, 1) for path in save(figure, output.with_suffix(""), formats(output))
         ]
     return [path for kind, figure in figures for path in save(figure, output / f"{found.members.name}-{kind}")]
+
+
+def _tell_coarse(members: Collected) -> None:
+    """Numbers that are not as exact as they look are told."""
+    for words in coarse_members(largest_of_ok(members.observers, members.integration_error, members.status)):
+        say(f"hgorun: {members.name}: {words}")
 
 
 def _tell_nothing_to_draw(members: Collected) -> None:

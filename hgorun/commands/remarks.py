@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 
 from hgorun.engine.methods import METHODS
+from hgorun.errors import printable
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
@@ -42,9 +43,21 @@ def coarse(result: Result) -> Iterator[str]:
     told = {PLANT: result.verdict} | {label: o.verdict for label, o in result.observers.items()}
     for label, error in errors.items():
         if error > _COARSE and told[label].status == "ok":
-            who = label if label == PLANT else f"observer {label}"
-            size = f"about {error:.1g}" if error < 1 else "as large as the numbers"
-            yield f"{who}: the integration error is {size}; {_better(how, error)}, or leave it out"
+            yield f"{_said(label, error)}; {_better(how, error)}, or leave it out"
+
+
+def coarse_members(largest: Mapping[str, float]) -> Iterator[str]:
+    """The same of an ensemble, by the largest errors that are known among members that are ok."""
+    for label, error in largest.items():
+        if error > _COARSE:
+            better = "give a shorter step or smaller tolerances, or leave them out"
+            yield f"{_said(printable(label), error)} in the worst member checked; {better}"
+
+
+def _said(label: str, error: float) -> str:
+    who = label if label == PLANT else f"observer {label}"
+    size = f"about {error:.1g}" if error < 1 else "as large as the numbers"
+    return f"{who}: the integration error is {size}"
 
 
 def _better(how: Integration, error: float) -> str:

@@ -15,6 +15,7 @@ from hgorun.commands.ensemble_options import Merge, Sweep
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Printing
 from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, refuse_unwritable
+from hgorun.commands.remarks import coarse_members
 from hgorun.config.nearest import refuse_other
 from hgorun.ensemble.collecting import collect
 from hgorun.ensemble.ensemble import Ensemble
@@ -174,8 +175,10 @@ class Told:
 def _said(options: Sweep | Merge, found: Sequence[Told]) -> int:
     """Say what has become of the members."""
     for one in found:
+        if one.outcome is None:
+            continue
         where = partial(told_where, one.ensemble or one.store.ensemble)
-        for words in one.outcome.troubles(where) if one.outcome is not None else ():
+        for words in (*one.outcome.troubles(where), *coarse_members(one.outcome.largest_error)):
             print(f"hgorun: {one.store.ensemble.name}: {words}", file=sys.stderr)
     if options.json:
         records = [one.as_json() for one in found]

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.errors import printable
+from hgorun.result.data import PLANT
 from hgorun.result.status import STATUSES
 
 _SHOWN = 400  # characters of a member's error
@@ -33,6 +35,8 @@ class Outcome:
         For every observer that is lost in some members, the earliest time at which it is: ``t=1.25 s``.
     first : (int, str) or None
         The first member that has failed, and its error.
+    largest_error : mapping of str to float
+        See :func:`largest_of_ok`.
     """
 
     name: str
@@ -42,6 +46,7 @@ class Outcome:
     status: str
     lost: Mapping[str, str]
     first: tuple[int, str] | None
+    largest_error: Mapping[str, float]
 
     @property
     def nothing(self) -> bool:
@@ -98,7 +103,33 @@ def outcome_of(path: Path) -> Outcome:
         }
         counts = {str(label): _counted(status[:, j]) for j, label in enumerate(labels)}
         name, worst = str(file.attrs["name"]), str(file.attrs["status"])
-    return Outcome(name, len(status), count, counts, worst, lost, first)
+        own = file["integration_error"][()].reshape(status.shape)
+        integration = np.column_stack([file["plant_integration_error"][()].ravel(), own])
+    largest = largest_of_ok([*counts], integration, status)
+    return Outcome(name, len(status), count, counts, worst, lost, first, largest)
+
+
+def largest_of_ok(observers: Sequence[str], errors: NDArray[np.float64], status: NDArray[np.int8]) -> dict[str, float]:
+    """The largest integration errors among members that are ok, where one is known.
+
+    Parameters
+    ----------
+    observers : sequence of str
+    errors : ndarray, shape (N, 1 + m)
+        Of the plant and of the observers; NaN where none is known. No rows where nothing is.
+    status : ndarray, shape (N, m)
+
+    Returns
+    -------
+    dict of str to float
+        Of the plant, in members with an observer that is ok, and of observers.
+    """
+    if not errors.size:
+        return {}
+    ok = status == STATUSES.index("ok")
+    of_ok = np.where(np.column_stack([ok.any(axis=1), ok]), errors, np.nan)
+    largest = np.fmax.reduce(of_ok, axis=0).tolist()
+    return {name: error for name, error in zip((PLANT, *observers), largest, strict=True) if not math.isnan(error)}
 
 
 def _counted(status: NDArray[np.int8]) -> dict[str, int]:

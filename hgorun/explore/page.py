@@ -16,7 +16,7 @@ from hgorun.figures.fronts import words_of_lost_points
 from hgorun.figures.spread import words_of_lost_at
 from hgorun.files import write_text
 from hgorun.tables.axis_names import bracketed, short_axis, unit_of_axis
-from hgorun.tables.ensemble import Compared, said_of_numbers, summary
+from hgorun.tables.ensemble import Compared, said_of_errors, said_of_numbers, summary
 from hgorun.version import __version__
 
 _PAID = ("hf", "settling")
@@ -100,7 +100,7 @@ def _sections(found: Compared) -> list[tuple[str, str, Any]]:
         "A click on a column's head sorts. mean, ± (half the 95 % interval) and sem (standard error) are over members "
         "that are ok or inaccurate; lost is the number of the others, which count as infinite in quantiles"
     )
-    note = ". ".join([note, *said_of_numbers(found)]) + "."
+    note = ". ".join([note, *said_of_numbers(found), *said_of_errors(members)]) + "."
     sections: list[tuple[str, str, Any]] = [("Statistics", note, statistics.of_observers(found))]
     if any(part.differences for part in found.parts):
         note = (

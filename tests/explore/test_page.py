@@ -127,6 +127,24 @@ def test_what_is_lost_leaves_the_figures_of_the_report(tmp_path: Path) -> None:
     assert (none.y_range.start, none.y_range.end) == (0.0, 1.0)
 
 
+def test_the_report_has_the_integration_error(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    members = read_sweep("a.sweep.h5")
+    errors = np.full((len(members), 3), np.nan)
+    errors[3:5] = [[1e-4, 0.2, 0.3], [2e-4, 0.1, 0.4]]
+    members = replace(members, integration_error=errors)
+    monkeypatch.setattr("hgorun.commands.ensembles.read_sweep", lambda _: members)
+    monkeypatch.setattr(page, "write_page", lambda found, path: path)
+    code, _, err = shell("report", "a.sweep.h5", "-o", "a.html")
+    assert code == 0
+    assert [line.split("; ")[0] for line in err.splitlines()] == [
+        f"hgorun: {members.name}: observer {label}: the integration error is about {error} in the worst member checked"
+        for label, error in (("F", 0.2), ("S", 0.4))
+    ]
+    said = "integration error, the largest of the 2 members checked: plant 2.0e-04, F 2.0e-01, S 4.0e-01."
+    notes = {heading: note for heading, note, _ in page._sections(ensemble.compared(members, [THETA], ["hf"]))}
+    assert said in notes["Statistics"]
+
+
 def test_the_report_tells_of_times_that_never_come(tmp_path: Path) -> None:
     """All members of F at the smallest gain, in x1; a few at the next one."""
     members = read_sweep(made(tmp_path / "a.sweep.h5"))
@@ -144,6 +162,7 @@ def test_the_report_tells_of_times_that_never_come(tmp_path: Path) -> None:
     notes = {heading: note for heading, note, _ in page._sections(found)}
     assert "settling: never, where noise" in notes["Statistics"]
     assert "settling of F x1: 6 of 24 members never settle, in the row with most" in notes["Statistics"]
+    assert "integration error" not in notes["Statistics"]
     maps = drawing.heat_maps(Cast(members), (THETA, PERIOD), "settling", "x1")
     assert drawn_of(maps[0], "Rect")[0]["shown"].tolist().count("lost or never") == 2
     points = [drawn["y"] for drawn in drawn_of(drawing.trade_off(Cast(members), ("hf", "settling"), "x1"), "Scatter")]
