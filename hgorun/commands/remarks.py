@@ -43,7 +43,7 @@ def coarse(result: Result) -> Iterator[str]:
     told = {PLANT: result.verdict} | {label: o.verdict for label, o in result.observers.items()}
     for label, error in errors.items():
         if error > _COARSE and told[label].status == "ok":
-            yield f"{_said(label, error)}; {_better(how, error)}, or leave it out"
+            yield f"{_how_large(label, error)}; {_better(how, error)}, or leave it out"
 
 
 def coarse_members(largest: Mapping[str, float]) -> Iterator[str]:
@@ -51,10 +51,10 @@ def coarse_members(largest: Mapping[str, float]) -> Iterator[str]:
     for label, error in largest.items():
         if error > _COARSE:
             better = "give a shorter step or smaller tolerances, or leave them out"
-            yield f"{_said(printable(label), error)} in the worst member checked; {better}"
+            yield f"{_how_large(printable(label), error)} in the worst member checked; {better}"
 
 
-def _said(label: str, error: float) -> str:
+def _how_large(label: str, error: float) -> str:
     who = label if label == PLANT else f"observer {label}"
     size = f"about {error:.1g}" if error < 1 else "as large as the numbers"
     return f"{who}: the integration error is {size}"

@@ -16,6 +16,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from hgorun.engine.session import Session
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.entering import Entering
 from hgorun.estimate.samples import stated
@@ -176,6 +177,20 @@ class Gate:
         for row, kept in zip(self.deviations, known, strict=True):
             for one, innovations in zip(row, kept, strict=True):
                 one.restore(innovations)
+
+
+def variances_along(
+    covariances: Sequence[Covariance | None], session: Session, stops: Sequence[int], times: Floats
+) -> Sequence[Variances]:
+    """Those of the innovations at some times, at whose stops a session arrives one after the other."""
+    if not any(covariances):
+        return [[None] * len(covariances)] * len(stops)
+    z, w = np.empty((len(stops), session.z.size)), np.empty((len(stops), session.w.size))
+    for k, stop in enumerate(stops):
+        session.advance(stop)
+        z[k], w[k] = session.z, session.w
+    found = [None if one is None else one.variance(times, z, w).tolist() for one in covariances]
+    return [[None if of is None else of[k] for of in found] for k in range(len(stops))]
 
 
 def _size(deviation: RunningDeviation, variances: Sequence[float] | None, output: int) -> float:

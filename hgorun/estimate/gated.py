@@ -19,7 +19,7 @@ from hgorun.engine.plan import Integers, Plan
 from hgorun.engine.session import Session
 from hgorun.engine.turns import in_turns, with_stops, without
 from hgorun.estimate.entering import Entering, SteppedRows, innovations_of, needed_until, where_entering
-from hgorun.estimate.gate import Gate, Known, Variances
+from hgorun.estimate.gate import Gate, Known, variances_along
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.prepared import PreparedEstimate
@@ -141,7 +141,8 @@ class _GatedRun:
         slots = [one.slot for several in entering for one in several]
         first = session.innovations[slots]  # what is kept is what was thought at first
         session.innovations[slots] = np.nan
-        variances = self._variances(places, stops)
+        times = self._events[list(places) if self._order is None else self._order.event[list(places)]]
+        variances = variances_along(self._covariances, session, stops, times)
         session.advance(stops[-1] + 1)
         model, every = self._prepared.run.plant.model, [one for several in entering for one in several]
         innovations = innovations_of(every, model, session.innovations)
@@ -162,19 +163,6 @@ class _GatedRun:
                 session.advance(stops[count - 1] + 1)
         session.innovations[slots] = np.where(np.isnan(first), session.innovations[slots], first)
         return count
-
-    def _variances(self, places: Sequence[int], stops: Sequence[int]) -> Sequence[Variances]:
-        """Of the innovations at some places, which are gone on to: by observer, of every output."""
-        if not any(self._covariances):
-            return [[None] * len(self._covariances)] * len(places)
-        session = self._session
-        z, w = np.empty((len(stops), session.z.size)), np.empty((len(stops), session.w.size))
-        for k, stop in enumerate(stops):
-            session.advance(stop)
-            z[k], w[k] = session.z, session.w
-        times = self._events[list(places) if self._order is None else self._order.event[list(places)]]
-        found = [None if one is None else one.variance(times, z, w).tolist() for one in self._covariances]
-        return [[None if of is None else of[k] for of in found] for k in range(len(places))]
 
     def _enter(self, place: int, stop: int, t: float, z: Floats, w: Floats) -> None:
         """Let samples enter, those of one channel one after the other where they enter its innovation."""

@@ -19,6 +19,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, KeyPath
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS, AnyObserver
+from hgorun.observers.capabilities import ByLateness, BySampling
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.registry import Registry
 from hgorun.result.data import PLANT
@@ -241,6 +242,16 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
                 validate(cls, unknown, source, path)
         faults.refuse()
     return validate(cls, block, source, path)
+
+
+def as_available(observer: AnyObserver, sampled: Callable[[], bool], late: Callable[[], bool]) -> AnyObserver:
+    """An observer's block as it is where all outputs are sampled, or a continuous one is late, if that matters."""
+    found: AnyObserver = observer
+    if isinstance(observer, BySampling) and sampled():
+        found = observer.of_samples()
+    elif isinstance(observer, ByLateness) and late():
+        found = observer.of_late()
+    return found
 
 
 def _of_others(key: str, cls: type[AnyObserver], source: Source, path: tuple[str, ...]) -> ConfigError | None:

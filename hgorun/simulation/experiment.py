@@ -18,7 +18,7 @@ from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import ByLateness, BySampling, NoiseInformed
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.observer import Coordinates
-from hgorun.simulation.blocks import Checked, check_again, observer_of
+from hgorun.simulation.blocks import Checked, as_available, check_again, observer_of
 from hgorun.simulation.configured import ONLY_A_FILE, Configured
 from hgorun.simulation.design import Design
 from hgorun.simulation.forms import coordinates_of, form_of
@@ -157,12 +157,7 @@ class Experiment(Configured):
 
     def _available(self, observer: AnyObserver) -> AnyObserver:
         """An observer's block as it is where outputs are sampled, or not, or late."""
-        found: AnyObserver = observer
-        if isinstance(observer, BySampling) and self.sampled():
-            found = observer.of_samples()
-        elif isinstance(observer, ByLateness) and self._late():
-            found = observer.of_late()
-        return found
+        return as_available(observer, self.sampled, self._late)
 
     @cached_property
     def plant(self) -> BuiltPlant:

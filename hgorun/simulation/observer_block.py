@@ -22,7 +22,7 @@ from hgorun.observers.capabilities import KnownCovariance
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.observers.returned import Misfit, fitting
 from hgorun.simulation.design import SHRINK, Design
-from hgorun.symbolic.forms import Copy, Form, GuessingCopy, ModelCopy, saturate
+from hgorun.symbolic.forms import Copy, Form, GuessingCopy, felt, saturate
 from hgorun.symbolic.graph import apart_from
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock
@@ -77,11 +77,9 @@ class ObserverBlock:
             both = parameters.add(f"{label}.sat.{state}", interval)
             bounds[state] = (both[0], both[1])
         newton = None if design.guess is None else parameters.add(f"{label}.guess", design.guess)
-        defaults = dict(design.defaults)
-        if has_alpha:
-            defaults["alpha"] = np.zeros(len(design.form.plant.outputs))
+        alpha = {"alpha": np.zeros(len(design.form.plant.outputs))} if has_alpha else {}
         states, end = {}, start
-        for name, value in defaults.items():
+        for name, value in {**design.defaults, **alpha}.items():
             states[name] = StateBlock.of(end, value)
             end += states[name].size
         return cls(label, observer or design.observer, design.form, start, states, k, bounds, design.gains, newton)
@@ -159,9 +157,8 @@ class ObserverBlock:
     def _estimate(self, z: ca.SX) -> ca.SX:
         """The estimate in the observer's coordinates."""
         with called("observer", self.observer.type, "estimate"):
-            return self._of_shape(
-                self.observer.estimate(self.symbols(z), self.k), (self.form.plant.n, 1), "the estimate"
-            )
+            found = self.observer.estimate(self.symbols(z), self.k)
+            return self._of_shape(found, (self.form.plant.n, 1), "the estimate")
 
     def own(self, z: ca.SX) -> dict[str, ca.SX]:
         """The numbers among the observer's own states by their names in a law.
@@ -222,9 +219,16 @@ class ObserverBlock:
         gamma = vars(self.k).get(SHRINK)
         if gamma is not None:  # then e = s + alpha - y shrinks as exp(-gamma t)
             return derivatives, gamma * e
-        if flow.correction is None:
-            return derivatives, self._felt(copy, s.xhat, derivatives["xhat"])
-        return derivatives, self._of_shape(flow.correction, e.shape, "equations: the correction")
+        if flow.correction is not None:
+            return derivatives, self._of_shape(flow.correction, e.shape, "equations: the correction")
+        correction = felt(copy, s.xhat, derivatives["xhat"])
+        if correction is None:
+            raise Problem(
+                ("observers", self.label, "type"),
+                f"{type(self.observer).__name__} has no copy of the plant: the Flow of its equations has to give "
+                "its correction",
+            )
+        return derivatives, correction
 
     @property
     def _own(self) -> dict[str, StateBlock]:
@@ -259,16 +263,6 @@ class ObserverBlock:
     def _wrong(self, message: str) -> Problem:
         """A mistake in the class, told at the block that uses it."""
         return Problem(("observers", self.label, "type"), f"{self.observer.type}, {message}")
-
-    def _felt(self, copy: Copy, xhat: ca.SX, rate: ca.SX) -> ca.SX:
-        """C_x (copy(xhat) - xhat'): what the outputs of the estimate feel beside the copy of the plant."""
-        if not isinstance(copy, ModelCopy):
-            raise Problem(
-                ("observers", self.label, "type"),
-                f"{type(self.observer).__name__} has no copy of the plant: the Flow of its equations has to give "
-                "its correction",
-            )
-        return ca.jtimes(copy.output(xhat), xhat, copy.copy(xhat) - rate)
 
     def jump(self, t: ca.SX, u: ca.SX, u_before: ca.SX, p: ca.SX, z: ca.SX, sample: Sample) -> ca.SX:
         """What the block becomes when a sample arrives."""

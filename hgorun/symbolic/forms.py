@@ -43,6 +43,11 @@ class ModelCopy(Copy, Protocol):
         ...
 
 
+def felt(copy: Copy, xhat: ca.SX, rate: ca.SX) -> ca.SX | None:
+    """C_x (copy(xhat) - xhat'): what the outputs of an estimate feel beside a copy of the plant; None without one."""
+    return ca.jtimes(copy.output(xhat), xhat, copy.copy(xhat) - rate) if isinstance(copy, ModelCopy) else None
+
+
 @runtime_checkable
 class GuessingCopy(Copy, Protocol):
     """A copy whose estimate is found by Newton's method."""

@@ -94,9 +94,10 @@ def test_every_command_tells_it_of_ensembles(
 
 
 def test_of_members_that_are_not_ok_it_is_said_already() -> None:
-    errors, status = np.array([[0.2, 3.0, 0.3], [0.1, 0.02, 0.1], [np.nan] * 3]), np.array([[2, 2], [0, 1], [0, 0]])
+    errors = np.array([[0.2, 3.0, 0.3], [0.1, 0.02, 0.1], [np.nan] * 3])
+    status = np.array([[2, 2], [0, 1], [0, 0]], dtype=np.int8)
     largest = largest_of_ok(["a", "b"], errors, status)
     assert largest == {"plant": 0.1, "a": 0.02}
     assert [one.partition(": ")[0] for one in coarse_members(largest)] == ["plant", "observer a"]
     assert not list(coarse_members({"a": 0.01}))
-    assert not largest_of_ok(["a"], np.empty((0, 0)), np.zeros((2, 1)))
+    assert not largest_of_ok(["a"], np.empty((0, 0)), status[:, :1])
