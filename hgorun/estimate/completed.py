@@ -14,9 +14,10 @@ from hgorun.config.overrides import replaced
 from hgorun.config.types import Block
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.data.recording import Recording, median_step
+from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.first_values import first_values
+from hgorun.estimate.intervals import mean_intervals, offset_of, usual_step
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.estimate.stated_of_data import StatedOfData, noisy
 from hgorun.measurement.blocks import Measurement
@@ -32,7 +33,8 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     """The experiment that the observers run in.
 
     The span of the data is that of the run, unless ``time`` says otherwise, and the output step is their median gap.
-    When samples come is decided by the data; the measurement block is asked for the noise alone. States that are
+    When samples come is decided by the data; the measurement block is asked for the noise alone. Filters of samples are
+    designed for the mean time between those of the run. States that are
     measured start from the first sample of each, where an observer's ``initial`` does not name them; or all states
     that it does not name start where the model passes nearest to the first samples, if several are to be used.
 
@@ -52,10 +54,11 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     given: Mapping[str, Any] = source.data
     changes: dict[str, Any] = {}
     start: object = None
+    end: object = None
     if isinstance(of_time := given.get("time") or {}, dict):
         with source.located():
             time = _time(of_time, recording)
-        start = time["start"]
+        start, end = time["start"], time["end"]
         changes = {f"time.{key}": value for key, value in time.items() if key not in of_time}  # lines of others stay
     if not (isinstance(given.get("plant"), dict) and given["plant"]):
         return Experiment(_with(source, changes), name=name, text=text)  # which says what is wrong
@@ -65,7 +68,8 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     begin = float(start) if isinstance(start, (int, float)) else recording.span[0]
     changes["measurement"] = _measurement(given.get("measurement") or {}, recording, begin)
     whole, states = _with_plant(_with(source, changes))
-    experiment = Experiment(whole, name=name, text=text)
+    intervals = mean_intervals(recording, begin, float(end) if isinstance(end, (int, float)) else recording.span[1])
+    experiment = Experiment(whole, name=name, text=text).with_intervals(intervals)
     with experiment.located():
         _check_names(experiment, recording)
     first = first_values(experiment, recording)
@@ -75,14 +79,16 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     if recording.start_is_fitted and not all(set(states) <= set(one.initial) for one in experiment.observers.values()):
         from hgorun.estimate.starting import fitted_start  # only here
 
-        guess = Experiment(_with(whole, changes), name=name, text=text)
+        guess = Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
         with guess.located():
             first = fitted_start(prepare_estimate(guess, recording), recording.first_samples)
     for label, observer in experiment.observers.items():
         initial = first | observer.initial
         if initial != observer.initial:
             changes[f"observers.{label}.initial"] = initial
-    return Experiment(_with(whole, changes), name=name, text=text) if changes else experiment
+    if not changes:
+        return experiment
+    return Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
 
 
 def streamed(source: Source, said: StatedOfData, name: str) -> Experiment:
@@ -202,21 +208,9 @@ def _measurement(given: Mapping[str, Any], recording: Recording, start: float) -
         signal = recording.outputs.get(name)
         if signal is not None:
             told = (block.get("sampling") or given.get("sampling")) if signal.taken.size == 1 else None
-            outputs[name]["sampling"] = told or {"period": _period(signal.taken), **_offset(signal.taken, start)}
+            outputs[name]["sampling"] = told or {"period": usual_step(signal.taken), **offset_of(signal.taken, start)}
     std = {name: signal.std for name, signal in recording.outputs.items() if signal.std is not None}
     return {**found, "outputs": noisy(outputs, std)}
-
-
-def _period(taken: np.ndarray) -> float:
-    """About how far apart samples are; any number for a single one."""
-    step = median_step(taken)
-    return 1.0 if np.isnan(step) else step
-
-
-def _offset(taken: np.ndarray, start: float) -> dict[str, float]:
-    """How long after the start the first sample is taken, where it is not the start."""
-    k = int(np.searchsorted(taken, start))
-    return {"offset": float(taken[k] - start)} if k < taken.size and taken[k] > start else {}
 
 
 def ready(source: Source) -> None:

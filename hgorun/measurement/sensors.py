@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from hgorun.config.expressions import parse
@@ -23,24 +23,35 @@ class _Strength(NamedTuple):
     density: float | None
 
 
-def sensors_of(stretches: Iterable[Sequence[Stretch]]) -> tuple[Sensor, ...]:
+def sensors_of(
+    stretches: Iterable[Sequence[Stretch]], intervals: Mapping[int, float] | None = None
+) -> tuple[Sensor, ...]:
     """What is known of the noise of every output, from all of its stretches.
 
     The variance of a sample is exact: that of gaussian and uniform noise, the mean square of sinusoids, their sum for
     noise of several kinds. Noise that is held for a time dt on a continuous output has the density variance times dt,
     the area of its autocorrelation; samples of white noise have variance times their mean interval.
+
+    Parameters
+    ----------
+    stretches : iterable of sequence of Stretch
+        By output.
+    intervals : mapping of int to float, optional
+        By the numbers of outputs the mean time between samples, where that is another one than the sampling says.
     """
-    return tuple(_sensor(one) for one in stretches)
+    told = intervals or {}
+    return tuple(_sensor(one, told.get(i)) for i, one in enumerate(stretches))
 
 
-def _sensor(stretches: Sequence[Stretch]) -> Sensor:
+def _sensor(stretches: Sequence[Stretch], told: float | None) -> Sensor:
     intervals = {_interval(s) for s in stretches}
-    interval = intervals.pop() if len(intervals) == 1 else None
+    period = intervals.pop() if len(intervals) == 1 else None
+    interval = period if told is None else told
     delays = {float(parse(s.delay).number()) if s.delay_is_constant else None for s in stretches}
     delay, amplitude = delays.pop() if len(delays) == 1 else None, _amplitude(stretches)
     first_sample, sampled = _first(stretches), not all(s.continuous for s in stretches)
     try:
-        strengths = [_strength(s) for s in stretches]
+        strengths = [_strength(s, told) for s in stretches]
         if len({one.power for one in strengths}) > 1 or len({s.multiplicative for s in stretches}) > 1:
             raise _Unknown("the noise changes from one phase to the next")
     except _Unknown as unknown:
@@ -55,6 +66,7 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
             continuous=continuous,
             first=first_sample,
             sampled=sampled,
+            period=period,
         )
     first = strengths[0]
     power = None if stretches[0].multiplicative else first.power
@@ -66,7 +78,18 @@ def _sensor(stretches: Sequence[Stretch]) -> Sensor:
         why = why or "the mean time between its samples is not known, or changes"
     multiplicative = stretches[0].multiplicative
     return Sensor(
-        variance, density, interval, multiplicative, why, amplitude, delay, power, continuous, first_sample, sampled
+        variance,
+        density,
+        interval,
+        multiplicative,
+        why,
+        amplitude,
+        delay,
+        power,
+        continuous,
+        first_sample,
+        sampled,
+        period,
     )
 
 
@@ -101,7 +124,7 @@ def _interval(stretch: Stretch) -> float | None:
     return stretch.period
 
 
-def _strength(stretch: Stretch) -> _Strength:
+def _strength(stretch: Stretch, told: float | None) -> _Strength:
     if is_relative(stretch):
         raise _Unknown("the size of its noise is relative to the output (snr_db)")
     variance, density = 0.0, 0.0
@@ -119,5 +142,5 @@ def _strength(stretch: Stretch) -> _Strength:
         raise _Unknown("the output has no noise")
     if stretch.continuous:
         return _Strength(variance, density)
-    interval = _interval(stretch)
+    interval = _interval(stretch) if told is None else told
     return _Strength(variance, None if interval is None else variance * interval)

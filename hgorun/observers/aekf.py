@@ -15,7 +15,7 @@ from hgorun.observers.base import Arrival, CorrectedObserver, DecidedObserver, F
 from hgorun.observers.capabilities import NoiseInformed, OneGain, SeveralGains
 from hgorun.observers.extension import with_unknown_inputs
 from hgorun.observers.gaussian import linear_update
-from hgorun.observers.kalman import mean_intervals
+from hgorun.observers.intervals import mean_intervals, usual_periods
 from hgorun.observers.scaled_filter import ScaledFilter
 from hgorun.observers.whole_periods import UNEVEN, off_period
 from hgorun.symbolic.canonical import CanonicalForm
@@ -244,14 +244,14 @@ class SampledAdaptiveFilter(AdaptiveFilter, CorrectedObserver[Form, ScaledCopy])
 
     def design(self, form: Form) -> dict[str, np.ndarray]:
         numbers = super().design(form)
-        T = self.whole_periods(form)
-        return numbers | {"R": numbers["R"] / T, "T": np.array(T)}
+        intervals = mean_intervals(self.interval, self._sensors, form, "interval")
+        return numbers | {"R": numbers["R"] / intervals, "T": np.array(self.whole_periods(form))}
 
     def whole_periods(self, form: Form) -> float:
-        intervals = mean_intervals(self.interval, self._sensors, form, "interval")
-        if np.ptp(intervals) > UNEVEN * intervals[0]:
+        periods = usual_periods(self.interval, self._sensors, form, "interval")
+        if np.ptp(periods) > UNEVEN * periods[0]:
             raise Problem(("update",), "jump needs all outputs sampled with one period")
-        return float(intervals[0])
+        return float(periods[0])
 
     def horizon(self, form: Form) -> float:
         return self.copies * self.whole_periods(form)

@@ -15,7 +15,8 @@ from hgorun.observers.base import Arrival, CorrectedObserver, Flow, observer
 from hgorun.observers.capabilities import HighGain, NoiseInformed, SettlingGain
 from hgorun.observers.extension import with_unknown_inputs
 from hgorun.observers.gaussian import linear_update
-from hgorun.observers.kalman import by_output, mean_intervals
+from hgorun.observers.intervals import mean_intervals
+from hgorun.observers.kalman import by_output
 from hgorun.observers.scaled_filter import ScaledFilter
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form

@@ -16,18 +16,17 @@ from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import KnownCovariance, NoiseInformed
 from hgorun.observers.gaussian import spread_along
+from hgorun.observers.intervals import UNKNOWN
 from hgorun.observers.riccati import require_positive_definite
 from hgorun.symbolic.canonical import CanonicalForm, PlantCopy
 from hgorun.symbolic.forms import Form, ModelCopy
 from hgorun.symbolic.observability import canonical_form
-from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.smooth import smooth_form
 from hgorun.symbolic.states import StateBlock, Symmetric
 from hgorun.symbolic.symbols import Symbols
 from hgorun.symbolic.unseen import unseen_states
 
 _SYMMETRIC = 1e-12  # relative
-_UNKNOWN = Sensor(None, None, None, why="nothing is known of its noise")
 
 
 def _kind(value: object) -> str:
@@ -73,28 +72,6 @@ def by_output(given: dict[str, float] | float, form: Form, key: str = "R") -> np
     if missing:
         raise Problem((key,), f"{key} of output {', '.join(missing)} is missing")
     return np.array([given[name] for name in outputs])
-
-
-def mean_intervals(given: float | None, sensors: Sequence[Sensor], form: Form, key: str | None) -> np.ndarray:
-    """The mean time between two samples of every output, shape (q,): as given by a key, or from the measurement.
-
-    Raises
-    ------
-    Problem
-        Where it does not follow.
-    """
-    found = []
-    for name, sensor in zip(form.plant.outputs, sensors or (_UNKNOWN,) * len(form.plant.outputs), strict=True):
-        if sensor.continuous:
-            raise Problem((), f"this needs sampled outputs, but {name} is continuous")
-        interval = sensor.interval if given is None else given
-        if interval is None:
-            if key is None:
-                message = f"it takes samples of one period, and those of {name} come at times of their own: take ekf"
-                raise Problem(("type",), message)
-            raise Problem((key,), f"the mean time between samples of {name} is not known, or changes: give {key}")
-        found.append(interval)
-    return np.array(found)
 
 
 def require_covariance(rows: Sequence[Sequence[float]], n: int, instead: str) -> np.ndarray:
@@ -226,7 +203,7 @@ class KalmanFilter(KnownCovariance, NoiseInformed, ContinuousObserver[Form, Mode
             if name in given:
                 numbers[i] = given[name]
                 continue
-            sensor = self._sensors[i] if self._sensors else _UNKNOWN
+            sensor = self._sensors[i] if self._sensors else UNKNOWN
             strength = sensor.variance if self.of_samples else sensor.density
             why = sensor.why
             if sensor.multiplicative and not self.of_samples:
@@ -266,7 +243,7 @@ class ChainNoise(KalmanFilter):
 
     def _area(self, output: int, name: str, R: float) -> float:
         """R_c of an output whose R is known."""
-        sensor = self._sensors[output] if self._sensors else _UNKNOWN
+        sensor = self._sensors[output] if self._sensors else UNKNOWN
         if not self.of_samples:
             return R
         if sensor.interval is None:

@@ -18,7 +18,7 @@ from hgorun.observers.base import (
     observer,
 )
 from hgorun.observers.capabilities import BeginsWithASample, BySampling, OnePeriod
-from hgorun.observers.kalman import mean_intervals
+from hgorun.observers.intervals import usual_periods
 from hgorun.observers.kkl_keys import KklObserver
 from hgorun.observers.orbits import Escaped
 from hgorun.symbolic.drift import DriftForm
@@ -151,7 +151,7 @@ class SampledKkl(OnePeriod, BeginsWithASample, KklObserver, HybridObserver[Drift
             ) from None
 
     def _period(self, form: DriftForm) -> float:
-        periods = mean_intervals(None, self._sensors, form, None)
+        periods = usual_periods(None, self._sensors, form, None)
         if np.ptp(periods) > _UNEVEN * periods[0]:
             raise Problem(("type",), f"the outputs have periods from {np.min(periods):.6g} to {np.max(periods):.6g}")
         return float(periods[0])

@@ -12,7 +12,7 @@ from hgorun.config.types import Poles, Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Arrival, Flow, PeriodLimit, observer
 from hgorun.observers.capabilities import NoiseInformed
-from hgorun.observers.kalman import mean_intervals
+from hgorun.observers.intervals import usual_periods
 from hgorun.observers.sample_clock import SampleClock
 from hgorun.observers.whole_periods import UNEVEN, off_period
 from hgorun.symbolic.linear import LinearForm, linear_form
@@ -67,7 +67,7 @@ class ExactLuenbergerObserver(NoiseInformed, SampleClock[LinearForm, SmoothCopy]
         return {"L": sampled_gain(form.A, form.C, poles, self.whole_periods(form))}
 
     def whole_periods(self, form: LinearForm) -> float:
-        periods = mean_intervals(self.period, self._sensors, form, "period")
+        periods = usual_periods(self.period, self._sensors, form, "period")
         if np.ptp(periods) > UNEVEN * periods[0]:
             raise Problem(("period",), f"the outputs have periods from {np.min(periods):.6g} to {np.max(periods):.6g}")
         return float(periods[0])

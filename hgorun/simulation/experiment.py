@@ -32,7 +32,8 @@ from hgorun.symbolic.sensors import Sensor
 _STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
 _DESIGNS: Memo[Design] = Memo(256)
 
-_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known")  # in a copy; all else follows from these
+# in a copy; all else follows from these
+_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known", "_intervals")
 
 
 class Experiment(Configured):
@@ -129,6 +130,11 @@ class Experiment(Configured):
     def __getstate__(self) -> dict[str, Any]:
         """Without what has been derived: equations of CasADi cannot be pickled."""
         return {key: value for key, value in self.__dict__.items() if key in _KEPT}
+
+    def _anew(self) -> Experiment:
+        new = object.__new__(type(self))
+        new.__dict__ |= self.__getstate__()
+        return new
 
     def _taken(self) -> dict[str, Coordinates]:
         """What was chosen of several possible coordinates."""
@@ -228,18 +234,28 @@ class Experiment(Configured):
 
     @property
     def _sensors(self) -> tuple[Sensor, ...]:
-        return sensors_of(self.stretches) if self._known is None else self._known
+        return sensors_of(self.stretches, self._intervals) if self._known is None else self._known
 
     @cached_property
     def _known(self) -> tuple[Sensor, ...] | None:
-        """The sensors that the observers are designed for, where they are not this experiment's own."""
+        """Sensors that the observers are designed for, if not this experiment's own."""
         return None
+
+    @cached_property
+    def _intervals(self) -> dict[int, float]:
+        """By the numbers of outputs the mean time between samples, where samples that are known say it."""
+        return {}
+
+    def with_intervals(self, intervals: Mapping[str, float]) -> Experiment:
+        """The same, but with observers that are designed for samples so far apart in the mean, by output."""
+        new = self._anew()
+        new._intervals = {i: intervals[name] for i, name in enumerate(self.plant.model.outputs) if name in intervals}
+        return new
 
     def informed_by(self, other: Experiment) -> Experiment:
         """The same with observers that are designed for the noise of another's sensors."""
-        new = object.__new__(type(self))
-        new.__dict__ |= {key: value for key, value in self.__dict__.items() if key in _KEPT}
-        new._known = sensors_of(other.stretches) if other._known is None else other._known
+        new = self._anew()
+        new._known = other._sensors
         return new
 
     @cached_property

@@ -18,6 +18,8 @@ class Sensor:
         Of white noise that is as strong in the long run: variance times the time between two draws, in y^2 time.
     interval : float or None
         The mean time between two samples; None where there are none, or nothing is known of it.
+    period : float or None
+        The usual time between two samples: the mean, but where samples are missing in a recording.
     multiplicative : bool
         Whether the noise is in proportion to the output.
     amplitude : float or None
@@ -46,3 +48,4 @@ class Sensor:
     continuous: bool = False
     first: float = 0.0
     sampled: bool = False
+    period: float | None = None
