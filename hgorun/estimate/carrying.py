@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -17,6 +17,8 @@ from hgorun.symbolic.evaluate import Floats
 UNEVEN = 1.62  # steps of the second pass, for each of the first
 ORDER = 2  # as which errors fall at least
 HALVINGS = 12
+LOST_HALVINGS = 6  # of them for observers that are lost alone: some are with any step
+_ALIKE = 0.05  # of the time until an observer is lost: so far apart it is with two steps that show the same
 _ROWS = 1 << 15  # that are compared at a time: there may be many
 
 
@@ -40,6 +42,8 @@ class Carried:
         Of the right-hand side, over all passes.
     xhat : list of ndarray or None
         Of every observer on the grid, where that is short enough to keep.
+    by_steps : ndarray of bool, shape (m,)
+        Which observers are lost since the steps are too long for them, as other steps show.
     """
 
     raw: Raw
@@ -49,6 +53,7 @@ class Carried:
     error: Floats
     evaluations: int
     xhat: list[Floats] | None = None
+    by_steps: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
 
 
 def carry_out(
@@ -61,7 +66,8 @@ def carry_out(
     """Carry out a run.
 
     A given step is taken as it is. An automatic one is halved until a second pass with other steps gives the same
-    estimates to ``solver.accuracy``, as far as ``solver.max_evaluations`` permits.
+    estimates to ``solver.accuracy``, and the same times at which observers are lost, as far as
+    ``solver.max_evaluations`` permits.
 
     Parameters
     ----------
@@ -75,16 +81,32 @@ def carry_out(
         raw, used, offered = one_pass(prepared, grid, step, progress=progress)
         unknown = np.full(len(prepared.run.observers), np.nan)
         return Carried(raw, used, offered, step, unknown, raw.tries * len(METHODS[prepared.method].c))
-    for _ in range(HALVINGS):
-        beside, tries = _other_estimates(prepared, grid, step, progress)  # first: little is left of it
+    for halvings in range(HALVINGS):
+        beside, lost, tries = _other_estimates(prepared, grid, step, progress)  # first: little is left of it
         raw, used, offered = one_pass(prepared, grid, step, progress=progress)
         spent += (raw.tries + tries) * len(METHODS[prepared.method].c)
         xhat = estimates(prepared, grid, raw) if grid.size <= _ROWS else None
         error = _error(prepared, grid, raw, xhat, beside, step)
-        if not solver.controlled or np.all(error <= solver.accuracy) or 2 * spent > solver.max_evaluations:
+        apart = lost_apart(raw.diverged[:, 0], lost) & (solver.divergence is None)  # a given bound is meant as it is
+        enough = np.all(error <= solver.accuracy) and not (np.any(apart) and halvings < LOST_HALVINGS)
+        if not solver.controlled or enough or 2 * spent > solver.max_evaluations:
             break
         step /= 2
-    return Carried(raw, used, offered, step, error, spent, xhat)
+    at_once = raw.diverged[:, 0] <= step  # with any step
+    return Carried(raw, used, offered, step, error, spent, xhat, apart & ~at_once)
+
+
+def lost_apart(own: Floats, other: Floats) -> np.ndarray:
+    """Which observers are lost at times that depend on the steps, or with some steps only, as growth by steps does.
+
+    Parameters
+    ----------
+    own, other : ndarray, shape (m,)
+        When each observer is lost with two steps, counted from the start of the run; infinite: it is not.
+    """
+    with np.errstate(invalid="ignore"):
+        near = np.abs(own - other) <= _ALIKE * np.maximum(own, other)
+    return np.asarray(~(near & np.isfinite(own) & np.isfinite(other)) & (own != other))
 
 
 def one_pass(
@@ -106,15 +128,15 @@ def one_pass(
 
 def _other_estimates(
     prepared: PreparedEstimate, grid: Floats, step: float, progress: Callable[[float], None] | None
-) -> tuple[list[Floats], int]:
-    """xhat of every observer in a pass with other steps, shape (len(grid), n) each; and how many these are."""
+) -> tuple[list[Floats], Floats, int]:
+    """xhat of every observer in a pass with other steps, (len(grid), n) each; when each is lost; how many steps."""
     raw, _, _ = one_pass(prepared, grid, step, UNEVEN, progress=progress)
     n = len(prepared.run.plant.model.states)
     found = [np.empty((grid.size, n)) for _ in prepared.run.observers]
     for piece in _pieces(grid.size):
         for own, x in zip(found, estimates(prepared, grid[piece], raw, piece), strict=True):
             own[piece] = x
-    return found, raw.tries
+    return found, raw.diverged[:, 0], raw.tries
 
 
 def _pieces(count: int) -> Iterator[slice]:

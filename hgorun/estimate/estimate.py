@@ -30,6 +30,7 @@ from hgorun.simulation.outcome import internal
 from hgorun.simulation.units import unit_remarks
 
 _MOST = 200_000  # samples for which runs with other gains are made
+_TOO_LONG = "it diverges with steps of {:.3g}, but not at that time with others: give a shorter solver.step"
 _LARGE = "an integration error above the accuracy asked for"
 
 
@@ -242,6 +243,8 @@ def _observer(prepared: PreparedEstimate, found: Evaluated, j: int, assessed: As
 def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
     lost = float(found.carried.raw.diverged[j, 0])
     origin = prepared.run.origin
+    if np.isfinite(lost) and found.carried.by_steps[j]:
+        return Verdict("inaccurate", origin + lost, _TOO_LONG.format(found.carried.step))
     if np.isfinite(lost):
         return Verdict("diverged", origin + lost, why_left(prepared, j, lost, found.carried.step))
     if np.isfinite(found.undefined[j]):

@@ -50,6 +50,8 @@ class Found:
         The largest estimates, and differences to the other steps.
     undefined : ndarray, shape (m,)
         From when on an estimate is no number.
+    by_steps : ndarray of bool, shape (m,)
+        Which observers are lost since the steps are too long for them, as far as they have been compared.
     shown : dict of str to list of ndarray
         By data set, every so many of its rows, stretch by stretch.
     steps : set of int
@@ -65,6 +67,7 @@ class Found:
     sizes: Floats
     gaps: Floats
     undefined: Floats
+    by_steps: np.ndarray
     shown: dict[str, list[np.ndarray]] = field(default_factory=dict)
     steps: set[int] = field(default_factory=set)
     done: dict[object, int] = field(default_factory=dict)
@@ -83,6 +86,7 @@ class Found:
             sizes=np.zeros((m, n)),
             gaps=np.zeros((m, n)),
             undefined=np.full(m, np.inf),
+            by_steps=np.zeros(m, dtype=bool),
         )
 
     def keep(self, path: str, rows: np.ndarray, total: int) -> None:

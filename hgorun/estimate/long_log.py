@@ -22,7 +22,7 @@ from hgorun.data.recording import Recording, Signal
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
 from hgorun.estimate.assessed import Widths, widths_of
-from hgorun.estimate.carrying import HALVINGS, Carried, estimates
+from hgorun.estimate.carrying import HALVINGS, LOST_HALVINGS, Carried, estimates, lost_apart
 from hgorun.estimate.compared import between_shown, compared_with, inside, instruments_of, see, with_lag
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import result_of, unseen, without_sensitivity
@@ -96,6 +96,7 @@ class LongLog:
         self._stretches, self._recording = stretches, recording
         self._prepared = replace(stretches.first, samples=tuple(stretches.samples), inputs=None)
         self._bound, self._sensitivity = self._prepared.bound, sensitivity
+        self._halvings = 0
         experiment = self._prepared.experiment
         points, every, _ = experiment.even_grid
         self._grid = EvenPoints(-(-points.size // every), points.step, every)
@@ -126,6 +127,7 @@ class LongLog:
                     return self._finish(file, own, found, step, spent + sofar)
             except _TooCoarse:
                 spent, step = spent + sofar, step / 2
+                self._halvings += 1
         raise AssertionError("the last one is taken as it is")
 
     def _go_through(self, own: Sweep, step: float, found: Found, file: ResultInParts) -> Generator[int]:
@@ -182,6 +184,8 @@ class LongLog:
             other.z, other.w = one.z, one.w
             beside = carried_on(prepared, stretch.beside, other, self._bound)
             found.compare(everywhere, estimates(prepared, times, beside))
+            if prepared.run.solver.divergence is None:  # a given bound is meant as it is
+                found.by_steps |= lost_apart(raw.diverged[:, 0], beside.diverged[:, 0])
         found.steps |= stretch.steps
         for key, (taken, values) in stretch.aside.items():
             at = np.searchsorted(times, taken)
@@ -205,7 +209,10 @@ class LongLog:
     def _enough(self, found: Found) -> bool:
         """Whether steps are short enough so far."""
         solver = self._prepared.run.solver
-        return not solver.controlled or bool(np.all(found.error(self._prepared.method) <= solver.accuracy))
+        if not solver.controlled:
+            return True
+        lost = np.any(found.by_steps) and self._halvings < LOST_HALVINGS
+        return not lost and bool(np.all(found.error(self._prepared.method) <= solver.accuracy))
 
     def _along_time(
         self, prepared: PreparedEstimate, grid: Floats, xhat: Sequence[Floats], rows: Floats
@@ -243,7 +250,7 @@ class LongLog:
             for one in prepared.samples
         ]
         evaluated = Evaluated(
-            Carried(raw, used, used, step, found.error(prepared.method), spent),
+            Carried(raw, used, used, step, found.error(prepared.method), spent, by_steps=found.by_steps),
             self._grid[:0],
             [shown(f"observers/{b.label}/xhat") for b in prepared.run.observers],
             np.zeros((0, own.z.size)),

@@ -26,7 +26,7 @@ from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.checks import check_corrections, check_punctual
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_step import nominal_step
+from hgorun.simulation.first_step import first_moments, nominal_step
 from hgorun.simulation.jump_checks import check_jumps
 from hgorun.simulation.other_faults import told_together
 from hgorun.simulation.plant_alone import plant_kinks
@@ -222,8 +222,10 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         step = nominal_step(experiment)
         kinks = plant_kinks(plant, time, experiment.origin).times
         changes = np.zeros(0) if inputs is None else inputs.times
+        early = first_moments(experiment, step)
+        looked_at = np.concatenate([changes, early[early < time.end - time.start] + time.start])
         treatments = treatments_of(experiment, channels)
-        schedule = build_schedule(heard(channels, treatments), time, kinks, step, changes)
+        schedule = build_schedule(heard(channels, treatments), time, kinks, step, looked_at)
         of_groups = in_groups(experiment, treatments)
         designs = [design for group in of_groups for design in group]
         recorded = tuple(i for i, name in enumerate(plant.model.inputs) if name in recording.inputs)

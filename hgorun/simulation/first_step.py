@@ -15,6 +15,7 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.forms import Form
 
+_PART = 0.05  # of 1/rate: a step
 _SLOPES: Memo[ca.Function] = Memo(64)
 
 
@@ -64,7 +65,7 @@ def step_for(experiment: Experiment, rate: float) -> float:
     span = time.end - time.start
     step = span / 1000
     if rate > 0:
-        step = min(step, 0.05 / rate)
+        step = min(step, _PART / rate)
     for stretches in experiment.stretches:
         for s in stretches:
             fastest = s.fastest() if s.continuous else 0.0
@@ -75,6 +76,33 @@ def step_for(experiment: Experiment, rate: float) -> float:
     if experiment.adaptive:
         return step
     return float(span / 2.0 ** np.clip(np.floor(np.log2(span / step)), 10, 20))
+
+
+def first_moments(experiment: Experiment, step: float) -> np.ndarray:
+    """Times close behind the start, for observers whose gain is too fast for a step only then; none for most.
+
+    The largest P(0) fades as P' = -2 P^2/(2 R) does, at the rate 2/(t + 2/rate): steps that are the same part of that
+    all along lengthen by the same factor each, until they are as long as the others.
+
+    Parameters
+    ----------
+    step : float
+        The longest.
+
+    Returns
+    -------
+    ndarray
+        Counted from where the gain begins to fade.
+    """
+    if experiment.given_step is not None:
+        return np.zeros(0)
+    rates = [rate_of(label, design.observer, design.form) for label, design in experiment.designs.items()]
+    rate = max((rate for rate in rates if np.isfinite(rate)), default=0.0)
+    if not rate * step > 4 * _PART:  # as long as fixed steps may be chosen
+        return np.zeros(0)
+    growth, unit = 1 + _PART / 2, 2 / rate
+    count = int(np.ceil(np.log(step / (unit * (growth - 1))) / np.log(growth)))
+    return np.asarray(unit * (growth ** np.arange(1, count + 1) - 1))
 
 
 def _slopes(plant: SymbolicPlant) -> ca.Function:

@@ -16,7 +16,7 @@ from interrupting import interrupt_writing
 from recordings import NOISE, held_input, observers, recording, signal, source
 
 from hgorun.data.recording import Recording, Signal
-from hgorun.estimate import long_found, long_log, stretches, written
+from hgorun.estimate import long_found, long_log, prepared, stretches, written
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.long_log import estimate_into
 from hgorun.estimate.written import WrittenInnovations
@@ -187,6 +187,19 @@ def test_innovations_are_read_again(some: slice, monkeypatch: pytest.MonkeyPatch
         innovations = WrittenInnovations(file.whole("measurement/a/innovation"), 30)
         for j in range(2):
             np.testing.assert_array_equal(innovations.of(j, some), values[some, j])
+
+
+@pytest.mark.parametrize(("step", "status"), [(0.09, "inaccurate"), ("auto", "ok")])
+def test_an_observer_that_steps_alone_lose(step: Any, status: str, short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    short.setattr(prepared, "nominal_step", lambda one: 0.09 if one.given_step is None else one.given_step)
+    blocks = {"fast": {"type": "shgo", "poles": -1, "theta": 40.0, "initial": {"a": 0.0, "b": 1.0}}}
+    plant = {"states": ["a", "b"], "dynamics": {"a": "b", "b": "-sin(a)"}, "output": "a"}
+    config = source({"plant": plant, "observers": blocks, "measurement": {"noise": NOISE}, "solver": {"step": step}})
+    taken = np.arange(120) / 10
+    log = recording(signal("a", taken, np.sin(taken)))
+    found = estimate_into(config, log, tmp_path / "a.h5", name="x", text="y", held_out={}, sensitivity=False)
+    assert found is not None
+    assert found.observers["fast"].verdict.status == status
 
 
 @pytest.mark.costly

@@ -1,0 +1,87 @@
+"""Automatic steps of filters whose first moments are faster than all else, and observers that steps alone lose."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from recordings import recording, signal, source
+from scipy.integrate import solve_ivp
+
+from hgorun.estimate import prepared
+from hgorun.estimate.carrying import lost_apart
+from hgorun.estimate.completed import completed
+from hgorun.estimate.estimate import estimate
+from hgorun.result.result import Result
+from hgorun.simulation.first_step import first_moments, nominal_step
+
+PLANT = {"states": ["x", "v"], "dynamics": {"x": "v", "v": "-x"}, "output": "x"}
+KALMAN = {"KB": {"type": "kalman_bucy", "Q": {"v": 0.001}}}
+TAKEN = np.arange(41) / 10
+
+
+def of_log(observers: dict[str, Any], std: float, **more: Any) -> tuple[Any, Any]:
+    values = np.cos(TAKEN) + std * np.random.default_rng(2).normal(size=TAKEN.size)
+    return source({"plant": PLANT, "observers": observers, **more}), recording(signal("x", TAKEN, values, std=std))
+
+
+def estimated(observers: dict[str, Any], std: float, **more: Any) -> Result:
+    return estimate(*of_log(observers, std, **more), sensitivity=False)
+
+
+def riccati(R: float, times: np.ndarray) -> np.ndarray:
+    """P(t) of x' = v, v' = -x with Q = diag(0, 0.001) and P(0) = I, as P11, P12, P22."""
+
+    def slope(t: float, P: np.ndarray) -> list[float]:
+        a, b, c = P
+        return [2 * b - a * a / R, c - a - a * b / R, -2 * b + 0.001 - b * b / R]
+
+    return np.asarray(solve_ivp(slope, (0.0, times[-1]), [1.0, 0.0, 1.0], "LSODA", times, rtol=1e-9, atol=1e-13).y.T)
+
+
+@pytest.mark.parametrize("std", [0.01, 0.001])
+def test_a_large_first_covariance_is_followed(std: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(prepared, "nominal_step", lambda _: 0.004)  # as of a long log, in few steps
+    result = estimated(KALMAN, std)
+    found = result.observers["KB"]
+    assert found.verdict.status == "ok"
+    P = found.internal["P"].reshape(-1, 4)[:, [0, 1, 3]]
+    np.testing.assert_allclose(P[1:], riccati(std**2 * 0.1, result.time)[1:], rtol=1e-5)
+    assert abs(float(found.xhat[-1, 0]) - np.cos(4.0)) < 5 * std + 0.02
+
+
+def test_times_close_behind_the_start() -> None:
+    experiment = completed(*of_log(KALMAN, 0.01), "estimate", "")
+    rate, step = 2 / (0.01**2 * 0.1), 0.004
+    times = first_moments(experiment, step)
+    steps = np.diff(np.concatenate([[0.0], times]))
+    assert steps[0] == pytest.approx(0.05 / rate)
+    assert step / 1.05 < steps[-1] < step * 1.05
+    np.testing.assert_allclose(steps[1:] * 2 / (times[:-1] + 2 / rate), 0.05, rtol=1e-9)
+    slow = completed(*of_log(KALMAN, 1.0), "estimate", "")
+    assert first_moments(slow, nominal_step(slow)).size == 0
+    given = completed(*of_log(KALMAN, 0.01, solver={"step": step}), "estimate", "")
+    assert first_moments(given, step).size == 0
+
+
+def test_steps_are_halved_for_an_observer_that_they_lose() -> None:
+    result = estimated({"UKF": {"type": "ukf", "theta": 3}, "SHGO": {"type": "shgo", "theta": 3, "poles": -1}}, 0.01)
+    assert [one.verdict.status for one in result.observers.values()] == ["ok", "ok"]
+
+
+def test_given_steps_that_lose_an_observer_are_said_to_be_too_long() -> None:
+    result = estimated({"SHGO": {"type": "shgo", "theta": 40, "poles": -1}}, 0.01, solver={"step": 0.09})
+    verdict = result.observers["SHGO"].verdict
+    assert verdict.status == "inaccurate"
+    assert verdict.reason is not None
+    assert "diverges with steps of 0.09" in verdict.reason
+    assert "give a shorter solver.step" in verdict.reason
+    assert estimated({"SHGO": {"type": "shgo", "theta": 200, "poles": -1}}, 0.01).observers["SHGO"].status == "diverged"
+
+
+def test_when_losses_are_apart() -> None:
+    inf = np.inf
+    own = np.array([inf, 1.0, 1.0, inf, 1.0, 0.0])
+    other = np.array([inf, 1.04, 1.6, 2.0, inf, 0.0])
+    assert lost_apart(own, other).tolist() == [False, False, True, True, True, False]
