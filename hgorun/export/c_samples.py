@@ -9,6 +9,8 @@ from hgorun.export.c_functions import Part
 from hgorun.export.equations import Output
 from hgorun.observers.whole_periods import UNEVEN
 
+_SHORT, _SHORT_IN_FLOAT = 1e-9, 1e-6  # of the usual time between events: no step; its powers have no digits
+
 
 class Samples(Part):
     """Writes ``update`` and ``measure``."""
@@ -50,8 +52,9 @@ class Samples(Part):
             yield f"    if ((which & {everything}U) != {everything}U) {{"
             yield f"        status = {u}INCOMPLETE;"
             yield "    }"
-            yield "    /* a second sample of one time: no step has the length zero */"
-            yield f"    if ((s->samples > 0U) && !(s->t > s->sampled) && (status == {u}OK)) {{"
+            yield "    /* a second sample of one time, but for its rounding: no step has the length zero */"
+            short = (_SHORT_IN_FLOAT if self.real.single else _SHORT) * observer.usual_gap
+            yield f"    if ((s->samples > 0U) && !((s->t - s->sampled) > {short!r}) && (status == {u}OK)) {{"
             yield f"        status = {u}OLD;"
             yield "    }"
         if observer.jump is not None:

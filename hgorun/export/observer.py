@@ -50,6 +50,8 @@ class Exported:
         The start of the run on the clock of the configuration.
     gap : float
         The longest time between two events of the run.
+    usual_gap : float
+        The median of these times.
     unit : str
         Of time.
     equations : Operations
@@ -76,6 +78,7 @@ class Exported:
     sides: bool
     origin: float
     gap: float
+    usual_gap: float
     unit: str
     equations: Operations
     jump: Operations | None

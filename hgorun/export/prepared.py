@@ -17,6 +17,7 @@ from hgorun.export.equations import Equations, Output, equations_of, outputs_of
 from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
 from hgorun.export.steps import Integrated, OfData, OfRun, Steps
+from hgorun.measurement.schedule import Schedule
 from hgorun.observers.aekf import AdaptiveFilter
 from hgorun.observers.base import (
     AnyObserver,
@@ -196,8 +197,13 @@ def _exported(
         )
     flows = isinstance(design.observer, ContinuousObserver)
     compares = flows and not isinstance(design.observer, CorrectedObserver)
-    late = wanted.late if compares and not isinstance(design.observer, SampledObserver) else 0.0
-    lateness = [max(_lateness(run, i), late) for i in range(len(plant.model.outputs))]
+    if wanted.late and not (compares and not isinstance(design.observer, SampledObserver)):
+        raise Problem(
+            (*path, "type"),
+            f"exported code of {design.observer.type} takes samples when they are taken: they jump to now, and it does "
+            "not go back to late ones; leave --late out, or choose others with --observer",
+        )
+    lateness = [max(_lateness(run, i), wanted.late) for i in range(len(plant.model.outputs))]
     try:
         outputs = outputs_of(experiment.stretches, plant, [late > 0 for late in lateness])
     except ValueError as error:
@@ -224,6 +230,7 @@ def _exported(
         sides=bool(np.any(run.schedule.inward)),
         origin=run.origin,
         gap=run.longest_gap,
+        usual_gap=_usual_gap(run),
         unit=experiment.blocks.time.unit,
         equations=found.flow,
         jump=found.jump,
@@ -260,6 +267,12 @@ def _lateness(run: PreparedRun, output: int) -> float:
         return 0.0
     late = float(np.max(samples.arrival - samples.taken))
     return late if late > 1e-12 * run.span else 0.0
+
+
+def _usual_gap(run: PreparedRun) -> float:
+    """The median of the times between events; those of a long run are alike."""
+    schedule = run.schedule
+    return float(np.median(np.diff(schedule.events))) if isinstance(schedule, Schedule) else run.longest_gap
 
 
 def _pieces(run: PreparedRun, steps: Steps, outputs: tuple[Output, ...], lateness: float) -> int:

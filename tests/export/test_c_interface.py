@@ -231,7 +231,8 @@ def test_what_an_observer_does_without_is_not_there(tmp_path: Path) -> None:
     ]
     for block in blocks:
         run = run_of(DRIVEN, block, {"sampling": {"period": 0.1}})
-        (observer,) = exported(run, Wanted(inputs_given=True, late=0.3))
+        late = 0.3 if block["type"] == "levant" else 0.0  # the others jump at samples
+        (observer,) = exported(run, Wanted(inputs_given=True, late=late))
         files |= c_files(replace(observer, label=str(block["type"])))
     (observer,) = exported(run_of(DRIVEN, {"type": "shgo", "theta": 2}, {}), Wanted(late=0.3))
     assert compile_c(tmp_path, {**files, **c_files(observer)}).exists()

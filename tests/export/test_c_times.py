@@ -10,6 +10,7 @@ import pytest
 from examples import Block, chain, experiment, inline
 from exported_c import Compiled, load_all
 
+from hgorun.errors import ConfigError
 from hgorun.estimate.estimator import Estimator
 from hgorun.export.c_files import c_files
 from hgorun.export.prepared import Wanted, exported
@@ -65,6 +66,33 @@ def test_no_step_leads_to_a_second_sample_of_one_time(single: bool, tmp_path: Pa
             assert one.update(np.inf, [0.3], 1) == one.predict(np.inf) == BAD_TIME
             assert one.memory.raw == before == other.memory.raw
         assert np.isfinite(one.estimate).all()
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("n", [3, 5])
+def test_a_second_sample_of_one_time_but_for_its_rounding(n: int, tmp_path: Path) -> None:
+    """In `float` powers of such a step are zero, and the estimate was no number for ever."""
+    run = run_of(chain(n, "-x1", 1.0), {"levant": STEPPING["levant"]}, SAMPLED)
+    (one,) = load_all(tmp_path, exported(run), "-O0", single=True).values()
+    other = started(one)
+    for t in np.arange(8) / 10:
+        for each in (one, other):
+            assert each.predict(t) == each.update(t, [np.cos(t)], 1) == OK
+        for later in (1e-16 + np.spacing(t), 1e-13, 9e-8):
+            assert (one.predict(t + later), one.update(t + later, [np.cos(t)], 1)) == (OK, OLD)
+        np.testing.assert_array_equal(one.estimate, other.estimate)
+    assert (one.predict(0.7002), one.update(0.7002, [0.7], 1)) == (OK, OK)
+    assert np.isfinite(one.estimate).all()
+
+
+@pytest.mark.parametrize(
+    "block", [{"type": "ekf", "Q": {"x1": 0.1}}, {"type": "savgol", "window": 3}, STEPPING["deadbeat"]]
+)
+def test_late_samples_of_observers_that_jump_are_refused(block: Block) -> None:
+    run = run_of(CHAIN, {"O": block}, {**SAMPLED, "noise": NOISE})
+    assert exported(run)
+    with pytest.raises(ConfigError, match=f"exported code of {block['type']} takes samples when .*leave --late out"):
+        exported(run, Wanted(late=0.3))
 
 
 @pytest.mark.costly
