@@ -96,10 +96,11 @@ def _limits(found: Findings, timing: Timing | None, unit: str) -> Iterator[str]:
         for key in _LIMITS:
             yield f"{key.removesuffix('_critical')}: {_limit(found, key, None, unit)}"
         return
+    but = f"{timing.regular}, " if timing.regular else ""
     period = "no sampling" if timing.period is None else f"period {_time(timing.period, unit)}"
-    yield f"{period}: {_limit(found, 'period_critical', timing.period, unit)}"
+    yield f"{period}: {_limit(found, 'period_critical', timing.period, unit, but)}"
     delay = f"delay {_time(timing.delay, unit)}" if timing.delay else "no delay"
-    yield f"{delay}: {_limit(found, 'delay_critical', timing.delay, unit)}"
+    yield f"{delay}: {_limit(found, 'delay_critical', timing.delay, unit, but)}"
 
 
 def _has_limits(found: Findings) -> bool:
@@ -110,10 +111,11 @@ def _time(value: float, unit: str) -> str:
     return f"{number(value)} {unit}".rstrip()
 
 
-def _limit(found: Findings, key: str, now: float | None, unit: str) -> str:
+def _limit(found: Findings, key: str, now: float | None, unit: str, but: str = "") -> str:
+    """The limit of a period or a delay; ``but``: what of the sampling it leaves out, with a comma."""
     limit = found.values.get(key)
     if isinstance(limit, (int, float)):
-        there = f"the linear error loses stability at {_time(float(limit), unit)}"
+        there = f"{but}the linear error loses stability at {_time(float(limit), unit)}"
         if not now:
             return there
         return f"too long: {there}" if limit <= now else f"{there}, {number(limit / now)} times as long"
@@ -178,19 +180,22 @@ def _change(analysis: Analysis, label: str, found: Findings, timing: Timing | No
     else:
         yield f"to change: {key}, larger for a faster decay, smaller for less noise"
     if room is not None:
-        yield _bound(key, float(theta), room)
+        yield _bound(key, float(theta), room, "" if timing is None else timing.regular)
 
 
-def _bound(key: str, theta: float, room: float) -> str:
+def _bound(key: str, theta: float, room: float, regular: str = "") -> str:
     """How far a gain is from what a chain of integrators stands: a bound, and no advice to go there."""
-    most = f"{key} = {number(theta * room)}"
+    most, like_this = f"{key} = {number(theta * room)}", "a chain measured like this"
+    if regular:
+        like_this += f", but {regular},"
     if room < 1:
         return (
-            f"limit: a chain measured like this is stable up to {most} only, less than {number(theta)}: the limits "
+            f"limit: {like_this} is stable up to {most} only, less than {number(theta)}: the limits "
             "above are those of this run, and hold near it"
         )
     near = ", which is near" if room < _NEAR else ""
-    return f"limit: a chain measured like this is stable up to {most}, {number(room)} times the present one{near}"
+    said = f"limit: {like_this} is stable up to {most}, {number(room)} times the present one{near}"
+    return f"{said}; longer gaps lower it" if regular else said
 
 
 def _unstable(found: Findings, timing: Timing | None) -> bool:

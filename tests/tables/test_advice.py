@@ -19,12 +19,13 @@ def said(
     noise: float = 0.01,
     delay: float = 0.0,
     end: float = 30.0,
+    sampling: dict[str, float] | None = None,
     **keys: float,
 ) -> tuple[str, Analysis]:
     """Of a chain of two integrators, whose limits are known."""
     measurement: dict[str, object] = {"noise": [{"type": "gaussian", "std": noise, "hold": period or 0.01}]}
     if period is not None:
-        measurement |= {"sampling": {"period": period}, "delay": delay}
+        measurement |= {"sampling": {"period": period, **(sampling or {})}, "delay": delay}
     analysis = hgorun.analyze(
         Experiment(
             {
@@ -83,6 +84,17 @@ def test_a_period_and_a_delay_are_a_limit_of_theta_together() -> None:
     assert isinstance(alone, float)
     assert number(4.0 * alone / 0.1) == "25.48"
     assert "stable up to theta = 18.88, 4.720 times the present one" in " ".join(text.split())
+
+
+@pytest.mark.parametrize("sampling", [{"dropout": 0.3}, {"jitter": 0.04}])
+def test_limits_are_told_to_be_those_without_jitter_and_dropout(sampling: dict[str, float]) -> None:
+    """Longer gaps lower them: with a period of 0.25 and every third sample lost theta = 15 diverges, below 20."""
+    together = " ".join(said(0.1, end=3.0, sampling=sampling)[0].split())
+    regular = "without jitter and dropout"
+    assert f"period 0.1000 s: {regular}, the linear error loses stability at" in together
+    assert f"no delay: {regular}, the linear error loses stability at" in together
+    assert f"limit: a chain measured like this, but {regular}, is stable up to theta = 50.00, 25.00 times" in together
+    assert "; longer gaps lower it" in together
 
 
 @pytest.mark.parametrize(
