@@ -14,6 +14,7 @@ import numpy as np
 
 from hgorun.config.nearest import nearest
 from hgorun.config.tokens import short
+from hgorun.data.cells import PLAIN_NUMBER
 from hgorun.errors import ConfigError
 from hgorun.symbolic.evaluate import Floats
 
@@ -78,6 +79,9 @@ class CsvForm:
         rows = [line.split(",") for line in block.lines]
         if late is not None or any(len(row) != self.cells for row in rows):
             return None
+        numbers = "".join([row[at_t] + row[at_y] for row in rows])
+        if "_" in numbers or not numbers.isascii():  # which Python takes for parts of numbers
+            return None
         try:
             t = np.array([float(row[at_t]) for row in rows])
             y = np.array([float(row[at_y]) for row in rows])
@@ -98,7 +102,9 @@ class JsonForm:
         for number, line in block.numbered():
             if line.strip():
                 try:
-                    found = json.loads(line)
+                    found = json.loads(line, object_pairs_hook=_once)
+                except _Twice as twice:
+                    raise ConfigError(f"the key {twice} stands twice", file=INPUT, line=number) from None
                 except (ValueError, RecursionError) as error:
                     raise ConfigError(f"not JSON: {error}", file=INPUT, line=number) from None
                 if not isinstance(found, dict):
@@ -106,6 +112,7 @@ class JsonForm:
                 if self.signal is not None:
                     found.setdefault("signal", self.signal)
                 _require_keys(found, number)
+                _require_numbers(found, number)
                 yield _sample(number, *(found.get(name) for name in _COLUMNS))
 
     def together(self, _block: Block, _kinds: Mapping[str, int]) -> None:
@@ -127,6 +134,9 @@ def form_of(header: str) -> CsvForm | JsonForm:
         raise ConfigError(
             f"expected the header t,signal,y[,available], found {header.strip()[:80]!r}{signs}", file=INPUT, line=1
         )
+    for name in _COLUMNS:
+        if names.count(name) > 1:
+            raise ConfigError(f"the column {name} stands twice", file=INPUT, line=1)
     t, signal, y = (names.index(name) for name in _COLUMNS[:3])
     return CsvForm(len(names), (t, signal, y, names.index(_COLUMNS[3]) if _COLUMNS[3] in names else None))
 
@@ -178,6 +188,19 @@ def _pieces(stream: TextIO) -> Iterator[str]:
     yield decoder.decode(b"", final=True)
 
 
+class _Twice(Exception):
+    """A key of an object that is there more than once."""
+
+
+def _once(pairs: list[tuple[str, object]]) -> dict[str, object]:
+    """An object of JSON, each key of which stands once."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        raise _Twice(next(short(name) for name in names if names.count(name) > 1))
+    return found
+
+
 def _require_keys(found: Mapping[str, object], line: int) -> None:
     """Refuse an object where a key is missing, or is called nearly like one that may be missing."""
     missing = [name for name in _COLUMNS if name not in found]
@@ -188,6 +211,15 @@ def _require_keys(found: Mapping[str, object], line: int) -> None:
         if name != "available":
             why = " (null stands for a missing sample)" if name == "y" else ""
             raise ConfigError(f"the key {name} is missing{why}", file=INPUT, line=line)
+
+
+def _require_numbers(found: Mapping[str, object], line: int) -> None:
+    """Refuse numbers that are written as text, but for one that is missing."""
+    for name in ("t", "y", "available"):
+        value = found.get(name)
+        if isinstance(value, str) and not (name == "y" and value.strip().lower() in ("", "nan")):
+            told = f"{name}: expected a number, found the text {short(value)!r}"
+            raise ConfigError(told, file=INPUT, line=line)
 
 
 def _cells(line: str) -> list[str]:
@@ -205,6 +237,8 @@ def _sample(line: int, t: object, signal: object, y: object, available: object) 
 
 def _number(line: int, name: str, value: object) -> float:
     try:
+        if isinstance(value, str) and value.strip().lower() != "nan" and not PLAIN_NUMBER.fullmatch(value.strip()):
+            raise ValueError
         number = float(value)  # type: ignore[arg-type]  # whatever it is, this says whether it is a number
     except (TypeError, ValueError, OverflowError):
         number = float("nan")

@@ -16,7 +16,7 @@ import numpy as np
 from hgorun.commands.stream_lines import Sample, Samples
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimator import Estimator
-from hgorun.files import written_whole
+from hgorun.files import remove_leftovers, written_whole
 from hgorun.process import uninterrupted
 
 _MAGIC = b"hgorun-stream-1 "
@@ -53,6 +53,8 @@ class Progress(ABC):
         self.t, self.shown = -math.inf, -math.inf
         self.late = Counter[str]()
         taken = []
+        if path is not None:
+            remove_leftovers(path.parent)
         if path is not None and os.path.exists(path):
             try:
                 stored = path.read_bytes()

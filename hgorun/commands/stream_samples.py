@@ -11,6 +11,7 @@ from typing import TextIO
 
 import numpy as np
 
+from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_lines import INPUT, Sample
 from hgorun.commands.stream_progress import Progress
@@ -126,9 +127,14 @@ def _ignored(block: Data, experiment: Experiment) -> Iterator[str]:
 def refuse_results(options: Estimate) -> None:
     """What a stream does not have."""
     if len(options.data) > 1:
-        raise ConfigError(f"{options.data[0]} is a stream; there are no files beside it")
+        stream = next(one for one in options.data if one == "-" or is_address(one))
+        raise ConfigError(f"{stream} is a stream; there are no files beside it")
     if options.asks_for_a_result:
         raise ConfigError("a stream writes no result: leave out --holdout, --export-csv and --output")
+    if options.export_samples is not None:
+        raise ConfigError("--export-samples writes the samples of files, and those of a stream are lines already")
+    if options.json:
+        raise ConfigError("--json is for results: a stream is answered in its own form, so send objects of JSON")
     if options.every is not None and not 0 < options.every < math.inf:
         raise ConfigError(f"--every: expected a time above 0, found {options.every:g}")
 

@@ -22,6 +22,9 @@ NAT = int(np.iinfo(np.int64).min)
 
 _DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}
+PLAIN_NUMBER = _NUMBER["."]
+"""A number as cells have it, with a point: no digits of other scripts, and no signs between them."""
+
 _BETWEEN = {".": r"\.", ",": ",", " ": "[ \u00a0\u202f]", "'": "['\u2019]"}  # what may stand between thousands
 _BEGINS_AS_NUMBER = re.compile(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
 _LETTERS = re.compile(r"[^\W\d_]{2}")
