@@ -29,7 +29,7 @@ _BETWEEN = {".": r"\.", ",": ",", " ": "[ \u00a0\u202f]", "'": "['\u2019]"}  # w
 _BEGINS_AS_NUMBER = re.compile(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
 _LETTERS = re.compile(r"[^\W\d_]{2}")
 # a number, and the unit that follows it
-_WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*((?![eE]$)[^\W\d_¹²³][^\s\d]{0,9}|%|°[A-Z])")
+_WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*((?![eE][-+]?$)[^\W\d_¹²³][^\s\d]{0,9}|%|°[A-Z])")
 _OF_MICROSOFT = re.compile(r"[-+]?1\.#[A-Z]+\d*")  # 1.#QNAN, -1.#IND: what C once wrote there for no number
 _DASHES = "\u2010\u2011\u2012\u2013\u2212"
 _WORD = 40  # characters of a text that may mean a missing value

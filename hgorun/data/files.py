@@ -14,6 +14,7 @@ from hgorun.data.table import TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
 
 _CONFIGURATIONS = (".yaml", ".yml")
+_NAMED = {".parquet": "a Parquet table", ".h5": "an HDF5 file", ".hdf5": "an HDF5 file", ".nc": "a netCDF file"}
 
 
 def open_table(path: Path, told: Csv, key: KeyPath | None, clocks: Mapping[str, Collection[str | None]]) -> TableFile:
@@ -53,6 +54,8 @@ def open_table(path: Path, told: Csv, key: KeyPath | None, clocks: Mapping[str, 
             "behind it or as its data.file",
             file=str(path),
         )
+    if kind is None and (named := _NAMED.get(path.suffix.lower())):
+        raise ConfigError(f"this is not {named}, as its name says: was it cut off?", file=str(path))
     if kind is None:
         return CsvFile(path, told, clocks)
     if kind not in (HDF5, PARQUET):

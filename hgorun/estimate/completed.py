@@ -16,7 +16,7 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError, HgorunError, Problem
-from hgorun.estimate.first_values import first_values
+from hgorun.estimate.first_values import first_values, require_known
 from hgorun.estimate.intervals import mean_intervals, offset_of, usual_step
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.estimate.stated_of_data import StatedOfData, noisy
@@ -167,6 +167,8 @@ def _with(source: Source, changes: Mapping[str, Any]) -> Source:
 
 def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
     start, end = recording.span
+    if "end" not in given:
+        require_known(recording)
     found: dict[str, Any] = {"start": start, "end": end, "unit": recording.origin.unit} | dict(given)
     if _numbers(found):
         _require_data(found["start"], found["end"], start, end)

@@ -14,7 +14,7 @@ from hgorun.estimate.compared import Compared
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.far_off import far_off
-from hgorun.estimate.first_values import known_later, known_too_late
+from hgorun.estimate.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.shut_out import shut_out
 from hgorun.estimate.why_left import why_left
@@ -163,6 +163,7 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
         *unit_remarks(prepared.experiment.source, prepared.experiment.plant.model),
         *known_later(prepared.experiment, recording),
         *known_too_late(recording),
+        *known_far_behind(prepared.experiment, recording),
     ]
     observers = prepared.run.observers
     innovating = [j for j, block in enumerate(observers) if treatment_of(block.observer) == "innovation"]

@@ -7,7 +7,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from hgorun.data.recording import Recording, Signal
+from hgorun.errors import ConfigError
 from hgorun.simulation.experiment import Experiment
+
+_BEYOND = 1e6  # times the length of a log: no run goes on for so long behind it
 
 
 def first_values(experiment: Experiment, recording: Recording) -> dict[str, float]:
@@ -40,6 +43,45 @@ def known_too_late(recording: Recording) -> Iterator[str]:
                 f"{name}: {late} of {known.size} samples become known only after the last of the log is taken, at "
                 f"t = {end:g}, one at {float(known.max()):g}: is data.outputs.{name}.available right?"
             )
+
+
+def known_far_behind(experiment: Experiment, recording: Recording) -> Iterator[str]:
+    """Where few samples become known so late that the run goes on for longer than the log, for them alone."""
+    outputs = [one for one in recording.outputs.values() if one.taken.size]
+    first = min((float(one.taken[0]) for one in outputs), default=0.0)
+    last = max((float(one.taken[-1]) for one in outputs), default=0.0)
+    for signal in outputs:
+        k = int(np.argmax(signal.available))
+        known = float(signal.available[k])
+        few = 2 * int(np.count_nonzero(signal.available > last)) <= signal.taken.size  # of most it is told otherwise
+        if few and known - last > last - first > 0 and experiment.blocks.time.end >= known:
+            yield (
+                f"{signal.source}:{int(signal.lines[k])}: {signal.name}: a sample becomes known at t = {known:g} only, "
+                f"and the last of the log is taken at {last:g}: the run goes on until then; is "
+                f"data.outputs.{signal.name}.available right? With time.end it ends before"
+            )
+
+
+def require_known(recording: Recording) -> None:
+    """Refuse a log with a sample that becomes known beyond all that can be a run with its steps.
+
+    Raises
+    ------
+    ConfigError
+        At the line of the sample.
+    """
+    outputs = [one for one in recording.outputs.values() if one.taken.size]
+    span = max(float(one.taken[-1]) for one in outputs) - min(float(one.taken[0]) for one in outputs)
+    for signal in outputs:
+        k = int(np.argmax(signal.available))
+        behind = float(signal.available[k] - signal.taken[k])
+        if behind > _BEYOND * span > 0:
+            message = (
+                f"{signal.name}: the sample taken at {signal.taken[k]:g} becomes known {behind:g} later, and the whole "
+                f"log is {span:g} long: is data.outputs.{signal.name}.available right? With time.end the run ends "
+                "before"
+            )
+            raise ConfigError(message, file=str(signal.source), line=int(signal.lines[k]))
 
 
 def _first_samples(experiment: Experiment, recording: Recording) -> dict[str, tuple[Signal, int]]:

@@ -322,6 +322,13 @@ def test_a_unit_in_a_cell_is_told_as_one(tmp_path: Path, cell: str, said: str) -
     assert said in str(caught.value)
 
 
+@pytest.mark.parametrize("cell", ["1e+", "2.5E-", "1e"])
+def test_an_exponent_without_digits_is_no_unit(tmp_path: Path, cell: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        recorded(tmp_path, f"t;glucose\n0;1.25\n1;{cell}\n")
+    assert str(caught.value).endswith(f"expected a number, found '{cell}'")
+
+
 def test_numbers_where_a_pattern_of_dates_is_given(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match="found '0'; leave out format where stamps are numbers"):
         recorded(tmp_path, "t,glucose\n0,1\n", {"time": {"column": "t", "format": "%d.%m.%Y"}})

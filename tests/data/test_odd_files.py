@@ -46,6 +46,16 @@ def test_bytes_that_are_no_text_have_their_line(
         recorded(tmp_path, content, {"csv": csv})
 
 
+@pytest.mark.parametrize(
+    ("name", "content", "kind"),
+    [("a.parquet", b"PAR1", "a Parquet table"), ("a.h5", b"\x89HD", "an HDF5 file"), ("a.nc", b"", "a netCDF file")],
+)
+def test_a_file_that_is_cut_off_is_told_by_its_name(tmp_path: Path, name: str, content: bytes, kind: str) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(ConfigError, match=f"{name}: this is not {kind}, as its name says: was it cut off"):
+        read(Data.model_validate({"time": "t", "outputs": {"S": "glucose"}}), tmp_path, files=[tmp_path / name])
+
+
 def rows(before: str = "", behind: str = "", separator: str = ",") -> str:
     return "".join(
         f"{before}{t!r}{separator}{v!r}{behind}\n" for t, v in zip(TIMES.tolist(), VALUES.tolist(), strict=True)

@@ -15,7 +15,7 @@ from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate import starting
 from hgorun.estimate.completed import completed
-from hgorun.estimate.first_values import known_later, known_too_late
+from hgorun.estimate.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.start_task import StartTask
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
@@ -199,6 +199,34 @@ def test_a_start_from_a_sample_that_is_known_later_is_told(
 def test_samples_most_of_which_are_known_too_late_are_told(known: list[float], told: list[str]) -> None:
     found = known_too_late(recording(signal("a", [0.0, 1.0, 2.0], [0.7, 0.6, 0.5], known)))
     assert [words.partition(", at")[0] for words in found] == told
+
+
+@pytest.mark.parametrize(
+    ("known", "end", "told"),
+    [
+        ([0.0, 1.0, 4.0], None, []),
+        ([0.0, 1.0, 50000.0], None, ["log.csv:4: a: a sample becomes known at t = 50000 only"]),
+        ([0.0, 1.0, 50000.0], 3.0, []),
+        ([8.0, 8.0, 9.0], None, []),  # which is told otherwise
+    ],
+)
+def test_a_sample_that_makes_the_run_much_longer_is_told(
+    known: list[float], end: float | None, told: list[str]
+) -> None:
+    recorded = recording(signal("a", [0.0, 1.0, 2.0], [0.7, 0.6, 0.5], known))
+    time = {} if end is None else {"time": {"end": end}}
+    config = source({"plant": OSCILLATOR, "observers": {}, "solver": {"step": 0.01}, **time})
+    found = list(known_far_behind(completed(config, recorded, "start", ""), recorded))
+    assert [words.partition(", and")[0] for words in found] == told
+
+
+def test_a_sample_that_becomes_known_beyond_all_times_is_refused_with_its_line() -> None:
+    recorded = recording(signal("a", [0.0, 1.0, 2.0], [0.7, 0.6, 0.5], [0.0, 1e300, 2.0]))
+    config: Block = {"plant": OSCILLATOR, "observers": {}, "solver": {"step": 0.01}}
+    with pytest.raises(ConfigError, match=r"a: the sample taken at 1 becomes known 1e\+300 later") as refused:
+        completed(source(config), recorded, "start", "")
+    assert (refused.value.file, refused.value.line) == ("log.csv", 3)
+    assert completed(source({**config, "time": {"end": 2.0}}), recorded, "start", "").time.end == 2.0
 
 
 def test_a_fit_is_made_again_only_where_what_it_depends_on_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
