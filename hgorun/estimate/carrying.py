@@ -17,7 +17,8 @@ from hgorun.symbolic.evaluate import Floats
 UNEVEN = 1.62  # steps of the second pass, for each of the first
 ORDER = 2  # as which errors fall at least
 HALVINGS = 12
-LOST_HALVINGS = 6  # of them for observers that are lost alone: some are with any step
+LOST_HALVINGS = 4  # of them for observers that are lost alone, as simulate has it: some are with any step
+_STABLE = 3.0  # times 1/rate: longer steps of RK4 and DOPRI5 amplify what decays
 _ALIKE = 0.05  # of the time until an observer is lost: so far apart it is with two steps that show the same
 _ROWS = 1 << 15  # that are compared at a time: there may be many
 
@@ -92,8 +93,14 @@ def carry_out(
         if not solver.controlled or enough or 2 * spent > solver.max_evaluations:
             break
         step /= 2
-    at_once = raw.diverged[:, 0] <= step  # with any step
-    return Carried(raw, used, offered, step, error, spent, xhat, apart & ~at_once)
+    lasts = raw.diverged[:, 0] > step  # what is lost at once may be so with any step
+    return Carried(raw, used, offered, step, error, spent, xhat, apart & (lasts | _too_fast(prepared, step)))
+
+
+def _too_fast(prepared: PreparedEstimate, step: float) -> np.ndarray:
+    """Which observers have a rate that explicit steps of such a length do not follow; 0: not known."""
+    rates = [b.observer.fastest_rate(b.form) or 0.0 for b in prepared.run.observers]
+    return np.array(rates) * min(step, prepared.run.longest_gap) > _STABLE
 
 
 def lost_apart(own: Floats, other: Floats) -> np.ndarray:

@@ -80,6 +80,12 @@ def test_given_steps_that_lose_an_observer_are_said_to_be_too_long() -> None:
     assert estimated({"SHGO": {"type": "shgo", "theta": 200, "poles": -1}}, 0.01).observers["SHGO"].status == "diverged"
 
 
+def test_given_steps_that_a_first_covariance_is_too_fast_for() -> None:
+    """It is lost in the first step, as one may be that is lost with any step: its rate tells that it is not."""
+    verdict = estimated(KALMAN, 0.01, solver={"step": 0.05}).observers["KB"].verdict
+    assert (verdict.status, verdict.at) == ("inaccurate", 0.05)
+
+
 def test_when_losses_are_apart() -> None:
     inf = np.inf
     own = np.array([inf, 1.0, 1.0, inf, 1.0, 0.0])
