@@ -17,7 +17,7 @@ from hgorun.symbolic.evaluate import Floats
 UNEVEN = 1.62  # steps of the second pass, for each of the first
 ORDER = 2  # as which errors fall at least
 HALVINGS = 12
-LOST_HALVINGS = 4  # of them for observers that are lost alone, as simulate has it: some are with any step
+LOST_HALVINGS = 6  # of them for observers that are lost alone: some are with any step
 _STABLE = 3.0  # times 1/rate: longer steps of RK4 and DOPRI5 amplify what decays
 _ALIKE = 0.05  # of the time until an observer is lost: so far apart it is with two steps that show the same
 _ROWS = 1 << 15  # that are compared at a time: there may be many
