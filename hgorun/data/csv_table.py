@@ -114,10 +114,17 @@ class CsvFile:
 
     def _points(self, table: Table) -> Iterator[tuple[int, str]]:
         """What is told of points that may stand between thousands."""
+        told = self._told
+        untold = told.decimal is None and told.thousands is None and self.dialect.decimal == "."
         for cells_of, values in table.columns.items():
+            if not isinstance(cells_of, Numbers) or not untold:
+                continue
             sample = self.dialect.grouped.get(cells_of.column)
-            if sample is not None and isinstance(cells_of, Numbers) and grouped.still_may_be(values):
+            if sample is not None and grouped.still_may_be(values):
                 yield 0, grouped.told(cells_of.column, sample)
+            elif sample is None and (found := grouped.first_fall(values)):
+                place, sample, beside = found
+                yield int(table.lines[place]), grouped.told(cells_of.column, sample, beside)
 
 
 class _Reading:

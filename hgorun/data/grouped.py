@@ -22,6 +22,7 @@ _COMMA = re.compile(r"[-+]?\d+,(?!\d{3}$)\d+", re.ASCII)  # decimals for sure
 _OF_SHEETS = (";", "\t")  # which separate columns where commas are decimal signs
 _FEWEST = 3  # numbers that show how a column is written
 _JUMP = 20.0  # times the smallest: so large is no whole number among decimals
+_FALL = 200.0  # times the next one: so much less is a number whose thousand is read as one
 
 
 def may_be_grouped(rows: Sequence[Sequence[str]], separator: str) -> frozenset[int]:
@@ -56,9 +57,43 @@ def still_may_be(values: np.ndarray) -> bool:
     return bool(np.all((sizes < 1000) & ((sizes >= 1) | (sizes == 0))))
 
 
-def told(column: str, sample: str) -> str:
-    """What is told of such a column."""
+def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
+    """Where a column of whole numbers goes on with numbers of three decimals, some hundred times less, or ends them.
+
+    Parameters
+    ----------
+    values : ndarray of float, shape (n,)
+        Of the whole column, NaN where missing.
+
+    Returns
+    -------
+    tuple of (int, str, str) or None
+        The place of the first one beside such a whole number, how it is written, and the whole one; None
+        where the column is not so.
+    """
+    if not (_FALL <= np.fmax.reduce(np.abs(values), initial=0.0) < 1000) or not still_may_be(values):
+        return None
+    places = np.flatnonzero(np.isfinite(values))
+    sizes = np.abs(values[places])
+    whole = sizes == np.floor(sizes)
+    pointed = sizes[~whole]
+    written = np.round(pointed, 3) == pointed
+    if pointed.size < _FEWEST or not written.all() or np.all(np.round(pointed, 2) == pointed):
+        return None
+    large, small = whole & (sizes >= _FALL), sizes >= 1  # 1.000 is a whole one, too
+    falls = large[:-1] & small[1:] & (sizes[:-1] >= _FALL * sizes[1:])
+    rises = large[1:] & small[:-1] & (sizes[1:] >= _FALL * sizes[:-1])
+    if not (found := np.flatnonzero(falls | rises)).size:
+        return None
+    first = int(found[0])
+    point, other = (first + 1, first) if falls[first] else (first, first + 1)
+    return int(places[point]), f"{values[places[point]]:.3f}", f"{values[places[other]]:.0f}"
+
+
+def told(column: str, sample: str, beside: str = "") -> str:
+    """What is told of such a column, of one of its numbers, and of a whole one beside it."""
+    near = f" beside {beside}" if beside else ""
     return (
-        f"column {column!r}: the point in {sample} is read as a decimal point, and nothing tells whether it stands "
-        'between thousands: csv: {thousands: "."} says that it does, {decimal: "."} that it does not'
+        f"column {column!r}: the point in {sample}{near} is read as a decimal point, and nothing tells whether it "
+        'stands between thousands: csv: {thousands: "."} says that it does, {decimal: "."} that it does not'
     )

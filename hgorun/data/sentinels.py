@@ -14,33 +14,69 @@ _USUAL = (99, 99.9, 99.99, 999, 999.9, 999.99, 6999, 7999, 9999, 9999.9, 99999, 
           2147483647, 2147483648, 1e20, 1e30, 9.96921e36, 9.969209968386869e36, 1e37)  # fmt: skip
 _FEWEST = 3  # other values that show where a column lies
 _BELOW, _BEYOND = 0.5, 2.0  # of the span of the others: so far off a negative one beside none is, and any
+_MOST = 8  # different ones of a column
+_OFTEN = 0.1  # of a column: so much of what is measured may be held at a number, or be switched to its negative
+_AS_LARGE = 1e-4  # of it
+_RUN = 3  # values in a row, on average, of what is held
+_LARGE = 50.0  # times the largest of the others: nothing is held so far off
 
 
 def sentinels(values: np.ndarray) -> Iterator[tuple[float, float, float]]:
     """Numbers in the list of usual ones that lie far outside of all others, with the ends of these.
 
-    A measured value is exactly such a number by chance, and then its neighbours are near. Of a column that rests at one
-    value a positive one may be a step of what is measured.
+    A measured value is exactly such a number by chance, and then its neighbours are near, or it is one at which the
+    column rests: a valve at 99 %, a signal of +-99. Of a column that rests at one other value a positive one may be a
+    step of what is measured.
     """
-    left = values
-    for _ in range(2):  # at either end
-        ends = (float(end.reduce(left, initial=np.nan)) for end in (np.fmin, np.fmax))  # but for missing ones
-        found = next((end for end in ends if _is_usual(end)), None)
-        if found is None:
-            return
-        others = left[(left != found) & ~np.isnan(left)]
-        if others.size < _FEWEST:
-            return
-        low, high = float(others.min()), float(others.max())
-        off = max(low - found, found - high)
-        alone = found < 0 <= low
-        if off > (_BELOW if alone else _BEYOND) * (high - low) and (alone or high > low):
-            yield found, low, high
-        left = others
+    left, found = values, list[float]()
+    while len(found) < _MOST and (end := _usual_end(left)) is not None:
+        found.append(end)
+        left = left[left != end]
+    if not found:
+        return
+    told: dict[float, tuple[float, float]] = {}
+    measured = left[~np.isnan(left)]
+    for number in reversed(found):  # from within: one that is measured shows where the column lies
+        if measured.size >= _FEWEST and _is_far(number, measured, values):
+            told[number] = float(measured.min()), float(measured.max())
+        else:
+            measured = np.append(measured, np.full(np.count_nonzero(values == number), number))
+    yield from ((number, *told[number]) for number in found if number in told)
+
+
+def _usual_end(values: np.ndarray) -> float | None:
+    """The least or the largest value if it is a usual one and is not switched to its negative and back."""
+    ends = (float(end.reduce(values, initial=np.nan)) for end in (np.fmin, np.fmax))  # but for missing ones
+    return next((end for end in ends if _is_usual(end) and not _is_half_of_two(end, values)), None)
 
 
 def _is_usual(number: float) -> bool:
     return any(abs(abs(number) - usual) <= 1e-6 * usual for usual in _USUAL)
+
+
+def _is_half_of_two(number: float, values: np.ndarray) -> bool:
+    """Whether a number and its negative, or nearly that, are often there both: -32768 and 32767, too."""
+    least = max(_OFTEN * np.count_nonzero(~np.isnan(values)), _RUN)
+    near = _AS_LARGE * abs(number)
+    return all(np.count_nonzero(np.abs(values - one) <= near) >= least for one in (number, -number))
+
+
+def _is_far(number: float, others: np.ndarray, values: np.ndarray) -> bool:
+    """Whether a number lies far outside of others, and is not one at which the column is held."""
+    low, high = float(others.min()), float(others.max())
+    off = max(low - number, number - high)
+    if number < 0 <= low:
+        return off > _BELOW * (high - low)
+    return high > low and off > _BEYOND * (high - low) and not _is_held(number, max(-low, high), values)
+
+
+def _is_held(number: float, largest: float, values: np.ndarray) -> bool:
+    """Whether a column goes to a number and back, and stays at either end: no more than some times the others."""
+    held = values[~np.isnan(values)] == number
+    count = int(np.count_nonzero(held))
+    stretches = (1 + np.count_nonzero(np.diff(held))) / 2  # of either kind
+    often = count >= _OFTEN * held.size and min(count, held.size - count) >= _RUN * stretches
+    return often and abs(number) <= _LARGE * largest
 
 
 def told(samples: Samples, written: np.ndarray, block: Column, owner: str) -> Iterator[Note]:

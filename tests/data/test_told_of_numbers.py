@@ -68,6 +68,53 @@ def test_decimals_as_loggers_write_them_are_not(tmp_path: Path, case: str) -> No
     assert of_kind(recorded(tmp_path, rows(*DECIMALS[case])), "format") == []
 
 
+STEPS = np.random.default_rng(1).integers(-99, 99, 400).tolist()
+RISING = [600 + step for step in STEPS] + [
+    800 + k + step // 9 for k, step in zip(range(0, 400, 3), STEPS, strict=False)
+]
+
+
+def pointed(number: int) -> str:
+    return f"{number:,}".replace(",", ".")
+
+
+@pytest.mark.parametrize(
+    ("numbers", "line", "number", "beside"),
+    [
+        (RISING, 469, "1.007", "997"),
+        ([2000 - number for number in RISING], 468, "1.003", "993"),
+        ([*RISING[:400], 998, 999, 1000, 1001, 1002, 1005], 404, "1.000", "999"),
+    ],
+)
+def test_so_are_those_that_begin_or_end_far_down_with_the_line(
+    tmp_path: Path, numbers: list[int], line: int, number: str, beside: str
+) -> None:
+    faults: dict[str, Any] = {"faults": {"slips": "report"}}
+    content = rows(tuple(map(pointed, numbers)), ",")
+    (said,) = of_kind(recorded(tmp_path, content, faults), "format")
+    assert said.startswith(f":{line}: column 'glucose': the point in {number} beside {beside} is read as a decimal")
+    whole = recorded(tmp_path, content, faults | {"csv": {"thousands": "."}})
+    assert whole.outputs["S"].values.tolist() == numbers
+    as_read = recorded(tmp_path, content, faults | {"csv": {"decimal": "."}})
+    assert of_kind(whole, "format") == of_kind(as_read, "format") == []
+
+
+@pytest.mark.parametrize(
+    "falls",
+    [
+        ["900", "1.5", "1.25", "1.75"],  # other decimals
+        ["900", "1.512", "1.513"],  # too few
+        ["900", "400.25", "30.125", "1.125", "1.5"],  # as they fall
+        ["900", "1.2345", "1.5", "1.25"],
+        ["900", "0.512", "1.234", "1.235"],
+        ["1200", "1.234", "1.235", "1.236"],
+    ],
+)
+def test_a_column_that_falls_by_itself_is_not(tmp_path: Path, falls: list[str]) -> None:
+    content = rows((*map(str, RISING[:400]), *falls), ",")
+    assert of_kind(recorded(tmp_path, content, {"faults": {"slips": "report"}}), "format") == []
+
+
 @pytest.mark.parametrize(
     ("number", "places"), [(-9999.0, [7]), (-999.0, [0]), (999999.0, [39]), (-99.9, [3, 20]), (9999.0, [*range(8, 14)])]
 )
@@ -105,6 +152,18 @@ def test_it_is_compared_as_the_file_writes_it_and_only_where_it_is_used(tmp_path
         ([0, 500, 998, 999, 700], []),
         ([1, 2, np.nan, -9999, 9999, 3], [-9999, 9999]),
         ([1.5, 2, 1e30, 3, 2], [1e30]),
+        ([1, 1.1, -9999, 1.2, -999, 1.3, 9999, 1.4, 1e30, 1.2], [-9999, -999, 1e30, 9999]),  # none hides another
+        ([0, 0, 0, 99, 99, 99, -9999, 0, 0, 0], [-9999]),
+        ([*[-99, 99] * 10, 5], []),  # switched between the two
+        ([*[-99, 99] * 10, -9999], [-9999]),
+        ([*[-32768] * 5, *[32767] * 5] * 3, []),
+        ([10, 11, 12, 11, *[99] * 5], []),  # a valve
+        ([*[10, 11, 12, *[99] * 3] * 4], []),
+        ([*[3000, 3007, 3014] * 5, *[65535] * 9], []),
+        ([10, 11, 12, 11, *[9999] * 5], [9999]),
+        ([10, *[99] * 5, 11, *[99] * 5, 12, *[99] * 5], [99]),  # a slower rate
+        ([*[10, 11, 12] * 20, *[99] * 5], [99]),  # seldom
+        ([2, -1, 1, -2, *[-99] * 5], []),
         ([1, 2, -9999], []),
         ([-9999, -9999], []),
         ([np.nan, np.nan], []),
