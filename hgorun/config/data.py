@@ -118,6 +118,16 @@ def _column(value: Any) -> Any:
     return value
 
 
+def _clock(value: Any) -> Any:
+    """The same of time stamps, which stand in one column."""
+    if isinstance(value, (list, tuple)) and len(value) > 1:
+        raise ValueError(
+            f"expected the name of one column, found a list of {len(value)}; a date and a time of day in two columns "
+            "are not joined: write a column into the file that has both, such as 2024-05-31 13:45:10"
+        )
+    return _column(value)
+
+
 def has_date(form: str) -> bool:
     """Whether a format, or a pattern, says which day it is."""
     of_weeks = any(sign in form for sign in ("%U", "%W", "%V")) and any(sign in form for sign in _WEEKDAYS)
@@ -167,7 +177,7 @@ class Clock(Block):
         return self
 
 
-ClockKey = Annotated[Clock, BeforeValidator(_column), _OrText()]
+ClockKey = Annotated[Clock, BeforeValidator(_clock), _OrText()]
 
 
 class Quality(Block):

@@ -29,9 +29,10 @@ _NAMES = {
     **{name[:3].lower(): "%a" for name in _DAYS},
     **dict.fromkeys(("am", "pm"), "%p"),
 }
-_AS_THEY_ARE = frozenset(("t", "w", "h", "m", "s", "uhr", "um", "at", *"年月日时時分秒点"))  # in any date
+_AS_THEY_ARE = frozenset(("t", "w", "h", "m", "s", "uhr", "um", "at", "de", *"年月日时時分秒点"))  # in any date
 _PART = re.compile(r"[0-9]+|[^\W\d_]+|.")
 _MANY, _FEW = 30, 12  # parts of a date at most, and those but signs where some of them may be one
+_WORDS = 3  # that may be names in another language
 _OFFSET = re.compile(r"(\s?(?:UTC|GMT)?)[+-][0-9]{2}:?[0-9]{2}$")
 _ALONE = re.compile(r"%[HI]:%M(?::%S(?:[.,:]%f)?)?\s?(?:%p|uhr)?", re.IGNORECASE)  # a time without a date
 _SAME_SIGNS = re.compile(
@@ -67,6 +68,20 @@ def lacks_year(text: str) -> bool:
     parts = _PART.findall(without_halves(text))
     orders = [[*date, *time] for date in _WITHOUT_YEAR for time in ("", *_TIMES)] if len(parts) <= _MANY else []
     return any(_has_fraction(pattern) for order in orders if (pattern := _pattern(parts, order)))
+
+
+def foreign_month(text: str) -> str:
+    """The word of a text that is a date with an English month in its place; empty where there is none.
+
+    Another word may be the day of the week.
+    """
+    parts = _PART.findall(text)
+    unknown = [k for k, part in enumerate(parts) if part.isalpha() and part.lower() not in _AS_THEY_ARE | _NAMES.keys()]
+    for month in reversed(unknown) if len(unknown) <= _WORDS else ():
+        english = ["May" if k == month else "Monday" if k in unknown else part for k, part in enumerate(parts)]
+        if patterns_of("".join(english)):
+            return parts[month]
+    return ""
 
 
 def longest_part(text: str) -> tuple[str, str, str]:

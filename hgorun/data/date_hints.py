@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import yaml
 
-from hgorun.data.date_forms import lacks_year, longest_part, patterns_of, reads
+from hgorun.data.date_forms import foreign_month, lacks_year, longest_part, patterns_of, reads
 
 _EXAMPLE = "%d.%m.%Y %H:%M:%S"
 _READ = "31.05.2024 13:45:10"
@@ -80,6 +80,8 @@ def _hint_of_parts(text: str) -> str:
     """What is said of a text of which no pattern is known: what its parts are."""
     if lacks_year(text):
         return "; it has no year: write dates with it, or the time since the start, into the file"
+    if month := foreign_month(text):
+        return f"; names of months are English, and {month!r} is none: write the month as a number into the file"
     before, part, behind = longest_part(text)
     if not part:
         return ""

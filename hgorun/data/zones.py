@@ -7,6 +7,7 @@ read. Here they are those that mean one offset everywhere.
 from __future__ import annotations
 
 import re
+from contextlib import suppress
 from datetime import datetime
 
 _HOURS = {
@@ -52,14 +53,22 @@ def date_of(text: str, pattern: str) -> datetime:
     ------
     ValueError
     """
-    if names_zone(pattern):
-        beside = "z" in _DIRECTIVE.findall(pattern)
-        pattern = _DIRECTIVE.sub(lambda one: ("" if beside else "%z") if one[1] == "Z" else one[0], pattern)
-        text = _NAME.sub(lambda one: "" if beside else f"+{_HOURS[one[0].upper()]:02d}00", text, count=1)
     if "%p" in pattern:
         text = without_halves(text)
     if "%f" in pattern:
         text = _FINE.sub("", text)
+    if not names_zone(pattern):
+        return _read(text, pattern)
+    beside = "z" in _DIRECTIVE.findall(pattern)
+    pattern = _DIRECTIVE.sub(lambda one: ("" if beside else "%z") if one[1] == "Z" else one[0], pattern)
+    for name in _NAME.finditer(text):  # another one may stand in the pattern itself: GMT%z (%Z)
+        offset = "" if beside else f"+{_HOURS[name[0].upper()]:02d}00"
+        with suppress(ValueError):
+            return _read(f"{text[: name.start()]}{offset}{text[name.end() :]}", pattern)
+    raise ValueError
+
+
+def _read(text: str, pattern: str) -> datetime:
     try:
         return datetime.strptime(text, pattern)
     except re.error:  # a part of a date stands there twice: %c has a day, too

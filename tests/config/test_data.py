@@ -26,6 +26,7 @@ def test_a_column_may_be_given_by_its_name_alone() -> None:
     [
         ({"outputs": {}}, "at least one output"),
         ({"outputs": {"S": 3}}, "the name of a column, or a mapping"),
+        ({"time": ["date", "clock"]}, "a date and a time of day in two columns are not joined"),
         ({"outputs": {"S": {"colum": "a"}}}, "Did you mean `column`"),
         ({"time": {"column": "t", "format": "epoch"}}, "iso, unix, excel, excel1904 or a pattern"),
         ({"time": {"column": "t", "format": "iso", "unit": "s"}}, "has no unit"),

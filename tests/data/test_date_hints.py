@@ -170,6 +170,18 @@ def test_all_that_may_be_meant_is_said(tmp_path: Path, stamp: str, forms: list[s
         ),
         ("Jan 31 13:45:10", "; it has no year: write dates with it, or the time since the start, into the file"),
         (
+            "4. März 2026 10:00",
+            "; names of months are English, and 'März' is none: write the month as a number into the file",
+        ),
+        (
+            "Mittwoch 4. Mai 2026",
+            "; names of months are English, and 'Mai' is none: write the month as a number into the file",
+        ),
+        (
+            "4 de marzo de 2026",
+            "; names of months are English, and 'marzo' is none: write the month as a number into the file",
+        ),
+        (
             "31.31.2024 13:45",
             '; a date of another form needs its pattern: time: {column: t, format: "%d.%m.%Y %H:%M:%S"} reads '
             "31.05.2024 13:45:10",

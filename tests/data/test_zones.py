@@ -63,6 +63,19 @@ def test_a_name_beside_an_offset_adds_nothing(tmp_path: Path) -> None:
     assert found.origin.epoch == np.datetime64("2024-03-01T09:00")
 
 
+@pytest.mark.parametrize(
+    ("stamp", "form", "utc"),
+    [
+        ("Fri Mar 01 2024 10:00:00 GMT+0100 (CET)", "%a %b %d %Y %H:%M:%S GMT%z (%Z)", 9),
+        ("Fri Mar 01 2024 10:00:00 GMT+0100 (CET)", "%a %b %d %Y %H:%M:%S %Z%z (CET)", 9),
+        ("CET log 2024-03-01 10:00 UTC", "CET log %Y-%m-%d %H:%M %Z", 10),
+    ],
+)
+def test_a_name_in_the_pattern_itself_is_a_text(tmp_path: Path, stamp: str, form: str, utc: int) -> None:
+    found = recorded(tmp_path, log(stamp), {"time": {"column": "t", "format": form}})
+    assert found.origin.epoch == np.datetime64(f"2024-03-01T{utc:02d}:00")
+
+
 @pytest.mark.parametrize("stamp", ["2024-03-01 10:00:00 UTC", "2024-03-01 10:00:00UTC", "13.03.2024 10:00 CET"])
 def test_the_pattern_that_is_said_reads_the_name(tmp_path: Path, stamp: str) -> None:
     with pytest.raises(ConfigError, match="needs its pattern") as caught:
