@@ -9,7 +9,7 @@ _BEFORE = r"(?:^\s*(?:- +)?|\{(?:[^}]*,)?\s*)"
 _TIGHT = re.compile(rf"{_BEFORE}({_KEY}) ?:(?=[^\s:/])([^,}}#]*)")
 _EQUALS = re.compile(rf"{_BEFORE}({_KEY})\s*=(?!=)([^,}}#]*)")
 
-_NEXT = re.compile(rf"\s{_KEY}:")
+_NEXT = re.compile(rf"\s{_KEY}(?::|\s*=(?!=))")
 
 
 def without_space(text: str) -> str:

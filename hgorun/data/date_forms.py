@@ -75,7 +75,7 @@ def foreign_month(text: str) -> str:
 
     Another word may be the day of the week.
     """
-    parts = _PART.findall(text)
+    parts: list[str] = _PART.findall(text)
     unknown = [k for k, part in enumerate(parts) if part.isalpha() and part.lower() not in _AS_THEY_ARE | _NAMES.keys()]
     for month in reversed(unknown) if len(unknown) <= _WORDS else ():
         english = ["May" if k == month else "Monday" if k in unknown else part for k, part in enumerate(parts)]

@@ -17,6 +17,7 @@ from hgorun.config.nearest import among, listed, meant
 from hgorun.config.refusals import Refusals
 from hgorun.config.sweeps import MOST_MEMBERS, Combine, Keep, LinearAxis, ListAxis, LogAxis, SweepBlocks, Worst
 from hgorun.ensemble.members import Members, written_out
+from hgorun.ensemble.names import new_names, why_not_there
 from hgorun.ensemble.values import Column, Floats, Places, Seeds, Values, check_seeds, values_of
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.chance import generator
@@ -206,11 +207,12 @@ class Ensemble:
 
         def why(value: object) -> ConfigError | None:
             try:
-                self.base.varied(dict.fromkeys(paths, value))
+                varied = self.base.varied(dict.fromkeys(paths, value))
             except ConfigError as error:
                 return error
-            return None
+            return why_not_there(varied, new) if new else None
 
+        new = new_names(self.base, paths)
         axis, values = self.blocks.axes[path], self.axes[path]
         written = axis.values if isinstance(axis, ListAxis) else None  # 1 and 2.5 are 1.0 and 2.5 in a column
         places = sorted({0, values.size // 2, values.size - 1})

@@ -50,3 +50,5 @@ def test_a_text_with_colons_and_spaces_needs_quotes(text: str) -> None:
 
 def test_of_two_keys_the_first_is_shown() -> None:
     assert misread("theta:8 type:shgo") == "a space belongs behind the colon, as in theta: 8"
+    assert misread("x1 = x2 x2 = -x1") == "a colon separates a name from its value, as in x1: x2"
+    assert misread("x1 = x2*(x1 == 1) x2: 1") == "a colon separates a name from its value, as in x1: x2*(x1 == 1)"

@@ -79,6 +79,11 @@ def test_sobol_points_are_evenly_spread_and_do_not_depend_on_each_other() -> Non
         ({"solver.step": {"linear": [0.1, 0.2, 1]}}, {}, "axes/solver.step", "one value cannot be both 0.1 and 0.2"),
         ({"solver.step": {"log": [0.1, 0.2, 1]}}, {}, "axes/solver.step", "one value cannot be both 0.1 and 0.2"),
         ({"foo": [1]}, {}, "axes/foo", "unknown key 'foo'"),
+        ({"plant.initial.x3": [1, 2]}, {}, "axes/plant.initial.x3", "unknown name 'x3'; known here: x1, x2"),
+        (
+            {"observers.SHGO.initial.x3": {"linear": [1, 2, 9]}, "seed": [0]}, {}, "axes/observers.SHGO.initial.x3",
+            "observers.SHGO.initial: unknown state 'x3'; known here: x1, x2",
+        ),
         (
             {"theta": [1]}, {}, "axes/theta",
             "Did you mean `observers.FHGO.theta` or `observers.SHGO.theta`? observers.*.theta is that of all observers",
@@ -123,6 +128,7 @@ def test_a_wrong_value_of_a_member_is_told_at_its_key() -> None:
 def test_one_value_that_fits_is_enough() -> None:
     ensemble({"observers.SHGO.theta": [-1.0, 2.0]}).check()
     ensemble({THETAS: [2.0]}).check()
+    ensemble({"observers.SHGO.initial.x2": [1.0]}).check()
 
 
 def test_one_value_that_is_both_ends_and_axes_beside_each_other_are_taken() -> None:
