@@ -17,7 +17,7 @@ from hgorun.errors import Problem, called
 from hgorun.memo import Memo
 from hgorun.plants.base import Invertible, Plant, TriangularCoordinates, units_of
 from hgorun.plants.control import ControlLaw, ControlTexts, Space, driven_of
-from hgorun.plants.expressions import Signals, disturbance_of, inputs_of, parameter_values, require_known
+from hgorun.plants.expressions import Signals, disturbance_of, inputs_of, parameter_values, parameters_of, require_known
 from hgorun.plants.undeclared import constants_told, require_readable
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.plant import PlantModel
@@ -123,9 +123,12 @@ def build_plant(block: Plant, origin: float = 0.0, controller: Controller | None
     _require_distinct({"states": states, "inputs": inputs})
     if "t" in outputs:
         raise Problem(("plant", "output"), _twice("t", "time", "output"))
-    require_known("plant", "inputs", block.inputs, inputs)
-    require_known("plant", "initial", block.initial, states)
-    require_known("plant", "disturbance", block.disturbance, states)
+    require_known(
+        (("plant", "inputs"), block.inputs, inputs),
+        (("plant", "initial"), block.initial, states),
+        (("plant", "disturbance"), block.disturbance, states),
+        parameters_of(block),
+    )
     block.require_fit()
     values = parameter_values(block)
     _require_distinct({"states": states, "inputs": inputs, "parameters": tuple(values)})

@@ -81,11 +81,30 @@ def _read(path: KeyPath, text: str, names: Collection[str]) -> Expression:
         raise Problem(path, str(error)) from error
 
 
-def require_known(block: str, key: str, given: Collection[str], known: Collection[str]) -> None:
-    for name in given:
-        if name not in known:
-            allowed = ", ".join(known) or "none"
-            raise Problem((block, key, name), f"unknown name {name!r}; known here: {allowed}.{nearest(name, known)}")
+def require_known(*given: tuple[KeyPath, Collection[str], Collection[str]]) -> None:
+    """Refuse names at keys that do not know them.
+
+    Parameters
+    ----------
+    *given : (KeyPath, collection of str, collection of str)
+        A key, the names there, and those that are known.
+
+    Raises
+    ------
+    Problem
+        For the first; ``others`` are further ones.
+    """
+    problems = [
+        Problem(
+            (*path, name), f"unknown name {name!r}; known here: {', '.join(known) or 'none'}.{nearest(name, known)}"
+        )
+        for path, names, known in given
+        for name in names
+        if name not in known
+    ]
+    if problems:
+        problems[0].others = tuple(problems[1:])
+        raise problems[0]
 
 
 def _ordered(path: KeyPath, texts: Mapping[str, str], outer: Collection[str]) -> list[tuple[str, Expression]]:
@@ -106,10 +125,14 @@ def _ordered(path: KeyPath, texts: Mapping[str, str], outer: Collection[str]) ->
     return list(done.items())
 
 
+def parameters_of(block: Plant) -> tuple[KeyPath, Collection[str], Collection[str]]:
+    """The key of a plant's parameters, the names there, and those that are known: of a model of one's own all are."""
+    return ("plant", "parameters"), block.parameters, block.known_parameters or block.parameters
+
+
 def parameter_values(block: Plant) -> dict[str, float]:
     known = block.known_parameters
-    if known:
-        require_known("plant", "parameters", block.parameters, known)
+    require_known(parameters_of(block))
     texts = {name: repr(q.default) for name, q in known.items() if q.default is not None} | dict(block.parameters)
     missing = [name for name in known if name not in texts]
     if missing:

@@ -8,11 +8,13 @@ import casadi as ca
 import numpy as np
 import pytest
 
+from hgorun.errors import Problem
 from hgorun.plants.base import Plant
 from hgorun.plants.bioreactor_gauthier import GauthierBioreactor
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.plants.contois import Contois
 from hgorun.plants.phytoplankton import Phytoplankton
+from hgorun.plants.van_der_pol import VanDerPol
 
 
 def reordered(cls: type[Plant]) -> type[Plant]:
@@ -41,3 +43,15 @@ def test_the_order_of_the_parameters_changes_nothing(cls: type[Plant]) -> None:
             np.testing.assert_array_equal(
                 np.asarray(first(at, ca.DM(one.parameters))), np.asarray(second(at, ca.DM(other.parameters)))
             )
+
+
+def test_unknown_names_of_several_blocks_are_told_at_once() -> None:
+    wrong = {"type": "van_der_pol", "parameters": {"mu": 1, "k": 2}, "initial": {"x1": 1, "x_2": 0, "x3": 0}}
+    with pytest.raises(Problem) as raised:
+        build_plant(VanDerPol.model_validate(wrong))
+    told = [raised.value, *raised.value.others]
+    assert [one.path for one in told if isinstance(one, Problem)] == [
+        ("plant", "initial", "x_2"),
+        ("plant", "initial", "x3"),
+        ("plant", "parameters", "k"),
+    ]
