@@ -10,8 +10,8 @@ from hgorun.config.data import Column, Judged
 from hgorun.data.recording import Note
 from hgorun.data.samples import Samples
 
-_USUAL = (99, 99.9, 99.99, 999, 999.9, 999.99, 6999, 7999, 9999, 9999.9, 99999, 999999, 9999999, 32767, 32768, 65535,
-          2147483647, 2147483648, 1e20, 1e30, 9.96921e36, 9.969209968386869e36, 1e37)  # fmt: skip
+_USUAL = (99, 99.9, 99.99, 999, 999.9, 999.99, 6999, 7999, 9998, 9999, 9999.9, 99999, 999999, 9999999, 32767, 32768,
+          65535, 2147483647, 2147483648, 1e20, 1e30, 9.96921e36, 9.969209968386869e36, 1e37)  # fmt: skip
 _FEWEST = 3  # other values that show where a column lies
 _BELOW, _BEYOND = 0.5, 2.0  # of the span of the others: so far off a negative one beside none is, and any
 _MOST = 8  # different ones of a column
