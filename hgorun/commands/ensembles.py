@@ -103,8 +103,8 @@ def simulate_ensemble(run: Run, target: Path, options: Simulate) -> tuple[dict[s
     ):
         carried_out(ensemble, place, told)
     outcome = outcome_of(place.file)
-    if outcome.nothing and outcome.first is not None:
-        refusal = refusal_of(ensemble, outcome.first[0])
+    if outcome.nothing and outcome.reasons:
+        refusal = refusal_of(ensemble, outcome.reasons[0][0])
         if isinstance(refusal, ConfigError):  # wrong input, such as a mistyped path of vary
             raise refusal
     for words in (*outcome.troubles(partial(told_where, ensemble)), *coarse_members(outcome.largest_error)):

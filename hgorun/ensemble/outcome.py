@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +17,8 @@ from hgorun.result.data import PLANT
 from hgorun.result.status import STATUSES
 
 _SHOWN = 400  # characters of a member's error
+_REASONS = 3  # that are said
+_NUMBER = re.compile(r"[-+]?\d+(?:\.\d+)?(?:e[-+]?\d+)?")
 
 
 @dataclass(frozen=True)
@@ -33,8 +36,8 @@ class Outcome:
         The worst of them.
     lost : mapping of str to str
         For every observer that is lost in some members, the earliest time at which it is: ``t=1.25 s``.
-    first : (int, str) or None
-        The first member that has failed, and its error.
+    reasons : tuple of (int, str)
+        The first member that has failed, and its error; then the first ones whose error differs in more than numbers.
     largest_error : mapping of str to float
         See :func:`largest_of_ok`.
     """
@@ -45,7 +48,7 @@ class Outcome:
     observers: Mapping[str, Mapping[str, int]]
     status: str
     lost: Mapping[str, str]
-    first: tuple[int, str] | None
+    reasons: tuple[tuple[int, str], ...]
     largest_error: Mapping[str, float]
 
     @property
@@ -74,10 +77,10 @@ class Outcome:
             if words:
                 since = f", the earliest at {self.lost[label]}" if label in self.lost else ""
                 yield f"observer {printable(label)}: of {self.members} members {', '.join(words)}{since}"
-        if self.first is not None:
-            number, error = self.first
+        for k, (number, error) in enumerate(self.reasons):
             told = where(number, error)[:_SHOWN]
-            yield f"{self.failed} of {self.members} members failed; the first is member {number}: {told}"
+            counted = f"{self.failed} of {self.members} members failed; the first is member {number}"
+            yield f"{f'member {number} for another reason' if k else counted}: {told}"
 
 
 def outcome_of(path: Path) -> Outcome:
@@ -87,12 +90,13 @@ def outcome_of(path: Path) -> Outcome:
         labels = file["observer"].asstr()[()]
         failed = np.flatnonzero(file["plant_status"][()].ravel() == STATUSES.index("failed"))
         errors = file["error"]
-        first, count = None, 0
+        reasons, count = dict[str, tuple[int, str]](), 0
         for number in failed:
             text = errors.asstr()[np.unravel_index(number, errors.shape)]
             if text:
                 count += 1
-                first = first or (int(number), printable(text))
+                if len(reasons) < _REASONS:
+                    reasons.setdefault(_NUMBER.sub("", text), (int(number), printable(text)))
         since = file["status_at"][()].reshape(status.shape)
         since[(status != STATUSES.index("diverged")) & (status != STATUSES.index("undefined"))] = np.nan
         unit = printable(str(file["status_at"].attrs.get("units", "")))
@@ -106,7 +110,7 @@ def outcome_of(path: Path) -> Outcome:
         own = file["integration_error"][()].reshape(status.shape)
         integration = np.column_stack([file["plant_integration_error"][()].ravel(), own])
     largest = largest_of_ok([*counts], integration, status)
-    return Outcome(name, len(status), count, counts, worst, lost, first, largest)
+    return Outcome(name, len(status), count, counts, worst, lost, tuple(reasons.values()), largest)
 
 
 def largest_of_ok(observers: Sequence[str], errors: NDArray[np.float64], status: NDArray[np.int8]) -> dict[str, float]:

@@ -146,6 +146,17 @@ def test_members_that_fail_are_said_on_stderr(shell: Shell) -> None:
     assert shell("sweep", "s.yaml", "--strict", "-q")[0] == 3
 
 
+def test_each_reason_why_members_fail_is_said_once(shell: Shell) -> None:
+    axes = "{measurement.sampling.period: [0.1, 0.1, 0.1, -1, 0.1], observers.SHGO.theta: [2, -1, -3, 2, 2]}"
+    (shell.folder / "s.yaml").write_text(f"base: base.yaml\ncombine: zip\naxes: {axes}\n")
+    _, _, err = shell("sweep", "s.yaml", "-q")
+    above = "expected a number above 0, found"
+    assert err.splitlines() == [
+        f"hgorun: s: 3 of 5 members failed; the first is member 1: axis observers.SHGO.theta: {above} -1",
+        f"hgorun: s: member 3 for another reason: axis measurement.sampling.period: {above} -1.0",
+    ]
+
+
 @pytest.mark.parametrize(
     ("axes", "words"),
     [
