@@ -78,7 +78,7 @@ def test_what_was_set_stands_in_the_tuned_file(shell: Shell, monkeypatch: pytest
     """Otherwise it would be another configuration than the one that was tuned: here one without the observer."""
 
     def at_once(*_: object) -> object:
-        return SimpleNamespace(sought=[], gains={"observers.NEW.theta": 2.5})
+        return SimpleNamespace(sought=[], gains={"observers.NEW.theta": 2.5}, remarks=())
 
     monkeypatch.setattr(tune_data, "_tuned", at_once)
     monkeypatch.setattr(tune_data, "_table", lambda _: "")
