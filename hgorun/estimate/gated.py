@@ -62,8 +62,7 @@ class _GatedRun:
         self._stepping = stepping(prepared.experiment, [block.label for block in prepared.run.observers])
         self._rows = SteppedRows.of(prepared)
         self._own = OwnSteps(prepared.run.structure.system, self._rows.channels)
-        self._at_start, there = left_out_of_start(prepared)
-        self._beginning = {j for j in there if self._covariances[j] is None}
+        self._at_start, self._beginning = left_out_of_start(prepared)
         self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], self._covariances)
         self._entering: dict[int, list[Entering]] = {}
         for place, one in where_entering(prepared):

@@ -77,8 +77,8 @@ class StartTask:
 
     @property
     def key(self) -> Hashable:
-        """All that a fit depends on, beside its first guess."""
-        numbers = self.parameters, self.times, self.u, self.gates
+        """All that a fit depends on, beside its first guess, and the numbers of the samples: late ones have others."""
+        numbers = self.parameters, self.times, self.u, self.gates, *self.numbers
         seen = ((places.tobytes(), values.tobytes(), std) for places, values, std in self.seen)
         return same(self.model), *(one.tobytes() for one in numbers), *seen
 

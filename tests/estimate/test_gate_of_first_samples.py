@@ -1,4 +1,4 @@
-"""Outliers among the first samples of an observer that knows no covariance: which are left out, and which never."""
+"""Outliers among the first samples of an observer: which are left out, and which never."""
 
 from __future__ import annotations
 
@@ -126,6 +126,36 @@ def test_what_a_fitted_start_has_left_out_is_not_used(outlier: int, count: First
     np.testing.assert_array_equal(used[kept, 0], of_others[:, 0])
     assert assessed_of(result, "O").scores["gated"] == {"a": 1 + np.count_nonzero(~of_others[:, 0])}
     np.testing.assert_allclose(result.observers["O"].xhat, others.observers["O"].xhat, rtol=0, atol=1e-9)
+
+
+WIDE: Block = {"Q": {"a": 1e-4, "b": 1e-4}}  # P(0) = I: the gate of the covariance would let the outlier in
+
+
+@pytest.mark.parametrize(("kind", "late"), [("ukf", False), ("ekf", True)])
+def test_an_observer_with_a_covariance_leaves_out_what_the_start_has(kind: str, late: bool) -> None:
+    """The estimate is that of a log without the samples, also where they come late and are replayed."""
+    y, slow = values(3, {1: 3.0}), 0.5 * np.sin(TAKEN[::3] + np.pi)
+    slow[0] -= 4.0
+    known = TAKEN + 0.3 * (np.arange(COUNT) % 3) if late else TAKEN
+    config = {key: value for key, value in block(NEAR).items() if key != "measurement"}
+    config["plant"] = {**LINE, "output": {"ya": "a", "yb": "b"}}
+    config["observers"] = {"F": {"type": kind, **WIDE}, "S": {"type": kind, **WIDE, "initial": NEAR}}
+
+    def found(first: np.ndarray, second: np.ndarray) -> Result:
+        outputs = (
+            signal("ya", TAKEN[first], y[first], known[first], gate=GATE, std=STD),
+            signal("yb", TAKEN[second], slow[second // 3], known[second], gate=GATE, std=STD),
+        )
+        return estimate(source(config), replace(recording(*outputs), first_samples=3), sensitivity=False)
+
+    rows = np.arange(COUNT)
+    result, others = found(rows, rows[::3]), found(np.delete(rows, 1), rows[3::3])
+    ya, yb = (recorded_of(result).outputs[name] for name in ("ya", "yb"))
+    assert ya.taken[~ya.used[:, 0]].tolist() == [TAKEN[1]]
+    assert yb.taken[~yb.used[:, 0]].tolist() == [0.0]
+    assert assessed_of(result, "F").scores["gated"] == {"ya": 1, "yb": 1}
+    assert yb.used[0, 1]  # by its covariance
+    np.testing.assert_allclose(result.observers["F"].xhat, others.observers["F"].xhat, rtol=0, atol=1e-9)
 
 
 def test_an_observer_with_a_start_of_its_own_asks_for_no_fit() -> None:
