@@ -6,11 +6,15 @@ import re
 from collections.abc import Sequence
 
 _LETTERS = re.compile(
-    r"'(?P<quoted>[^']*)'|(?P<half>AM/PM|am/pm|tt|a)(?![A-Za-z])|(?P<same>([A-Za-z])\4*)|(?P<zeros>0+)"
+    r"'(?P<quoted>[^']*)'|(?P<half>AM/PM|am/pm|tt|aa?|A)(?![A-Za-z])|(?P<same>([A-Za-z])\4*)|(?P<zeros>0+)"
 )
 _YEARS, _DAYS, _HOURS = "yYJj", "dDT", "Hh"  # J and T: Jahr and Tag
 _NAMES = {("M", 3): "%b", ("m", 3): "%b", ("M", 4): "%B", ("m", 4): "%B", ("d", 3): "%a", ("d", 4): "%A"}
 _ZONES = "zZXx"
+_SINGLE = {"d": "%d", "j": "%d", "D": "%a", "l": "%A", "m": "%m", "n": "%m", "M": "%b", "F": "%B", "Y": "%Y", "y": "%y"}
+_SINGLE |= {"H": "%H", "G": "%H", "h": "%I", "g": "%I", "i": "%M", "s": "%S", "u": "%f", "v": "%f"}
+_SINGLE |= {"A": "%p", "a": "%p", "O": "%z", "P": "%z", "T": "T"}  # as PHP writes dates; T as in ISO 8601
+_DATE = re.compile(r"%[dmbBYy]")
 
 
 def with_percent(pattern: str) -> str:
@@ -23,6 +27,8 @@ def with_percent(pattern: str) -> str:
     str
         Empty where it is no such pattern.
     """
+    if single := _of_single_letters(pattern):
+        return single
     parts = list(_LETTERS.finditer(pattern))
     runs = [part["same"] or "" for part in parts]
     half = any(part["half"] for part in parts)
@@ -36,6 +42,22 @@ def with_percent(pattern: str) -> str:
         end = part.end()
     whole = "".join(found) + pattern[end:]
     return whole if sum(part["same"] is not None for part in parts) > 1 and not re.search("[0-9]", whole) else ""
+
+
+def _of_single_letters(pattern: str) -> str:
+    """What a pattern of PHP such as ``d.m.Y H:i:s`` is; empty where it is none, with which words are not mistaken."""
+    found = [_SINGLE.get(sign, "") if sign.isalpha() else sign for sign in pattern]
+    whole, signs = "".join(found), [one for one in found if one.startswith("%")]
+    date = set(_DATE.findall(whole))
+    full = len(date) == len("dmy") and "%d" in date and len(date & {"%Y", "%y"}) == 1
+    hour = {"%H", "%I"} & set(signs)
+    minutes = len(hour) == 1 and "%M" in signs and ("%I" in hour) == ("%p" in signs)
+    wrong = "" in found or len(set(signs)) < len(signs) or re.search("[0-9%]", pattern) or (date and not full)
+    return (
+        whole
+        if not wrong and (minutes or (full and "%Y" in date and not {"%H", "%I", "%M", "%p"} & set(signs)))
+        else ""
+    )
 
 
 def _sign(runs: Sequence[str], i: int, before: str, half: bool) -> str:

@@ -26,6 +26,15 @@ from hgorun.config.date_letters import with_percent
         ("m/d/yyyy h:mm AM/PM", "4/3/2025 6:07 PM", datetime(2025, 4, 3, 18, 7)),
         ("ddd, dd mmm yyyy hh:mm:ss.000", "Thu, 03 Apr 2025 06:07:08.250", datetime(2025, 4, 3, 6, 7, 8, 250_000)),
         ("yyyyMMddHHmmss", "20250403060708", datetime(2025, 4, 3, 6, 7, 8)),
+        ("MM/DD/YYYY hh:mm:ss A", "04/03/2025 06:07:08 PM", datetime(2025, 4, 3, 18, 7, 8)),
+        ("MM/dd/yyyy hh:mm:ss aa", "04/03/2025 06:07:08 PM", datetime(2025, 4, 3, 18, 7, 8)),
+        ("d.m.Y H:i:s", "03.04.2025 06:07:08", datetime(2025, 4, 3, 6, 7, 8)),
+        ("n/j/Y g:i A", "4/3/2025 6:07 PM", datetime(2025, 4, 3, 18, 7)),
+        ("D, d M Y H:i:s O", "Thu, 03 Apr 2025 06:07:08 +0000", datetime(2025, 4, 3, 6, 7, 8)),
+        ("Y-m-dTH:i:s.v", "2025-04-03T06:07:08.250", datetime(2025, 4, 3, 6, 7, 8, 250_000)),
+        ("Y-m-d", "2025-04-03", datetime(2025, 4, 3)),
+        ("d.m.y H:i", "03.04.25 06:07", datetime(2025, 4, 3, 6, 7)),
+        ("H:i", "06:07", datetime(1900, 1, 1, 6, 7)),
     ],
 )
 def test_letters_stand_for_signs(letters: str, text: str, read: datetime) -> None:
@@ -36,7 +45,9 @@ def test_letters_stand_for_signs(letters: str, text: str, read: datetime) -> Non
     assert Clock.model_validate({"column": "t", "format": form}).format == form
 
 
-@pytest.mark.parametrize("word", ["isoo", "date", "seconds", "yyyy", "HH24:MI", "ddmmmmmyy", "german", ""])
+@pytest.mark.parametrize(
+    "word", ["isoo", "date", "seconds", "yyyy", "HH24:MI", "ddmmmmmyy", "german", "", "his", "daily", "min", "Ymi"]
+)
 def test_words_are_no_patterns(word: str) -> None:
     assert with_percent(word) == ""
 
