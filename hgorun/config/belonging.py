@@ -40,7 +40,7 @@ _ALSO = {
 _AT_TOP = "at the top of the file"
 
 
-def belongs(place: KeyPath, key: str) -> str:
+def belongs(place: KeyPath, key: str, *, recorded: bool = True) -> str:
     """Where a key is written that is not known at a place: `` Did you mean `measurement.delay`?``, or "".
 
     Parameters
@@ -48,9 +48,13 @@ def belongs(place: KeyPath, key: str) -> str:
     place : tuple
         The path of the block that has the key.
     key : str
+    recorded : bool
+        Whether the configuration has recorded data: a key of these alone is not proposed to a simulation.
     """
     written = _ALSO.get(key) or ((_WRITTEN[key],) if key in _WRITTEN else ())
     found = [_from(place, one) for one in written if _fits(place, one)]
+    if written and not recorded and all(one.startswith("data.") for one in written):
+        return f" `{key}` is for recorded data, as `{_from(place, written[0])}`: see `hgorun estimate`."
     found = [f"`{one}`{f' {_AT_TOP}' if one == key else ''}" for one in found if one != _dotted((*place, key))]
     return f" Did you mean {' or '.join(found)}?" if found else ""
 

@@ -97,7 +97,7 @@ def beside(data: Any, old: KeyPath, name: str) -> str:
     """What is written in the deepest block of a path that is there, and what of it may be meant."""
     names = [str(key) for key, _ in entries(at(data, old))]
     near = nearest_name(name, names)
-    meant = f" Did you mean `{dotted((*old, near))}`?" if near else belongs(old, name)
+    meant = f" Did you mean `{dotted((*old, near))}`?" if near else belongs(old, name, recorded="data" in data)
     where = f"`{dotted(old)}`" if old else "the file"
     return f"{where} has {listed(names, name) if names else 'nothing'}{meant and '.' + meant}"
 

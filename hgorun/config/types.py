@@ -95,11 +95,14 @@ class Block(BaseModel):
 
     @classmethod
     def _inside(cls, key: object, value: object) -> str:
-        """That a key belongs into a block below this one, where it does."""
-        for name, field in cls.model_fields.items():
-            if any(key in block.model_fields for block in _blocks(field.annotation)):
-                return f" It is a key of `{name}`."
-        return ""
+        """That a key belongs into blocks below this one, where it does."""
+        fields = cls.model_fields.items()
+        having = [
+            f"`{name}`" for name, one in fields if any(key in block.model_fields for block in _blocks(one.annotation))
+        ]
+        return (
+            f" It is a key of {' and '.join(filter(None, (', '.join(having[:-1]), *having[-1:])))}." if having else ""
+        )
 
     @classmethod
     def _keys(cls) -> tuple[str, ...]:

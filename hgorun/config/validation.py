@@ -156,7 +156,7 @@ def _elsewhere(message: str, context: dict[str, Any], place: KeyPath, source: So
     key, hint = context["key"], str(context.get("hint", ""))
     name = f"unknown key {context.get('name')}."
     of_a_configuration = isinstance(source.data, dict) and "base" not in source.data
-    where = belongs(place, key) if isinstance(key, str) and of_a_configuration else ""
+    where = belongs(place, key, recorded="data" in source.data) if isinstance(key, str) and of_a_configuration else ""
     if not where or not message.startswith(name + hint):
         return message
     if hint.endswith("?"):

@@ -171,7 +171,7 @@ def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
         require_known(recording)
     found: dict[str, Any] = {"start": start, "end": end, "unit": recording.origin.unit} | dict(given)
     if _numbers(found):
-        _require_data(found["start"], found["end"], start, end)
+        _require_data(found["start"], found["end"], start, end, given)
     if "output_step" not in found:
         gap = recording.median_gap
         span = float(found["end"]) - float(found["start"]) if _numbers(found) else end - start
@@ -179,8 +179,10 @@ def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
     return found
 
 
-def _require_data(begin: float, stop: float, start: float, end: float) -> None:
+def _require_data(begin: float, stop: float, start: float, end: float, given: Mapping[str, Any]) -> None:
     """Refuse a run without data, and one of no length: of samples of one time, ``time`` may give it one.
+
+    What is told is the end of the run that is given, if one is and the other is not.
 
     Raises
     ------
@@ -191,7 +193,7 @@ def _require_data(begin: float, stop: float, start: float, end: float) -> None:
         message = f"all samples are of one time, {start:g}: there is nothing to follow but in a longer run, of time.end"
         raise Problem(("data",), message)
     if begin > end or stop < start or (not one_time and (begin == end or stop == start)):
-        key = "start" if begin >= end else "end"
+        key = "start" if begin >= end and ("start" in given or "end" not in given) else "end"
         raise Problem(("time", key), f"there are no data then: they are from {start:g} to {end:g}")
 
 

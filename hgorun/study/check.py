@@ -17,6 +17,7 @@ from hgorun.result.windows import points_in
 from hgorun.simulation.experiment import Experiment
 from hgorun.study.claimed import places_of
 from hgorun.study.study import Run, Study
+from hgorun.study.varied_paths import refuse_paths
 
 
 def check(study: Study) -> None:
@@ -51,6 +52,7 @@ def check_figures(study: Study) -> None:
     runs = {}
     for run in study.runs.values():
         with faults.of_a_part():
+            refuse_paths(run)
             runs[run.name] = run.experiment, run.ensemble.kind, run.one_grid
     faults.refuse()
     _check(study.figures, runs, study.source)

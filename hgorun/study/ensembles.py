@@ -14,6 +14,7 @@ from hgorun.ensemble.sweep import Count, Place, carry_out, finished
 from hgorun.files import remove_file
 from hgorun.process import processors
 from hgorun.study.study import Run
+from hgorun.study.varied_paths import refuse_paths
 
 Followed = Literal["all", "some", "none"]
 
@@ -39,8 +40,9 @@ def ensemble_of(run: Run, quantities: Sequence[str] = (), *, followed: Followed 
     Raises
     ------
     ConfigError
-        When a member cannot be made.
+        When a member cannot be made, or paths of ``vary`` lead nowhere.
     """
+    refuse_paths(run)
     axes = _axes(run)
     if followed is None:
         few = run.ensemble.kind == "vary" and len(run.values) <= _FEW and run.one_grid

@@ -120,7 +120,7 @@ class Run:
                 path = next((p for p in changes if p in self.places and _begins_with(error.key or p, p)), None)
                 if path is None:
                     raise
-                raise self._wrong(path, f"{error.message} (for the value {value:g})") from error
+                raise self.wrong(path, f"{error.message} (for the value {value:g})") from error
 
     def changes(self, value: float) -> dict[str, float]:
         """What members with a value of ``vary`` change of the base, by path."""
@@ -131,10 +131,11 @@ class Run:
             try:
                 found[path] = parse(expression, names=[vary.name]).number({vary.name: value})
             except ExpressionError as error:
-                raise self._wrong(path, str(error)) from error
+                raise self.wrong(path, str(error)) from error
         return found
 
-    def _wrong(self, path: str, message: str) -> ConfigError:
+    def wrong(self, path: str, message: str) -> ConfigError:
+        """A fault of a path of ``vary``, with its place in the file."""
         file, line = self.places[path]
         return ConfigError(message, file=file, line=line, key=f"runs.{self.name}.vary.set.{path}")
 

@@ -78,6 +78,10 @@ def test_where_a_key_belongs(place: KeyPath, key: str, meant: str) -> None:
         ("time: {end: 1, output_step: 0.1, step: 1}", "Did you mean `output_step`? Or `solver.step`? Known here"),
         ("outputs: {y: {delay: 1}}", "Did you mean `measurement.outputs` or `data.outputs`? Known here"),
         ("measurement: {period: 1}", "unknown key 'period'. It is a key of `sampling`. Known here"),
+        ("measurement: {gate: 5}", "key 'gate'. `gate` is for recorded data, as `data.outputs.NAME.gate`: see `hgor"),
+        ("time: {end: 1, gate: 5}", "key 'gate'. `gate` is for recorded data, as `data.outputs.NAME.gate`: see `hgor"),
+        ("data: {time: t, outputs: {x1: x}, unit: m}", "It is a key of `time`, `outputs`, `inputs` and `reference`."),
+        ("data: {time: t, outputs: {x1: x}, gate: 5}", "unknown key 'gate'. It is a key of `outputs`. Known here"),
         ("solver: {stepp: 1, seed: 2}", "unknown key 'seed'. Did you mean `seed` at the top of the file?"),
     ],
 )  # fmt: skip

@@ -229,7 +229,15 @@ def test_samples_of_one_time_are_followed_in_a_run_that_has_a_length(
     assert found.time.tolist() == points
 
 
-@pytest.mark.parametrize(("time", "key"), [({"start": 2.0, "end": 3.0}, "start"), ({"start": -1.0, "end": 0.5}, "end")])
+@pytest.mark.parametrize(
+    ("time", "key"),
+    [
+        ({"start": 2.0, "end": 3.0}, "start"),
+        ({"start": -1.0, "end": 0.5}, "end"),
+        ({"end": 0.5}, "end"),
+        ({"start": 2.0}, "start"),
+    ],
+)
 def test_nor_do_they_lie_outside_of_it(time: dict[str, float], key: str) -> None:
     config = {"plant": PENDULUM, "observers": observers("shgo"), "time": time}
     with pytest.raises(ConfigError, match=rf"time\.{key}: there are no data then: they are from 1 to 1"):

@@ -14,6 +14,7 @@ from hgorun.observers.shgo import StandardObserver
 from hgorun.result.quantities import measure_quantity
 from hgorun.result.quantity import Quantity
 from hgorun.study.check import check
+from hgorun.study.ensembles import ensemble_of
 from hgorun.study.measured import values_of
 
 BASE = """\
@@ -201,6 +202,24 @@ def test_a_wrong_expression_of_vary_is_refused(tmp_path: Path) -> None:
     run = hgorun.load_study(written(tmp_path, BASE.replace("1/eps", "1/epsilon"))).runs["eps"]
     with pytest.raises(hgorun.ConfigError, match="epsilon"):
         list(run.members())
+
+
+def test_all_paths_of_vary_that_lead_nowhere_are_told_with_their_lines(tmp_path: Path) -> None:
+    """By a simulation and by whoever looks at every member."""
+    paths = ["observers.A.theta", "observers.Q.theta", "observers.R.poles", "measurment.delay"]
+    lines = "".join(f"        {path}: v\n" for path in paths)
+    varied = f"  all:\n    vary:\n      name: v\n      values: [1, 2]\n      set:\n{lines}"
+    path = written(tmp_path, BASE + varied)
+    study = hgorun.load_study(path)
+    first = 1 + path.read_text().splitlines().index(f"        {paths[1]}: v")
+    for refused in (lambda: check(study), lambda: ensemble_of(study.runs["all"])):
+        with pytest.raises(ConfigError, match="no observer is called 'Q'") as caught:
+            refused()
+        told = [caught.value, *caught.value.others]
+        assert [(one.key, one.line) for one in told] == [
+            (f"runs.all.vary.set.{path}", first + k) for k, path in enumerate(paths[1:])
+        ]
+        assert "Did you mean `measurement`?" in told[2].message
 
 
 def test_a_file_with_runs_needs_the_name_of_one(tmp_path: Path) -> None:
