@@ -15,6 +15,7 @@ from hgorun.data.grouped import may_be_grouped
 from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
 from hgorun.data.units_row import NUMBER, are_units, is_value, may_state_units, states_units, tells_processing
+from hgorun.data.whole_header import whole_header
 from hgorun.errors import ConfigError
 
 _SEPARATORS = ("\t", ";", "|", ",")
@@ -107,6 +108,10 @@ def dialect_of(
     lines = list(_lines(block, told, comments))
     if not lines:
         raise ConfigError("no lines but comments: nothing was measured", file=str(path), line=1)
+    count, whole = whole_header(
+        [one.text for one in lines], (told.separator,) if told.separator else (*_SEPARATORS, SPACES)
+    )
+    lines[:count] = [_Line(lines[0].number, whole)]
     separator = told.separator or _separator(lines)
     rows = [(line, cells(line.text, separator)) for line in lines]
     header, names = rows[0]

@@ -112,3 +112,37 @@ def test_units_in_brackets_of_any_kind(tmp_path: Path, brackets: str) -> None:
 def test_a_word_in_a_row_of_data_may_mean_a_missing_value(tmp_path: Path, content: str, csv: dict[str, Any]) -> None:
     with pytest.raises(ConfigError, match=r"found 'OFF'; if it means a missing value: csv: {missing: \[\"OFF\"\]}"):
         recorded(tmp_path, content, {"csv": csv})
+
+
+@pytest.mark.parametrize(
+    ("header", "column"),
+    [
+        ('t,"glucose\n(g/L)"', "glucose (g/L)"),
+        ('t;"glucose\r\n  in ""A""\r\n(g/L)"\r', 'glucose in "A" (g/L)'),
+        ('"t"\t"glucose\n(g/L)"', "glucose (g/L)"),
+        ('"t" "glucose\n(g/L)"', "glucose (g/L)"),
+        ('"t\n[s]","glucose\n(g/L)"', "glucose (g/L)"),
+    ],
+)
+def test_names_in_quotes_over_several_lines(tmp_path: Path, header: str, column: str) -> None:
+    """Each is one with spaces, whose unit is that of the column."""
+    separator = next(one for one in ";\t, " if one in header.replace(" (", "("))
+    content = f"{header}\n{ROWS.replace(',', separator)}"
+    told = {"time": "t [s]" if "[s]" in header else "t", "outputs": {"S": column}}
+    found = recorded(tmp_path, content, told).outputs["S"]
+    assert (found.taken.tolist(), found.values.tolist()) == ([0, 1, 2], [1, 2, 4])
+    assert found.lines.tolist()[0] == header.count("\n") + 2
+    with pytest.raises(Problem, match=r"its name says g/L .*unit: g/L} converts"):
+        recorded(tmp_path, content, told, units={"S": "mg/L"})
+
+
+@pytest.mark.parametrize(
+    ("header", "name"), [('t,glucose,width 5"', 'width 5"'), ('t,glucose,"width', '"width'), ('t,glucose,"', '"')]
+)
+def test_a_quote_that_does_not_close_takes_no_rows(tmp_path: Path, header: str, name: str) -> None:
+    content = f"{header}\n0,1,7\n1,2,8\n2,4,9\n"
+    assert recorded(tmp_path, content).outputs["S"].values.tolist() == [1, 2, 4]
+    assert recorded(tmp_path, content, {"outputs": {"S": name}}).outputs["S"].values.tolist() == [7, 8, 9]
+    quoted = content.replace("8\n", '"8"\n').replace("9", '9"')
+    with pytest.raises(ConfigError, match=r"log\.csv:4"):
+        recorded(tmp_path, quoted, {"outputs": {"S": name}})
