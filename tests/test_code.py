@@ -96,6 +96,7 @@ WITHOUT_NUMBERS = {
     "hgorun.markup",
     "hgorun.process",
     "hgorun.registry",
+    "hgorun.study.varied_paths",
     "hgorun.version",
 }
 
