@@ -7,7 +7,7 @@ import os
 import re
 import stat
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from errno import EACCES, EINVAL
 from pathlib import Path
@@ -23,6 +23,11 @@ _HOST = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTE
 _MACHINE = f"{crc32(_HOST.encode()):08x}"
 _LEFTOVER = re.compile(rf"\..*-{_MACHINE}-(\d+)-[^-]*\.part")
 _LONGEST_NAME = 255  # of the file systems in use
+
+RESULT_SUFFIXES = frozenset((".h5", ".hdf5", ".nc"))
+"""How names of files of results end."""
+# What somebody writes behind the name of a file, never of a folder: letters first, unlike run.2 and results.v2.
+_OF_A_FILE = re.compile(r"\.(?!v[0-9]+$)[a-z][a-z0-9]{0,7}")
 
 
 def _mode() -> int:
@@ -135,6 +140,37 @@ def _keep(path: Path) -> None:
         os.fsync(handle)
     finally:
         os.close(handle)
+
+
+def called_otherwise(path: Path, suffixes: Collection[str]) -> bool:
+    """Whether a name is that of a file of another kind than those with these suffixes: ``plant.csv``, not ``run.2``."""
+    suffix = path.suffix.lower()
+    return suffix not in suffixes and bool(_OF_A_FILE.fullmatch(suffix))
+
+
+_IN_ITS_PLACE = {
+    ".csv": "; to_pandas() makes a table, which its to_csv(...) writes",
+    **dict.fromkeys((".png", ".pdf", ".svg"), "; plot(...) of a result draws it"),
+}
+
+
+def refuse_no_result(path: Path, argument: str) -> None:
+    """Refuse to write a result into a file that is called as one of another kind, which it would replace.
+
+    Parameters
+    ----------
+    path : Path
+    argument : str
+        By which somebody names it.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if called_otherwise(path, RESULT_SUFFIXES):
+        kinds = ", ".join(sorted(RESULT_SUFFIXES))
+        instead = _IN_ITS_PLACE.get(path.suffix.lower(), "")
+        raise ConfigError(f"{argument}: expected the name of a file {kinds}, found {path}{instead}")
 
 
 def write_text(path: Path, text: str) -> None:

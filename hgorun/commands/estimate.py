@@ -16,7 +16,6 @@ from hgorun.commands.kept import tell_what_runs_keep
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.outputs import (
     NOT_OK,
-    RESULT_SUFFIXES,
     RESULTS,
     refuse_no_csv,
     refuse_other_kinds,
@@ -34,7 +33,7 @@ from hgorun.errors import ConfigError, HgorunError
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
-from hgorun.files import real_path, remove_leftovers, write_text
+from hgorun.files import RESULT_SUFFIXES, real_path, remove_leftovers, write_text
 from hgorun.process import keep_memory, say, take_short_turns
 from hgorun.study.split import split
 

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from hgorun.commands.given import refuse_what_is_no_configuration
-from hgorun.commands.outputs import RESULT_SUFFIXES
 from hgorun.config.kinds import HDF5, kind_of_file
 from hgorun.config.nearest import near_file, nearest
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
+from hgorun.files import RESULT_SUFFIXES
 from hgorun.process import say
 
 SUFFIXES = (".yaml", ".yml")

@@ -3,22 +3,18 @@
 from __future__ import annotations
 
 import os
-import re
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from typing import Literal
 
 from hgorun.errors import ConfigError
-from hgorun.files import why_unwritable
+from hgorun.files import called_otherwise, why_unwritable
 
 RESULTS = Path("results")
 STDOUT = Path("-")  # in the place of a file, where a command takes it
 NOT_OK = 3  # exit code of --strict
-RESULT_SUFFIXES = {".h5", ".hdf5", ".nc"}
 DRAWING_SUFFIXES = {".png", ".pdf"}
 _CSV = (".csv", ".dat", ".txt")
-# What somebody writes behind the name of a file, never of a folder: letters first, unlike run.2 and results.v2.
-_OF_A_FILE = re.compile(r"\.(?!v[0-9]+$)[a-z][a-z0-9]{0,7}")
 _TABLE = "; hgorun compare{} prints a table, which > FILE writes"
 _ADVICE = {
     ".csv": _TABLE.format(" --format csv"),
@@ -95,7 +91,7 @@ def _refuse_other_kinds(output: Path, suffixes: Collection[str], advice: Mapping
     if os.path.isdir(output):  # of a name that is too long, too, there is none
         return
     suffix = output.suffix.lower()
-    if suffix in suffixes or not (_OF_A_FILE.fullmatch(suffix) or os.path.isfile(output)):
+    if suffix in suffixes or not (called_otherwise(output, suffixes) or os.path.isfile(output)):
         return
     kinds = f"a file {', '.join(sorted(suffixes))} or a folder" if suffixes else "a folder"
     advised = f"; {advice[suffix]}" if suffix in advice else _ADVICE.get(suffix, "")

@@ -7,13 +7,13 @@ from dataclasses import replace
 from pathlib import Path
 
 from hgorun.commands.inputs import refuse_name_of_another_thing
-from hgorun.commands.outputs import RESULT_SUFFIXES, refuse_other_kinds, refuse_unwritable
+from hgorun.commands.outputs import refuse_other_kinds, refuse_unwritable
 from hgorun.commands.remarks import warn
 from hgorun.commands.run import run_with_progress
 from hgorun.commands.run_options import Rerun
 from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError
-from hgorun.files import remove_leftovers
+from hgorun.files import RESULT_SUFFIXES, remove_leftovers
 from hgorun.result.reading import read, stored_digests
 from hgorun.result.result import Result
 from hgorun.result.writing import digests_of

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING
 from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import (
     NOT_OK,
-    RESULT_SUFFIXES,
     RESULTS,
     refuse_no_csv,
     refuse_other_kinds,
@@ -23,7 +22,7 @@ from hgorun.commands.run import experiments_of, print_json
 from hgorun.commands.run_options import Simulate
 from hgorun.config.refusals import Refusals
 from hgorun.errors import ConfigError
-from hgorun.files import real_path, remove_leftovers, write_text
+from hgorun.files import RESULT_SUFFIXES, real_path, remove_leftovers, write_text
 from hgorun.progress import shown
 from hgorun.result.result import Result
 from hgorun.simulation.grid import LONG

@@ -14,7 +14,7 @@ from hgorun.commands.continued import counted
 from hgorun.commands.ensemble_options import Merge, Sweep
 from hgorun.commands.inputs import configuration
 from hgorun.commands.options import Printing
-from hgorun.commands.outputs import NOT_OK, RESULT_SUFFIXES, RESULTS, refuse_other_kinds, refuse_unwritable
+from hgorun.commands.outputs import NOT_OK, RESULTS, refuse_other_kinds, refuse_unwritable
 from hgorun.commands.remarks import coarse_members
 from hgorun.config.nearest import refuse_other
 from hgorun.ensemble.collecting import collect
@@ -26,7 +26,7 @@ from hgorun.ensemble.refused import refuse_base, told_where
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Part, Place, carry_out, finished
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.files import remove_file
+from hgorun.files import RESULT_SUFFIXES, remove_file
 from hgorun.process import processors
 from hgorun.progress import shown
 from hgorun.study.sweep_file import load_sweeps

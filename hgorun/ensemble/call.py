@@ -18,6 +18,7 @@ from hgorun.ensemble.refused import refuse_base
 from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
 from hgorun.errors import ConfigError
+from hgorun.files import refuse_no_result
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.resolved import plain
 
@@ -96,6 +97,8 @@ def _check(experiment: object, output: object, executor: object) -> None:
         raise ConfigError(f"experiment: expected an Experiment, found {describe(experiment)}{what}")
     if output is not None and (not isinstance(output, (str, Path)) or not Path(output).name):
         raise ConfigError(f"output: expected the path of a file, found {describe(output)}")
+    if output is not None:
+        refuse_no_result(Path(output), "output")
     if executor is not None and not callable(executor):
         what = "a function such as hgorun.ensemble.executors.processes(2)"
         raise ConfigError(f"executor: expected {what}, found {describe(executor)}")

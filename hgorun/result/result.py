@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hgorun.files import refuse_no_result
 from hgorun.result.data import ResultData
 
 if TYPE_CHECKING:
@@ -48,7 +49,7 @@ class Result(ResultData):
         Parameters
         ----------
         path : path
-            What is there is replaced.
+            It ends in .h5, .hdf5 or .nc, or in nothing that files of other kinds end in. What is there is replaced.
 
         Returns
         -------
@@ -57,11 +58,14 @@ class Result(ResultData):
 
         Raises
         ------
+        ConfigError
+            For a name of a file of another kind, such as .yaml or .csv.
         HgorunError
             When it cannot be written.
         """
         from hgorun.result.writing import save
 
+        refuse_no_result(Path(path), "save")
         return save(self, Path(path))
 
     def to_xarray(self) -> xarray.Dataset:

@@ -112,3 +112,9 @@ def test_text_is_an_axis_too(tmp_path: Path) -> None:
     found = hgorun.read_sweep(place.file).to_xarray()
     assert found["solver.method"].values.tolist() == ["rk4", "euler"]
     assert found["observers.FHGO.delta"].values.tolist() == [3, 4.5]
+
+
+def test_a_file_of_another_kind_is_not_replaced_by_an_ensemble(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"output: expected the name of a file \.h5, .*, found .*plant\.csv"):
+        hgorun.sweep(base(), AXES, output=tmp_path / "plant.csv")
+    assert not list(tmp_path.iterdir())

@@ -294,6 +294,19 @@ def test_an_unwritable_place_is_said(config: Path, tmp_path: Path) -> None:
         result.save(tmp_path / "file" / "a.h5")
 
 
+def test_a_file_of_another_kind_is_not_replaced_by_a_result(config: Path, tmp_path: Path) -> None:
+    before = {path: path.read_bytes() for path in tmp_path.iterdir()}
+    result = hgorun.simulate(hgorun.load(config))
+    for name, instead in ((config.name, ""), ("a.CSV", "; to_pandas()"), ("a.png", "; plot(...)")):
+        with pytest.raises(hgorun.ConfigError) as refused:
+            result.save(tmp_path / name)
+        right = f"save: expected the name of a file .h5, .hdf5, .nc, found {tmp_path / name}{instead}"
+        assert str(refused.value).startswith(right)
+    assert {path: path.read_bytes() for path in tmp_path.iterdir()} == before
+    for name in ("a.h5", "a.hdf5", "a.NC", "run.2", "results.v2", "run"):
+        assert hgorun.read(result.save(tmp_path / name)).name == result.name
+
+
 @pytest.mark.slow
 @pytest.mark.skipif(os.name != "posix", reason="needs SIGKILL")
 def test_a_killed_process_leaves_no_partial_file(tmp_path: Path) -> None:
