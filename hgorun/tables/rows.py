@@ -60,18 +60,20 @@ class Row:
 
     def without_motion(self, metric: str, state: str) -> bool:
         """Whether a ratio has no value, since what the state itself does is nothing."""
-        return self._without_motion(all_metrics(closed=True).get(metric), self.value(metric, state))
+        return self._without_motion(all_metrics(closed=True).get(metric), self.value(metric, state), state)
 
-    def _without_motion(self, known: Metric | None, value: float | None) -> bool:
-        lost = self.observer.status in ("diverged", "undefined")
-        return known is not None and known.ideal != 0 and value == math.inf and not lost
+    def _without_motion(self, known: Metric | None, value: float | None, state: str) -> bool:
+        if known is None or known.ideal == 0 or value != math.inf or self.observer.status in ("diverged", "undefined"):
+            return False
+        # With steps that are too long, an estimate is lost that is only called inaccurate.
+        return bool(np.isfinite(self.observer.xhat[:, self.result.states.index(state)]).all())
 
     def text_of(self, metric: str, state: str, *, marked: bool = True) -> str:
         """What a table shows; a time that is not resolved is not marked as that where a pass more takes too long."""
         known, value = all_metrics(closed=True).get(metric), self.value(metric, state)
         if self._never(known, value, state):
             return NEVER
-        shown = number(None if self._without_motion(known, value) else value)
+        shown = number(None if self._without_motion(known, value, state) else value)
         return UNRESOLVED + shown if marked and self.unresolved(metric, state) else shown
 
     @property

@@ -422,3 +422,16 @@ def test_a_settling_time_that_noise_decides_is_none(result: Result, sup: float, 
     shown = next(line for line in latex([one], ["settling"]).split("\n") if line.startswith("noisy"))
     assert ("never" in shown, r"\mathbf{2.900}" in shown) == (word == "never", word != "never")
     assert tables.as_json(one)["observers"]["noisy"]["settling"]["x1"] == 2.9
+
+
+def test_an_estimate_that_is_lost_is_not_said_to_rest(result: Result) -> None:
+    """Of a state that does not move a ratio is infinite, and so it is of an estimate that a step has lost."""
+    sizes = {"rmse": [1.0, 1.0], "tv": [math.inf, 1.2]}
+    still = with_metrics(result, A=sizes)
+    assert "no tv x1: what does not move in the window has no such ratio" in tables.text([still])
+    observer = still.observers["A"]
+    lost = np.where(np.arange(len(result.time))[:, None] < 9, observer.xhat, np.nan)
+    shown = tables.text([replace(still, observers={"A": replace(observer, xhat=lost, verdict=Verdict("inaccurate"))})])
+    assert "inaccurate" in shown
+    assert "inf" in shown
+    assert "no tv" not in shown
