@@ -17,6 +17,7 @@ from hgorun.data.dates import counted
 from hgorun.data.day_counts import DAY, WORKBOOKS, Span, dates_in_digits, odd_days, odd_seconds, out_of_range
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile
+from hgorun.data.undeclared_dates import first_day, unix_unit
 from hgorun.data.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
 
@@ -123,8 +124,16 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
     return told and f"column {column.cells.column!r}: {told}"
 
 
-def odd_numbers(column: ClockColumn, table: Table) -> Iterator[str]:
-    """What is to be told of numbers that look like dates, or are so large that doubles round their steps."""
+def odd_numbers(column: ClockColumn, table: Table, unit: str = "") -> Iterator[str]:
+    """What is to be told of numbers that look like dates, or are so large that doubles round their steps.
+
+    Parameters
+    ----------
+    column : ClockColumn
+    table : Table
+    unit : str
+        Of the run.
+    """
     if not isinstance(column.cells, Numbers):
         return
     name, values = column.cells.column, table.columns[column.cells]
@@ -134,12 +143,36 @@ def odd_numbers(column: ClockColumn, table: Table) -> Iterator[str]:
             f"column {name!r}: its numbers look like dates, and are taken as numbers: if they are dates, "
             f"{clock_key(str(column.path[-1]), name, pattern)}"
         )
+    elif not column.absolute:
+        yield from _undeclared(column, values, unit)
     apart, step = rounding(column.cells, table)
     if apart > _ROUNDED * step > 0:
         yield (
             f"column {name!r}: numbers of this size are rounded to multiples of {apart:.3g}, and a usual step is "
             f"{step:.3g}: {EXACT}"
         )
+
+
+def _undeclared(column: ClockColumn, values: np.ndarray, unit: str) -> Iterator[str]:
+    """What is to be told of numbers that are dates by their size, which is not that of times in their unit."""
+    name, key, taken = column.cells.column, str(column.path[-1]), column.clock.unit or unit
+    there = values[~np.isnan(values)]
+    if not taken or not there.size:
+        return
+    size = float(seconds(taken, ("time", "unit") if column.clock.unit is None else (*column.path, "unit"))) * 1e9
+    if (found := unix_unit(float(there[0]), size)) is not None:
+        since, date = found
+        right = clock_key(key, name, "unix")
+        if since != "s":
+            right = f"{right[:-1]}, unit: {since}}}"
+    elif column.clock.unit is None and (day := first_day(values, size, time.time_ns())) is not None:
+        date, right = day, clock_key(key, name, "excel")
+    else:
+        return
+    yield (
+        f"column {name!r}: its numbers are taken in {taken} and begin at {there[0]:.10g}, which would be the date "
+        f"{date}: if they are dates, {right}"
+    )
 
 
 def rounding(cells: Cells, table: Table) -> tuple[float, float]:

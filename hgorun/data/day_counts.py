@@ -23,7 +23,7 @@ _IN_DIGITS = {8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}
 _LOOKED_AT = 1000
 _FEWEST = 3  # numbers that are dates by more than chance
 _OTHER = {"excel": "excel1904", "excel1904": "excel"}
-_UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * 10**9, "h": 3600 * 10**9}
+UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * 10**9, "h": 3600 * 10**9}
 """That are counted in since 1970."""
 _USUAL = np.array(["1980-01-01", "2100-01-01"], dtype="datetime64[ns]").astype(np.int64).tolist()
 _RIGHT = np.datetime64("1900-03-01", "ns").astype(np.int64)  # before it Excel's own days are off by one
@@ -44,9 +44,9 @@ def out_of_range(value: float, form: str | None) -> str:
     days = form in WORKBOOKS
     expected = "a day of a workbook, 0 or more, before 2262" if days else "a date between 1678 and 2262"
     hints = [
-        f"; with {'format: unix, ' if days else ''}unit: {unit} it would be {_day(value * size)}"
-        for unit, size in _UNITS.items()
-        if _of_our_days(value * size)
+        f"; with {'format: unix, ' if days else ''}unit: {unit} it would be {day_of(value * size)}"
+        for unit, size in UNITS.items()
+        if of_our_days(value * size)
     ]
     return f"expected {expected}, found {value:g}{''.join(hints[:1])}"
 
@@ -63,13 +63,13 @@ def odd_days(form: str, span: Span, now: int) -> str | None:
     """
     first, last = span
     if first < _RIGHT:
-        return f"the first date is {_day(first)}: days as small as that are times of day, durations or wrong"
+        return f"the first date is {day_of(first)}: days as small as that are times of day, durations or wrong"
     if last <= now + 2 * DAY:
         return None
     other = _OTHER[form]
     earlier = last - WORKBOOKS[form] + WORKBOOKS[other]
-    hint = f"; with format: {other} it would be {_day(earlier)}" if earlier < last else ""
-    return f"the last date is {_day(last)}, after today{hint}"
+    hint = f"; with format: {other} it would be {day_of(earlier)}" if earlier < last else ""
+    return f"the last date is {day_of(last)}, after today{hint}"
 
 
 def odd_seconds(unit: int, span: Span, *, said: bool) -> str | None:
@@ -83,17 +83,17 @@ def odd_seconds(unit: int, span: Span, *, said: bool) -> str | None:
     said : bool
         Whether the configuration has it: days of a workbook have none.
     """
-    if _of_our_days(*span):
+    if of_our_days(*span):
         return None
     first, last = (end / unit for end in span)
     rest = " and no unit" if said else ""
-    read = {f"unit: {name}": (size, 0) for name, size in _UNITS.items()} | {
+    read = {f"unit: {name}": (size, 0) for name, size in UNITS.items()} | {
         f"format: excel{rest}": (DAY, WORKBOOKS["excel"]),
         "unit: d": (DAY, 0),  # behind days of a workbook: these are as large in 2050
     }
     for how, (size, start) in read.items():
-        if _of_our_days(first * size + start, last * size + start):
-            return f"the first date is {_day(span[0])}; with {how} it would be {_day(first * size + start)}"
+        if of_our_days(first * size + start, last * size + start):
+            return f"the first date is {day_of(span[0])}; with {how} it would be {day_of(first * size + start)}"
     return None
 
 
@@ -114,17 +114,19 @@ def four_years_apart(spans: Mapping[Place, tuple[Span, str]]) -> Iterator[tuple[
         if (last < start or first > stop) and last + moved >= start and first + moved <= stop:
             yield (
                 place,
-                f"the dates begin on {_day(first)}, those of the other clocks on {_day(start)}; with "
-                f"format: {_OTHER[form]} they would begin on {_day(first + moved)}. If they are right, write them "
+                f"the dates begin on {day_of(first)}, those of the other clocks on {day_of(start)}; with "
+                f"format: {_OTHER[form]} they would begin on {day_of(first + moved)}. If they are right, write them "
                 "as ISO 8601 dates",
             )
 
 
-def _of_our_days(*nanoseconds: float) -> bool:
+def of_our_days(*nanoseconds: float) -> bool:
+    """Whether dates, in nanoseconds since 1970, are between 1980 and 2100."""
     return all(_USUAL[0] <= one < _USUAL[1] for one in nanoseconds)
 
 
-def _day(nanoseconds: float) -> str:
+def day_of(nanoseconds: float) -> str:
+    """A date, in nanoseconds since 1970, without its time of day."""
     return str(np.datetime64(round(nanoseconds), "ns").astype("datetime64[D]"))
 
 

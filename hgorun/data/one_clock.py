@@ -244,7 +244,7 @@ class OneClock:
             When the configuration does not say which of the two is right.
         """
         column, key = clock.cells.column, ".".join(map(str, clock.path))
-        for told in odd_numbers(clock, self._tables[file]):
+        for told in odd_numbers(clock, self._tables[file], self._unit):
             yield Note(kind="clock", signal=key, file=str(file.path), message=told)
         said, source = file.table.unit(column).partition(" since ")[0], "the file"
         if not said:
