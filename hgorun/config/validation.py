@@ -218,7 +218,7 @@ def sentence_of(item: ErrorDetails) -> str:
     if kind == "too_long" and isinstance(found, (list, tuple)):
         return f"expected a list of at most {item['ctx']['max_length']}, found a list of {len(found)}"
     expected = _EXPECTED.get(kind, "another value").format_map(item.get("ctx", {}))
-    return f"expected {expected}, found {describe(found)}{_hint(kind, found, expected)}"
+    return f"expected {expected}, found {describe(found)}{_hint(item, expected)}"
 
 
 def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
@@ -234,14 +234,15 @@ def _meaning(item: ErrorDetails, model: type[BaseModel]) -> str:
     return f": {field.description}" if field is not None and field.description else ""
 
 
-def _hint(kind: str, found: object, expected: str) -> str:
+def _hint(item: ErrorDetails, expected: str) -> str:
+    kind, found = item["type"], item["input"]
     if kind == "dict_type" and found is None:
         return "; write lines `name: value`, or leave the key out: null removes only what is inherited by `extends`"
     if kind == "dict_type" and not isinstance(found, dict):
         remedy = misread(found) if isinstance(found, str) else ""
         return f"; {remedy or 'write lines `name: value`'}"
     if kind in ("list_type", "tuple_type"):
-        return _as_list(found)
+        return _as_noise(found) if item["loc"][-1:] == ("noise",) and not isinstance(found, dict) else _as_list(found)
     if kind == "literal_error" and isinstance(found, str):
         near = nearest(found, re.findall(r"'([^']*)'", expected))
         return near and f".{near}"
@@ -259,6 +260,12 @@ def _as_list(found: object) -> str:
     )
     shown = ", ".join(map(str, parts)) if 1 < len(parts) <= _SHOWN else "a, b"
     return f"; a list has brackets: [{shown}]"
+
+
+def _as_noise(found: object) -> str:
+    """A list of one noise, of the type that was found where it is a word."""
+    word = found if isinstance(found, str) and found.isidentifier() else "gaussian"
+    return f"; a list of one is [{{type: {word[:40]}, {'std: 0.1' if word == 'gaussian' else '...'}}}]"
 
 
 def _too_few(found: object, least: int) -> str:

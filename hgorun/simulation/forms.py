@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator, Mapping
 from typing import get_origin
 
+import casadi as ca
+import numpy as np
+
 from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo, same
 from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, SampledObserver
@@ -12,6 +15,8 @@ from hgorun.observers.stepped import SteppedObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.observer import Coordinates
 from hgorun.simulation.first_inputs import started
+from hgorun.symbolic.domains import first_undefined
+from hgorun.symbolic.evaluate import at
 from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
 from hgorun.symbolic.observability import CanonicalForms
 from hgorun.symbolic.unseen import unseen_states
@@ -61,6 +66,7 @@ def form_of(
         if observer.map != "auto" or observer.chains:
             key = "chains" if observer.chains else "map"
             raise Problem(("observers", label, key), str(error)) from error
+        _refuse_undefined(plant)
         raise Problem(("plant",), f"{error}; {_elsewhere(plant, label, observer, sampled())}") from error
     except Problem:
         raise
@@ -103,16 +109,44 @@ def _finder(
     return finder.chosen(observer.map, chains, noise)
 
 
+def _refuse_undefined(plant: BuiltPlant) -> None:
+    """Refuse initial values at which the plant itself is not defined, whatever its inputs: no observer takes it there.
+
+    Raises
+    ------
+    Problem
+    """
+    model = plant.model
+    symbols = [model.t, model.x, model.u, model.p]
+    names = [(model.x[i], name) for i, name in enumerate(model.states)]
+    rates = ca.Function("rates", symbols, [ca.densify(model.dynamics)])
+    some = [(np.zeros(1), plant.initial, np.full(len(model.inputs), u), plant.parameters) for u in (0.0, 0.7312)]
+    defined = [np.isfinite(at(rates, *numbers)[0]) for numbers in some]
+    for i, name in enumerate(model.states):
+        why = None if defined[0][i] or defined[1][i] else first_undefined(model.dynamics[i], symbols, some[1], names)
+        if why is not None:
+            what = f"the right-hand side of {name} is not a finite number at the start of the run: {why}"
+            raise Problem(("plant", *plant.block.place_of(name)), what)
+
+
 def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver, sampled: bool) -> str:
     """Which observers take the plant, in place of one that does not."""
     sampled = sampled or isinstance(observer, _NEED_SAMPLES)
     known = plant.symbolic, plant.initial.tobytes(), plant.parameters.tobytes(), sampled
     takers = _TAKERS.get(known, lambda: sorted(_takers(plant, sampled), key=_rank))
     mine = f"observer {label} ({observer.type}) needs another form of the plant"
+    unseen = " (which carry that state along, uncorrected)" if unseen_states(plant.model) else ""
+    if observer.type in takers:  # with other keys, which ask for another form
+        usual = observer.example(plant.model.states)
+        own = [key for key in ("q", "theta") if key in observer.model_fields_set and key not in usual]
+        if own and "Q" in usual:
+            which = unseen.replace("which carry", "and carries")
+            mine = f"observer {label} ({observer.type}) with {own[0]} needs another form of the plant"
+            return f"{mine}; with Q in place of {own[0]} it takes this one{which}"
+        takers = [name for name in takers if name != observer.type]
     if not takers:
         return f"{mine}, and no other observer accepts this plant"
     more = f"; {len(takers) - _NAMED} more of hgorun list observers take it" if len(takers) > _NAMED else ""
-    unseen = " (which carry that state along, uncorrected)" if unseen_states(plant.model) else ""
     return f"{mine}; observers for this plant are {', '.join(takers[:_NAMED])}{unseen}{more}"
 
 

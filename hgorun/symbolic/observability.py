@@ -237,7 +237,12 @@ class _Search:
         return float(np.mean(sizes)) if sizes else -np.inf
 
     def _why_not(self, lengths: tuple[int, ...], points: list[np.ndarray], parameters: np.ndarray) -> str:
-        plant = self.plant
+        plant, names = self.plant, ", ".join(self.plant.outputs)
+        if hidden := ", ".join(unseen_states(plant)):  # whatever the map depends on
+            return (
+                f"nothing that is measured ({names}) depends on the state {hidden}, now or later: no observer can tell "
+                "it from measurements; measure more, or leave it out"
+            )
         if self._moves(lengths):
             return (
                 "the observability map (h, L_f h, ...) depends on time; declare what varies as an input, since the "
@@ -246,12 +251,6 @@ class _Search:
         rows = [self._derivatives[i][k] for i, length in enumerate(lengths) for k in range(length)]
         seen = set(ca.jacobian(ca.vertcat(*rows), plant.x).sparsity().get_col())
         missing = [name for k, name in enumerate(plant.states) if k not in seen]
-        names = ", ".join(plant.outputs)
-        if hidden := ", ".join(unseen_states(plant)):
-            return (
-                f"nothing that is measured ({names}) depends on the state {hidden}, now or later: no observer can tell "
-                "it from measurements; measure more, or leave it out"
-            )
         if missing:
             return (
                 f"state {', '.join(missing)} does not appear in the output {names} and its derivatives along the "
