@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Collection, Iterable
 from itertools import islice
 from pathlib import Path
@@ -23,10 +24,15 @@ _CALLED_ELSEWHERE = {
     **dict.fromkeys(("max", "upper"), ("high",)),
     **dict.fromkeys(("gain", "l", "high_gain", "ell"), ("theta", "gains", "shgo")),
     **dict.fromkeys(("hgo", "highgain", "high_gain_observer"), ("shgo",)),
-    **dict.fromkeys(("vdp", "vanderpol", "van-der-pol"), ("van_der_pol",)),
+    **dict.fromkeys(("vdp", "vanderpol"), ("van_der_pol",)),
     **dict.fromkeys(("kf", "kalman", "kalman_filter"), ("kalman_bucy",)),
-    "extended_kalman_filter": ("ekf",),
-    "unscented_kalman_filter": ("ukf",),
+    **dict.fromkeys(("extended_kalman_filter", "extended_kalman"), ("ekf",)),
+    **dict.fromkeys(("unscented_kalman_filter", "unscented_kalman", "unscented", "sigma_point"), ("ukf",)),
+    **dict.fromkeys(("moving_horizon", "moving_horizon_estimator", "moving_horizon_estimation"), ("mhe",)),
+    **dict.fromkeys(("extended_state_observer", "adrc", "ladrc"), ("eso",)),
+    **dict.fromkeys(("savitzky_golay", "sgolay"), ("savgol",)),
+    **dict.fromkeys(("robust_exact_differentiator", "super_twisting_differentiator"), ("red", "levant")),
+    **dict.fromkeys(("kazantzis_kravaris", "kazantzis_kravaris_luenberger"), ("kkl",)),
     **dict.fromkeys(("smo", "sliding_mode", "sta"), ("super_twisting",)),
     **dict.fromkeys(("rk45", "ode45", "dopri", "dop853"), ("dopri5",)),
     **dict.fromkeys(("ode15s", "ode23s", "bdf", "radau", "lsoda"), ("rodas5p",)),
@@ -51,10 +57,32 @@ _FOLLOWS = {
 }
 
 
+# Letters of other alphabets that look like those of names.
+_LOOK_ALIKE = str.maketrans(
+    "асеԁһіјкорѕтухАВСЕНІЈКМОРЅТХУαικνορτυχΑΒΕΗΙΚΜΝΟΡΤΥΧΖ",
+    "acedhijkopstyxABCEHIJKMOPSTXYaiknoptuxABEHIKMNOPTYXZ",
+)
+
+
 def nearest(name: str, candidates: Iterable[str]) -> str:
-    """Return " Did you mean `x`?" with the candidate most like ``name``, or called so elsewhere, or "" if none is."""
-    found, how = _meant(name, candidates)
+    """Return " Did you mean `x`?" with the candidate most like ``name``, or called so elsewhere, or "" if none is.
+
+    Of a letter of another alphabet that looks like ours, of which nobody sees it, it is said.
+    """
+    known = tuple(candidates)
+    found, how = _meant(name, known)
+    latin = name.translate(_LOOK_ALIKE)
+    mixed = latin != name and (latin in known or re.search("[A-Za-z]", name))
+    if mixed and (meant_by := _meant(latin, known)[0]):
+        other = next(letter for letter, own in zip(name, latin, strict=True) if letter != own)
+        return f" Did you mean `{meant_by}`, without the letter {other!r} of another alphabet ({_alphabet(other)})?"
     return f" Did you mean `{found}`{how and f', {how}'}?" if found else ""
+
+
+def _alphabet(letter: str) -> str:
+    import unicodedata
+
+    return unicodedata.name(letter).partition(" ")[0].capitalize()
 
 
 def meant(name: str, candidates: Iterable[str]) -> str:
@@ -127,9 +155,12 @@ def _meant(name: str, candidates: Iterable[str]) -> tuple[str, str]:
     other, how = _FOLLOWS.get(name.lower(), ("", ""))
     if other in known:
         return known[other], how
-    elsewhere = (other for other in _CALLED_ELSEWHERE.get(name.lower(), ()) if other in known)
+    elsewhere = (other for other in _CALLED_ELSEWHERE.get(_UNWORDED.sub("_", name.lower()), ()) if other in known)
     found = next(elsewhere, None) or _closest(name, (low for low, own in known.items() if not _too_short(name, own)))
     return ("", "") if found is None else (known[found], "")
+
+
+_UNWORDED = re.compile(r"[ -]+")
 
 
 def _too_short(name: str, other: str) -> bool:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +33,7 @@ def read_source(path: str | Path, overrides: Sequence[str] = (), *, seed: int | 
 
 
 def require_list(overrides: Sequence[str]) -> None:
-    """Refuse a text, which is a sequence of letters.
+    """Refuse a text, which is a sequence of letters, and values by paths, as another call takes them.
 
     Raises
     ------
@@ -40,6 +41,13 @@ def require_list(overrides: Sequence[str]) -> None:
     """
     if isinstance(overrides, str):
         raise ConfigError(f"overrides: expected a list, such as [{overrides!r}], found the text {overrides!r}")
+    if isinstance(overrides, Mapping):
+        shown = [f"{path}={value}" for path, value in islice(overrides.items(), 1)]
+        raise ConfigError(
+            f"overrides: expected a list, such as {shown}, found a mapping; varied(...) of an experiment takes one"
+        )
+    if (other := next((one for one in overrides if not isinstance(one, str)), None)) is not None:
+        raise ConfigError(f"overrides: expected a list of texts path=value, found {describe(other)} in it")
 
 
 def overridden(source: Source, overrides: Sequence[str], seed: int | None) -> Source:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, TypeVar
@@ -181,7 +181,7 @@ def plant_of(source: Source) -> Plant:
             file, line = source.where(("plant",))
             known = ", ".join(PLANTS.names())
             raise ConfigError(
-                f"expected type (one of {known}) or a model: states, dynamics, output",
+                f"expected type (one of {known}) or a model: states, dynamics, output{_type_meant(block)}",
                 file=file,
                 line=line,
                 key="plant",
@@ -191,6 +191,12 @@ def plant_of(source: Source) -> Plant:
         return validate(InlinePlant, block, source, ("plant",))
     cls = _find(PLANTS, block["type"], source, ("plant", "type"))
     return validate(cls, block, source, ("plant",))
+
+
+def _type_meant(block: Mapping[str, Any]) -> str:
+    """Of a block without ``type`` the key that stands for it."""
+    near = ((key, nearest(str(key), ("type",))) for key in block)
+    return next((f"; found {describe(key)}.{told}" for key, told in near if told), "")
 
 
 def _types_near(label: str) -> str:
@@ -224,9 +230,9 @@ def observer_of(label: str, block: dict[str, Any], source: Source) -> AnyObserve
         others = [name for name in source.data["observers"] if name != label]
         near = nearest(label, others)
         other = f". Or, if another observer of the file is meant:{near}" if near else ""
+        named = f"the label {label} is a name of your own, the type one from hgorun list observers, such as"
         raise ConfigError(
-            f"type is missing: the label {label} is a name of your own, the type one from hgorun list observers, such "
-            f"as {_types_near(label)}{other}",
+            f"type is missing{_type_meant(block) or f': {named} {_types_near(label)}{other}'}",
             file=file,
             line=line,
             key=source.key(path),

@@ -102,7 +102,7 @@ class Experiment(Configured):
         >>> faster = experiment.varied({"observers.SHGO.theta": 2})
         >>> shorter = experiment.varied({"time.end": 10, "observers.FHGO": None})
         """
-        source, touched = changed(self.source, changes if seed is None else {**changes, "seed": seed})
+        source, touched = changed(self.source, changes, seed)
         if ("extends",) in touched:
             raise ConfigError(ONLY_A_FILE, key="extends")
         new = object.__new__(type(self))

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 
 from hgorun.config.overrides import replaced
+from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
-from hgorun.errors import KeyPath
+from hgorun.errors import ConfigError, KeyPath
 from hgorun.result.observer import Coordinates
 from hgorun.simulation.blocks import NOT_OF_A_RUN, PARTS, Checked
 from hgorun.symbolic.observability import CanonicalForms
@@ -46,16 +47,21 @@ def resolved_text(checked: Checked, coordinates: Mapping[str, Coordinates]) -> s
     return as_yaml(resolved(checked, coordinates))
 
 
-def changed(source: Source, changes: Mapping[str, Any]) -> tuple[Source, set[KeyPath]]:
-    """A configuration with other values at some paths, and those paths.
+def changed(source: Source, changes: Mapping[str, Any], seed: int | None = None) -> tuple[Source, set[KeyPath]]:
+    """A configuration with other values at some paths, and with another seed where one is given, and those paths.
 
     Raises
     ------
     ConfigError
-        See :func:`~hgorun.config.overrides.replaced`.
+        See :func:`~hgorun.config.overrides.replaced`; where the changes are no mapping.
     """
     touched = set()
-    for path, value in changes.items():
+    if not isinstance(changes, Mapping) or not all(isinstance(path, str) for path in changes):
+        raise ConfigError(
+            'changes: expected a mapping of values by their paths, such as {"observers.SHGO.theta": 2}, '
+            f"found {describe(changes)}"
+        )
+    for path, value in (changes if seed is None else {**changes, "seed": seed}).items():
         source, place = replaced(source, path, plain(value))
         touched.add(place)
     return source, touched

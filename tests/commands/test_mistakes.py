@@ -106,6 +106,7 @@ def shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
         ("SHGO: {type", "SHGO {type", "this line has no `:` after its key"),
         ("{type: shgo, theta: 2}", "{type: ekf, Q: 0}", "{state: 0.1, ...} (the diagonal)"),
         ("{type: shgo, theta: 2}", "{type: ekf, Q: [0.1, 0.1]}", "found a list: write {state: 0.1, ...}"),
+        ("type: shgo", "typ: shgo", "observers.SHGO: type is missing; found 'typ'. Did you mean `type`?"),
         ("type: shgo", "type: SHGO", "Did you mean `shgo`? Known: shgo, "),
         (
             "{type: shgo, theta: 2}",

@@ -267,6 +267,14 @@ def test_a_name_that_passes_is_an_expression_of_itself(name: str) -> None:
 def test_nearest() -> None:
     assert nearest("thetha", ["theta", "poles"]) == " Did you mean `theta`?"
     assert nearest("THETA", ["theta", "poles"]) == " Did you mean `theta`?"
+    assert (
+        nearest("thеta", ["theta"]) == " Did you mean `theta`, without the letter 'е' of another alphabet (Cyrillic)?"
+    )
+    assert nearest("sghο", ["shgo"]) == " Did you mean `shgo`, without the letter 'ο' of another alphabet (Greek)?"
+    assert nearest("ρ", ["p"]) == " Did you mean `p`, without the letter 'ρ' of another alphabet (Greek)?"
+    assert nearest("αβγ", ["alpha", "beta"]) == ""
+    assert nearest("Unscented Kalman-filter", ["ekf", "ukf"]) == " Did you mean `ukf`?"
+    assert nearest("unscented", ["ekf", "ukf"]) == " Did you mean `ukf`?"
     assert nearest("x", ["theta", "poles"]) == ""
     assert nearest("x", []) == ""
     for short in ("OD", "od", "ph"):  # a letter of them is as likely meant as any other

@@ -216,3 +216,15 @@ def test_scalars_and_arrays_of_numpy_are_numbers_and_lists() -> None:
     changes = {"observers.S.theta": np.int64(3), "observers.S.poles": (np.float64(-1), np.float64(-2))}
     varied = plain.varied(changes)
     assert varied.resolved() == plain.varied({"observers.S.theta": 3, "observers.S.poles": [-1, -2]}).resolved()
+
+
+@pytest.mark.parametrize(
+    ("changes", "found"),
+    [(["seed=2"], "a list"), ([("seed", 2)], "a list"), ("seed=2", "'seed=2'"), ({1: 2}, "a mapping")],
+)
+@pytest.mark.parametrize("seed", [None, 3])
+def test_changes_are_values_by_paths(changes: Any, found: str, seed: int | None) -> None:
+    with pytest.raises(ConfigError) as error:
+        experiment(CONTOIS, {"S": {"type": "shgo", "theta": 1}}).varied(changes, seed=seed)
+    right = 'such as {"observers.SHGO.theta": 2}'
+    assert str(error.value) == f"changes: expected a mapping of values by their paths, {right}, found {found}"

@@ -49,6 +49,13 @@ def test_a_seed_for_one_simulation(tmp_path: Path) -> None:
         ({"runs": {}}, {}, "a mapping holds one run; with several `runs` it has to be a file"),
         ({"extends": "a.yaml"}, {}, "only a file can extend another one"),
         (BLOCKS, {"overrides": "seed=1"}, "overrides: expected a list, such as"),
+        (BLOCKS, {"overrides": {"seed": 1}}, "expected a list, such as ['seed=1'], found a mapping; varied(...)"),
+        (BLOCKS, {"overrides": [("seed", 1)]}, "overrides: expected a list of texts path=value, found a list in it"),
+        (
+            BLOCKS | {"plant": {"typ": "contois"}},
+            {},
+            "a model: states, dynamics, output; found 'typ'. Did you mean `type`?",
+        ),
         (BLOCKS | {"figures": {"f": {"draws": 1}}}, {}, "figures"),
     ],
 )
