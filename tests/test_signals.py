@@ -31,6 +31,7 @@ def ended(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[int]]:
     """The codes that the process would have ended with."""
     codes: list[int] = []
     process._said.clear()  # what other tests have made it say
+    monkeypatch.setattr(process, "_instead", [])
 
     def end(code: int) -> NoReturn:
         codes.append(code)

@@ -247,6 +247,7 @@ def test_a_topic_that_is_followed_no_more_says_whether_all_was_well(
         def close(self) -> None: ...
 
     monkeypatch.setattr("hgorun.commands.mqtt.Session", Stopped)
+    monkeypatch.setattr("hgorun.process._instead", [])  # the process of the tests ends as it would
     more = ["--strict"] if strict else []
     words = ("estimate", "plant.yaml", "mqtt://h/plant/+", "--checkpoint", STATE, "--set", f"observers.o.theta={theta}")
     code, out, _ = shell(*words, *more)

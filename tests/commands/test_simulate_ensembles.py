@@ -65,7 +65,9 @@ def test_members_are_those_of_the_study(shell: Shell) -> None:
 def test_what_is_there_of_another_configuration_is_replaced(shell: Shell) -> None:
     shell("simulate", "s.yaml", "-q")
     first = hgorun.read_sweep("results/s/many.sweep.h5").metrics["rmse"]
-    assert shell("simulate", "s.yaml", "-q", "--set", "observers.FHGO.theta=3") == (0, "", "")
+    code, out, err = shell("simulate", "s.yaml", "-q", "--set", "observers.FHGO.theta=3")
+    kept = "the run gains varies observers.FHGO.theta, whose values stay as they are"
+    assert (code, out, err) == (0, "", f"hgorun: s.yaml: --set observers.FHGO.theta=3: {kept}\n")
     second = hgorun.read_sweep("results/s/many.sweep.h5").metrics["rmse"]
     assert not np.array_equal(first[:, 1], second[:, 1])
     np.testing.assert_array_equal(first[:, 0], second[:, 0])
