@@ -24,7 +24,7 @@ from bokeh.server.server import BaseServer
 from bokeh.server.tornado import BokehTornado
 from tornado.httpserver import HTTPServer
 from tornado.httputil import HTTPHeaders, HTTPServerRequest
-from tornado.ioloop import IOLoop
+from tornado.ioloop import IOLoop, PeriodicCallback
 from tornado.web import ErrorHandler, OutputTransform, RequestHandler
 from tornado.websocket import WebSocketClosedError, WebSocketHandler
 
@@ -38,6 +38,7 @@ from hgorun.explore.worker import SOON, Worker
 HOST = "127.0.0.1"
 _SECRET_BYTES = 24
 _TURN = 1e-3  # seconds that the thread that computes keeps Python to itself while the server has something to send
+_BEAT = 250  # milliseconds after which the loop wakes where nothing happens
 _NOT_FOUND, _BAD_REQUEST = 404, 400
 _TYPES = {"png": "image/png", "pdf": "application/pdf"}
 # Nothing is loaded from elsewhere, and nobody is told the address. Bokeh makes functions and styles of text.
@@ -142,10 +143,13 @@ class LivePage:
         interval = sys.getswitchinterval()
         sys.setswitchinterval(_TURN)
         self._server.start()
+        beat = PeriodicCallback(lambda: None, _BEAT)  # a signal just before the loop waits is answered when it wakes
+        beat.start()
         self._loop.add_callback(begun)
         try:
             self._loop.start()
         finally:
+            beat.stop()
             sys.setswitchinterval(interval)
             self._server.stop(wait=False)
 
