@@ -71,7 +71,8 @@ def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
         The place of the first one beside such a whole number, how it is written, and the whole one; None
         where the column is not so.
     """
-    if not (_FALL <= np.fmax.reduce(np.abs(values), initial=0.0) < 1000) or not still_may_be(values):
+    largest = max(np.fmax.reduce(values, initial=0.0), -np.fmin.reduce(values, initial=0.0))  # no copy of them all
+    if not (_FALL <= largest < 1000) or not still_may_be(values):
         return None
     places = np.flatnonzero(np.isfinite(values))
     sizes = np.abs(values[places])
