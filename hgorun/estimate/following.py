@@ -235,7 +235,8 @@ class Following:
                         leave_out(system, live, i, j, z, w)
                         self.outliers[i] = increased(self.outliers[i], [j] if self.limited[i] else [])
             elif j in self._own.last:
-                self._jump_as(event, j, actions, z, self._own.take(j, w, event.t))
+                happening, held = self._own.take(j, actions, w, event.t)
+                self._jump_as(event, j, happening, z, held)
 
     def _jumps(self, event: Event) -> tuple[int, ...]:
         """What jumps when something arrives: corrections, and steps from the second sample on."""

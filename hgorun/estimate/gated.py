@@ -230,11 +230,12 @@ class _GatedRun:
         for j in self._stepping if entering else ():
             row = self._rows.row(entering[0])
             if j in out:
-                self._own.leave_out(j, session.w, self._taken[self._rows.used(row - 1)[0]])
+                before = float(self._taken[self._rows.used(row - 1)[0]]) if row else None
+                self._own.leave_out(j, session.w, before)
                 self._used[self._rows.used(row), j] = False
             elif j in self._own.last:
-                before = self._own.take(j, w, self._taken[self._rows.used(row)[0]])
-                found, _ = session.happened_as(self._own.keeping(session.happened), z, before, {})
+                actions, held = self._own.take(j, session.happened, w, self._taken[self._rows.used(row)[0]])
+                found, _ = session.happened_as(actions, z, held, {})
                 start, stop, _ = system.blocks[j]
                 session.z[start:stop] = found[start:stop]
 

@@ -2,6 +2,7 @@
 
 What a step needs of the sample before is held once for all observers: its values, the time since then, the inputs then.
 An observer to which that sample was an outlier makes its next step from an older one, as if there were none between.
+Where all samples before were outliers, the next one is its first: it makes no step there.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.engine.layout import NOTHING, SET, HybridSystem
+from hgorun.engine.layout import JUMP, NOTHING, SET, HybridSystem
 from hgorun.engine.plan import Integers
 from hgorun.errors import Problem
 from hgorun.observers.base import SampledObserver
@@ -78,42 +79,58 @@ class OwnSteps:
     system : HybridSystem
     outputs : range
         Those of the system from whose samples to the next the observers step.
-    last : dict of int to LastTaken
-        By the numbers of these observers.
+    last : dict of int to LastTaken or None
+        By the numbers of these observers; None where they have taken no sample yet.
     """
 
     system: HybridSystem
     outputs: range
-    last: dict[int, LastTaken] = field(default_factory=dict)
+    last: dict[int, LastTaken | None] = field(default_factory=dict)
 
-    def leave_out(self, j: int, w: Floats, before: float) -> None:
+    def leave_out(self, j: int, w: Floats, before: float | None) -> None:
         """An observer leaves out the samples that have just arrived.
 
         Parameters
         ----------
         w : ndarray
             What is held, after their step.
-        before : float
-            When the samples before had been taken.
+        before : float, optional
+            When the samples before had been taken; None for the first ones.
         """
-        if j not in self.last:
-            held = self.system.held
-            y = tuple([float(w[held.previous(i)]) for i in self.outputs])
-            self.last[j] = LastTaken(before, y, tuple([float(w[place]) for place in self._inputs]))
+        if j in self.last:
+            return
+        if before is None:
+            self.last[j] = None
+            return
+        held = self.system.held
+        y = tuple([float(w[held.previous(i)]) for i in self.outputs])
+        self.last[j] = LastTaken(before, y, tuple([float(w[place]) for place in self._inputs]))
 
-    def take(self, j: int, w: Floats, t: float) -> Floats:
-        """What is held to an observer before samples arrive at t that it takes, from what is held to the others."""
-        last, held, found = self.last.pop(j), self.system.held, w.copy()
+    def take(self, j: int, actions: Integers, w: Floats, t: float) -> tuple[Integers, Floats]:
+        """How an observer takes samples that arrive at t, after others that it has left out.
+
+        Parameters
+        ----------
+        actions : ndarray of int
+            The rows of the action table that happen to the others then.
+        w : ndarray
+            What is held to the others before.
+
+        Returns
+        -------
+        actions, w : ndarray
+            The same for this observer.
+        """
+        last, held, found, happening = self.last.pop(j), self.system.held, w.copy(), actions.copy()
+        kind, which = happening[:, 0], happening[:, 1]
+        if last is None:
+            happening[(kind == JUMP) & (which < len(self.system.stepped)), 0] = NOTHING
+            return happening, found
         found[[held.output(i) for i in self.outputs]] = last.y
         found[self._inputs] = last.u
         found[held.interval] = t - last.t
-        return found
-
-    def keeping(self, actions: Integers) -> Integers:
-        """Rows of the action table that leave be what :meth:`take` has given."""
-        found = actions.copy()
-        found[(found[:, 0] == SET) & np.isin(found[:, 1], [*self._inputs, self.system.held.interval]), 0] = NOTHING
-        return found
+        happening[(kind == SET) & np.isin(which, [*self._inputs, held.interval]), 0] = NOTHING
+        return happening, found
 
     @cached_property
     def _inputs(self) -> list[int]:

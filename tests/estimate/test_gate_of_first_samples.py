@@ -104,6 +104,12 @@ def test_the_first_two_are_used_whatever_they_are() -> None:
     assert one.used[:2].tolist() == [[True], [True]]
 
 
+OWN: dict[str, Block] = {
+    "hgo_fd": {"eps": 0.4},
+    "hgo_sa": {"eps": 0.4},
+    "deadbeat": {},
+    "reduced_sampled": {"H": 0.5},
+}
 FREE: Block = {"type": "shgo", **POLES}
 LINE: Block = {key: value for key, value in PLANT.items() if key != "initial"}
 
@@ -126,6 +132,29 @@ def test_what_a_fitted_start_has_left_out_is_not_used(outlier: int, count: First
     np.testing.assert_array_equal(used[kept, 0], of_others[:, 0])
     assert assessed_of(result, "O").scores["gated"] == {"a": 1 + np.count_nonzero(~of_others[:, 0])}
     np.testing.assert_allclose(result.observers["O"].xhat, others.observers["O"].xhat, rtol=0, atol=1e-9)
+
+
+@pytest.mark.parametrize("outliers", [[0], [0, 1]], ids=str)
+@pytest.mark.parametrize("kind", ["hgo_fd", "hgo_sa", "deadbeat", "reduced_sampled"])
+def test_an_observer_that_steps_begins_behind_the_samples_that_the_start_has_left_out(
+    kind: str, outliers: list[int]
+) -> None:
+    """Its first step leads from the first sample that it takes, as in a log without the others."""
+    y, kept = values(3, {k: 2.0 * (-1) ** k for k in outliers}), np.delete(np.arange(COUNT), outliers)
+    config = {key: value for key, value in block(NEAR).items() if key != "measurement"} | {"plant": LINE}
+
+    def found(which: np.ndarray, count: FirstSamples, start: Block) -> Result:
+        log = recording(signal("a", TAKEN[which], y[which], gate=GATE, std=STD))
+        own = {**config, "observers": {"O": {"type": kind, **OWN[kind], **start}}}
+        return estimate(source(own), replace(log, first_samples=count), sensitivity=False)
+
+    result = found(np.arange(COUNT), 8, {})
+    begins = result.observers["O"].xhat[0].tolist()
+    others = found(kept, 1, {"initial": dict(zip("ab", begins, strict=True))})
+    assert np.flatnonzero(~recorded_of(result).outputs["a"].used[:, 0]).tolist() == outliers
+    there = np.isin(result.time, TAKEN[kept]), np.isin(others.time, TAKEN[kept])
+    one, other = (run.observers["O"].xhat[where] for run, where in zip((result, others), there, strict=True))
+    np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
 
 
 WIDE: Block = {"Q": {"a": 1e-4, "b": 1e-4}}  # P(0) = I: the gate of the covariance would let the outlier in
