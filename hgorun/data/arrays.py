@@ -11,12 +11,12 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from hgorun.config.data import Csv
-from hgorun.data.cells import NAT, Cells, Flags, Numbers, Stamps
+from hgorun.data.cells import Cells, Flags, Numbers, Stamps
 from hgorun.data.date_hints import as_yaml
-from hgorun.data.dates import counted
+from hgorun.data.dates import NAT, counted
 from hgorun.data.missing import leave_out, missing_numbers, missing_texts
 from hgorun.data.since import counts_from_a_date, since
-from hgorun.data.table import Table
+from hgorun.data.table import Table, too_large
 from hgorun.errors import ConfigError, printable
 from hgorun.result.guarded import Failed, guarded
 
@@ -123,7 +123,7 @@ class ArrayFile:
         if not rows:
             raise self._error("no rows")
         if rows * (4 + 8 * len(wanted)) > budget:
-            raise self._error(f"the values take more than {budget / 2**30:.3g} GiB, the limit of data.max_memory")
+            raise too_large(self._path, budget)
         room = 3 * rows * 8 * len(names)
         arrays = _aside(self._path, lambda: dict(self._form.columns(self._path, names)), room)
         for cells in wanted:

@@ -16,9 +16,7 @@ from hgorun.config.types import describe
 from hgorun.data.date_forms import patterns_of
 from hgorun.data.date_hints import clock_key, form_hint, other_hint
 from hgorun.data.date_texts import iso_stamp, looks_like_iso, stamp_of
-
-NAT = int(np.iinfo(np.int64).min)
-"""The stamp of a missing value: that of numpy."""
+from hgorun.data.dates import NAT
 
 _DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}

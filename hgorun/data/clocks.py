@@ -10,10 +10,10 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.config.data import Clock, has_date
-from hgorun.data.cells import NAT, Cells, Numbers, Stamps
+from hgorun.data.cells import Cells, Numbers, Stamps
 from hgorun.data.date_hints import clock_key
 from hgorun.data.date_texts import iso_stamp, looks_like_iso
-from hgorun.data.dates import counted
+from hgorun.data.dates import NAT, counted
 from hgorun.data.day_counts import DAY, WORKBOOKS, Span, dates_in_digits, odd_days, odd_seconds, out_of_range
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile

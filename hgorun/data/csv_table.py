@@ -16,7 +16,7 @@ from hgorun.data import grouped
 from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Numbers
 from hgorun.data.comments import is_comment
-from hgorun.data.dialect import Dialect, cells, dialect_of
+from hgorun.data.dialect import Dialect, cells_of, dialect_of
 from hgorun.data.kept_lines import KeptLines
 from hgorun.data.missing import leave_out
 from hgorun.data.rows import Rows
@@ -42,7 +42,7 @@ class CsvFile:
     ----------
     path : Path
     told : Csv
-    clocks : mapping of str to collection of str, optional
+    clocks : mapping of str to collection of str
         The formats of the columns of time stamps, None for numbers.
 
     Raises
@@ -50,7 +50,7 @@ class CsvFile:
     ConfigError
     """
 
-    def __init__(self, path: Path, told: Csv, clocks: Mapping[str, Collection[str | None]] | None = None) -> None:
+    def __init__(self, path: Path, told: Csv, clocks: Mapping[str, Collection[str | None]]) -> None:
         self._path, self._told = path, told
         self.dialect: Dialect = dialect_of(_beginning(blocks(path, told.encoding), told.skip), path, told, clocks)
 
@@ -62,7 +62,7 @@ class CsvFile:
     def sample(self, column: str) -> str:
         """The first value of a column that is not missing; empty where there is none among the first million rows."""
         place = self.dialect.names.index(column)
-        rows = _cells_of(_from_line(blocks(self._path, self._told.encoding), self.dialect.first), self.dialect)
+        rows = _all_cells(_from_line(blocks(self._path, self._told.encoding), self.dialect.first), self.dialect)
         found = (row[place] for row in islice(chain([self.dialect.sample], rows), _SEARCHED) if place < len(row))
         return next((text for text in found if text.strip().lower() not in self.dialect.missing), "")
 
@@ -107,8 +107,8 @@ class CsvFile:
             with ahead(rest, _AHEAD) as following:
                 reading.read(chain([block], following))
         table = columns.table()
-        for cells_of, values in table.columns.items():
-            if isinstance(cells_of, Numbers):
+        for cells, values in table.columns.items():
+            if isinstance(cells, Numbers):
                 leave_out(dialect.missing_numbers, values)
         return replace(table, remarks=[*rows.remarks(), *self._points(table)])
 
@@ -116,15 +116,15 @@ class CsvFile:
         """What is told of points that may stand between thousands."""
         told = self._told
         untold = told.decimal is None and told.thousands is None and self.dialect.decimal == "."
-        for cells_of, values in table.columns.items():
-            if not isinstance(cells_of, Numbers) or not untold:
+        for cells, values in table.columns.items():
+            if not isinstance(cells, Numbers) or not untold:
                 continue
-            sample = self.dialect.grouped.get(cells_of.column)
+            sample = self.dialect.grouped.get(cells.column)
             if sample is not None and grouped.still_may_be(values):
-                yield 0, grouped.told(cells_of.column, sample)
+                yield 0, grouped.told(cells.column, sample)
             elif sample is None and (found := grouped.first_fall(values)):
                 place, sample, beside = found
-                yield int(table.lines[place]), grouped.told(cells_of.column, sample, beside)
+                yield int(table.lines[place]), grouped.told(cells.column, sample, beside)
 
 
 class _Reading:
@@ -187,13 +187,13 @@ class _Reading:
             self._columns.add(lines, values)
 
 
-def _cells_of(parts: Iterator[Block], dialect: Dialect) -> Iterator[Sequence[str]]:
+def _all_cells(parts: Iterator[Block], dialect: Dialect) -> Iterator[Sequence[str]]:
     """The cells of every row, as far as quotes do not hold ends of lines."""
     for block in parts:
         for raw in block.text.split(b"\n"):
             line = raw.decode("utf-8", "replace")
             if line.strip() and not is_comment(line, dialect.comment, dialect.missing, dialect.separator):
-                yield cells(line, dialect.separator)
+                yield cells_of(line, dialect.separator)
 
 
 def _without_brackets(unit: str) -> str:

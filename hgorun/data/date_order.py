@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hgorun.data.cells import NAT
+from hgorun.data.dates import NAT
+from hgorun.data.day_counts import DAY
 
-_DAY = 86_400 * 10**9  # nanoseconds
-_HOUR = 3600 * 10**9
+_HOUR = 3600 * 10**9  # nanoseconds
 _MONTHS = 12
 _TIMES = 3  # what is usual
 _FEWEST = 3  # different dates that are in order by more than chance
@@ -30,11 +30,11 @@ def days_counted(found: np.ndarray, before: int | None = None) -> np.ndarray:
         return found
     stamps = found[there]
     before = int(stamps[0]) if before is None else before
-    of_day = stamps % _DAY
-    steps = np.diff(of_day, prepend=before % _DAY)
-    days = before // _DAY + np.cumsum((steps < -_DAY // 2).astype(int) - (steps > _DAY - _HOUR))
+    of_day = stamps % DAY
+    steps = np.diff(of_day, prepend=before % DAY)
+    days = before // DAY + np.cumsum((steps < -DAY // 2).astype(int) - (steps > DAY - _HOUR))
     counted = found.copy()
-    counted[there] = days * _DAY + of_day
+    counted[there] = days * DAY + of_day
     return counted
 
 
@@ -50,7 +50,7 @@ def unlike_others(counted: np.ndarray) -> tuple[int, int] | None:
     if there.size < _FEWEST - 1:
         return None
     gaps = np.diff(counted[there])
-    gaps = np.where(gaps < -_HOUR, gaps + _DAY, np.maximum(gaps, 0))
+    gaps = np.where(gaps < -_HOUR, gaps + DAY, np.maximum(gaps, 0))
     k = int(gaps.argmax())
     longest, usual = int(gaps[k]), float(np.median(gaps))
     alone = gaps.size > 1 and longest > _TIMES * usual
@@ -61,8 +61,8 @@ def known_after(known: np.ndarray, taken: np.ndarray) -> np.ndarray:
     """Times of day within a day after other times, whose days are counted; those within an hour before are wrong."""
     there = (known != NAT) & (taken != NAT)
     counted = known.copy()
-    later = (known[there] - taken[there]) % _DAY
-    counted[there] = taken[there] + later - _DAY * (later > _DAY - _HOUR)
+    later = (known[there] - taken[there]) % DAY
+    counted[there] = taken[there] + later - DAY * (later > DAY - _HOUR)
     return counted
 
 
@@ -74,14 +74,14 @@ def a_day_too_early(known: np.ndarray, taken: np.ndarray) -> int | None:
     """
     there = np.flatnonzero((known != NAT) & (taken != NAT))
     late = known[there] - taken[there]
-    fewer = (np.diff(known[there]) < 0) & (np.diff(late) < -_DAY // 2)
+    fewer = (np.diff(known[there]) < 0) & (np.diff(late) < -DAY // 2)
     return int(there[fewer.argmax() + 1]) if fewer.any() else None
 
 
 def passes_midnight(found: np.ndarray) -> int | None:
     """The first time of day that lies more than half a day before the one above it; None where none does."""
     there = np.flatnonzero(found != NAT)
-    back = np.flatnonzero(np.diff(found[there]) < -_DAY // 2)
+    back = np.flatnonzero(np.diff(found[there]) < -DAY // 2)
     return int(there[back[0] + 1]) if back.size else None
 
 
@@ -95,7 +95,7 @@ def exchanged(found: np.ndarray) -> int | None:
     back = np.flatnonzero(np.diff(stamps) < 0)
     if not back.size:
         return None
-    dates = stamps // _DAY
+    dates = stamps // DAY
     if np.unique(dates).size < _FEWEST:
         return None
     as_days = dates.astype("datetime64[D]")
@@ -106,5 +106,5 @@ def exchanged(found: np.ndarray) -> int | None:
     years = months.astype("datetime64[Y]")
     month = (months - years.astype("datetime64[M]")).astype(int) + 1
     turned = (years.astype("datetime64[M]") + (day - 1)).astype("datetime64[D]") + (month - 1)
-    other = turned.astype(int) * _DAY + stamps % _DAY
+    other = turned.astype(int) * DAY + stamps % DAY
     return None if np.any(np.diff(other) < 0) else int(there[back[0] + 1])

@@ -1,10 +1,11 @@
-"""Many dates at once: the cells of a block whose form is that of the first of their length."""
+"""Many dates at once, as nanoseconds since 1970: of a text, each like the first of its length, and of numbers."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from hgorun.data.cells import NAT
+NAT = int(np.iinfo(np.int64).min)
+"""The stamp of a missing date: that of numpy."""
 
 _LONGEST = 35  # characters: nanoseconds and a zone
 _SECOND = 10**9

@@ -12,7 +12,7 @@ from typing import TypeAlias, TypeVar
 
 import numpy as np
 
-from hgorun.data.cells import NAT
+from hgorun.data.dates import NAT
 
 DAY = 86_400 * 10**9
 """In nanoseconds."""

@@ -6,15 +6,16 @@ import csv
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import takewhile, zip_longest
+from itertools import takewhile
 from pathlib import Path
 
 from hgorun.config.data import Csv
 from hgorun.data.comments import is_comment
+from hgorun.data.decimal_sign import decimal_sign
 from hgorun.data.grouped import may_be_grouped
 from hgorun.data.missing import missing_numbers, missing_texts
 from hgorun.data.text import Block
-from hgorun.data.units_row import NUMBER, are_units, is_value, may_state_units, states_units, tells_processing
+from hgorun.data.units_row import are_units, is_value, may_state_units, states_units, tells_processing
 from hgorun.data.whole_header import whole_header
 from hgorun.errors import ConfigError
 
@@ -24,8 +25,6 @@ SPACES = " "
 _LOOKED_AT = 200  # rows that decide how numbers are written
 _FEW = 8  # columns whose names a message writes
 
-_COMMA = re.compile(r"[-+]?\d*,\d*(?:[eE][-+]?\d+)?", re.ASCII)
-_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:,\d{3})+", re.ASCII)
 _SPACED = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # cells between spaces
 _QUOTED = re.compile(r'"[^"]*"')
 
@@ -86,9 +85,7 @@ class _Line:
     text: str
 
 
-def dialect_of(
-    block: Block, path: Path, told: Csv, clocks: Mapping[str, Collection[str | None]] | None = None
-) -> Dialect:
+def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collection[str | None]]) -> Dialect:
     """How the file is written that begins with a block.
 
     Parameters
@@ -96,7 +93,7 @@ def dialect_of(
     block : Block
     path : Path
     told : Csv
-    clocks : mapping of str to collection of str, optional
+    clocks : mapping of str to collection of str
         The formats of the columns of time stamps, see :func:`hgorun.data.units_row.states_units`.
 
     Raises
@@ -113,12 +110,12 @@ def dialect_of(
     )
     lines[:count] = [_Line(lines[0].number, whole)]
     separator = told.separator or _separator(lines)
-    rows = [(line, cells(line.text, separator)) for line in lines]
+    rows = [(line, cells_of(line.text, separator)) for line in lines]
     header, names = rows[0]
     body = rows[1:]
     units: list[str] = []
     if all(is_value(name) for name in names):
-        above = _in_comment(comments, header.number, separator, len(names), told.comment, clocks or {})
+        above = _in_comment(comments, header.number, separator, len(names), told.comment, clocks)
         if above is None:
             message = (
                 f"expected a line with the names of the columns, found numbers: {header.text[:60]}; write such a line "
@@ -131,10 +128,9 @@ def dialect_of(
         of_units = [_bare(one, told.comment, separator) for one in between]
         units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
     missing = missing_texts(told)
-    known = clocks or {}
-    may_state = bool(body) and may_state_units(body[0][1], names, missing, known)
+    may_state = bool(body) and may_state_units(body[0][1], names, missing, clocks)
     if told.units_row or (
-        told.units_row is None and may_state and not units and states_units(body[0][1], names, known)
+        told.units_row is None and may_state and not units and states_units(body[0][1], names, clocks)
     ):
         units = list(body[0][1]) if body else []
         if any(unit.strip() != "1" and is_value(unit) for unit in units):
@@ -147,12 +143,12 @@ def dialect_of(
         raise ConfigError("a header without values below it", file=str(path), line=header.number)
 
     def of_header(row: tuple[_Line, list[str]]) -> bool:
-        return may_state_units(row[1], names, missing, known)
+        return may_state_units(row[1], names, missing, clocks)
 
     first, sample = body[0]
     ends = len(sample) == len(names) + 1 and not sample[-1].strip()
     shown = [(line.number, ["" if text.strip().lower() in missing else text for text in row]) for line, row in body]
-    decimal = told.decimal or _OTHER.get(told.thousands or "") or _decimal(shown, path)
+    decimal = told.decimal or _OTHER.get(told.thousands or "") or decimal_sign(shown, path)
     untold = told.decimal is None and told.thousands is None and decimal == "."
     grouped = may_be_grouped([row for _, row in shown], separator) if untold else ()
     return Dialect(
@@ -184,7 +180,7 @@ def _such_as(columns: int, separator: str) -> str:
     return ", such as " + separator.join(["t", *(f"y{i}" for i in range(1, columns))])
 
 
-def cells(line: str, separator: str) -> list[str]:
+def cells_of(line: str, separator: str) -> list[str]:
     """The cells of a line; one whose quotes are wrong is split at every separator."""
     if separator == SPACES:
         return _between_spaces(line) if '"' in line else line.split()
@@ -219,20 +215,20 @@ def _separator(lines: Sequence[_Line]) -> str:
     """The one that divides the header and the line below it in the same way."""
     header, below = lines[0].text, lines[min(len(lines) - 1, 2)].text
     for separator in _SEPARATORS:
-        width = len(cells(header, separator))
-        if width > 1 and len(cells(below, separator)) in (width, width + 1):
+        width = len(cells_of(header, separator))
+        if width > 1 and len(cells_of(below, separator)) in (width, width + 1):
             return separator
     bare = _QUOTED.sub("", header)
     found = [separator for separator in _SEPARATORS if separator in bare]
     if found:
         return max(found, key=bare.count)
-    width = len(cells(header, SPACES))
-    return SPACES if width > 1 and len(cells(below, SPACES)) in (width, width + 1) else ","
+    width = len(cells_of(header, SPACES))
+    return SPACES if width > 1 and len(cells_of(below, SPACES)) in (width, width + 1) else ","
 
 
 def _bare(comment: _Line, sign: str, separator: str) -> list[str]:
     """The cells of a comment without its sign."""
-    return cells(comment.text.lstrip().removeprefix(sign).strip(), separator)
+    return cells_of(comment.text.lstrip().removeprefix(sign).strip(), separator)
 
 
 def _in_comment(
@@ -251,54 +247,3 @@ def _in_comment(
         return last, []
     named = [bool({name.strip() for name in row} & {*clocks}) for row in (above[0], last)]
     return (last, []) if are_units(above[0]) and named == [False, True] else (above[0], last)
-
-
-def _decimal(numbered: Sequence[tuple[int, Sequence[str]]], path: Path) -> str:
-    """The sign between the digits of numbers, of rows with their lines.
-
-    Raises
-    ------
-    ConfigError
-        When a comma may stand between digits or between thousands.
-    """
-    rows = [row for _, row in numbered]
-    texts = {text.strip() for row in rows for text in row}
-    commas = {text for text in texts if _has_comma(text)}
-    if not commas:
-        return "."
-    if any(map(_has_point, texts)):
-        return "," if _mostly_commas(rows) else "."
-    if all(_THOUSANDS.fullmatch(text) for text in commas):
-        line, found = next((line, text.strip()) for line, row in numbered for text in row if text.strip() in commas)
-        message = (
-            f'{found!r} may be a number with thousands or with decimals: say which, csv: {{thousands: ","}} '
-            'or {decimal: ","}'
-        )
-        raise ConfigError(message, file=str(path), line=line)
-    return ","
-
-
-def _has_comma(text: str) -> bool:
-    return "," in text and bool(_COMMA.fullmatch(text))
-
-
-def _has_point(text: str) -> bool:
-    return "." in text and bool(NUMBER.fullmatch(text))
-
-
-def _mostly_commas(rows: Sequence[Sequence[str]]) -> bool:
-    """Whether points are slips among decimal commas: most numbers have a comma, and no column has points alone.
-
-    With points alone a column may be one that is wanted, beside remarks with commas that nobody wants. A column such as
-    9,005 leaves open what its commas mean: another one, such as 0,15, has to show it.
-    """
-    total, shown = 0, False
-    for column in zip_longest(*rows, fillvalue=""):
-        texts = [text.strip() for text in column]
-        commas = [text for text in texts if _has_comma(text)]
-        points = sum(map(_has_point, texts))
-        if points and not commas:
-            return False
-        shown = shown or not all(map(_THOUSANDS.fullmatch, commas))
-        total += len(commas) - points
-    return shown and total > 0

@@ -14,14 +14,15 @@ from hgorun.native.passes import Passes
 
 EXACT = 1e-12
 """Of the size of values: what rounding may leave of a line in doubles."""
+EVEN = 0.005
+"""Of the time between two samples: so far the one between them may be off the middle."""
 _CLIMBS = 1000.0, 5.0  # times what rounding leaves, and times a step of the digits: less is level
-_EVEN = 0.005  # of the time between two samples: so far the one between them may be off the middle
 _FACTOR = 45.0  # between neighbours of which one may be in another unit: the smallest is 60
 _KELVIN, _NEAR = 273.15, 5.0
 
 
 def straight_runs(taken: np.ndarray, values: np.ndarray, quantum: float, least: int) -> np.ndarray:
-    """Where neighbours lie on a line that is not level, see :class:`hgorun.data.faults.Threes`.
+    """Where neighbours lie on a line that is not level, see :func:`hgorun.data.faults.filled`.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def _on_line(f: Function, times: list[str], levels: list[str]) -> str:
     rise = f.sub(high, here)
     by_time = _size(f, f.sub(f.add(low, f.mul(share, f.sub(high, low))), here))
     by_place = _size(f, f.sub(f.mul(f.constant(0.5), f.add(low, high)), here))
-    even = f.test("olt", _size(f, f.sub(share, f.constant(0.5))), f.constant(_EVEN))
+    even = f.test("olt", _size(f, f.sub(share, f.constant(0.5))), f.constant(EVEN))
     nearer = f.let(f"and i1 {even}, {f.test('olt', by_place, by_time)}")
     bend = f.select(nearer, by_place, by_time)
     climbs, level = _size(f, rise), _size(f, here)

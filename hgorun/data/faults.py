@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun import pieces
-from hgorun.data.fault_passes import EXACT, equal_runs, gaps_above, large_steps, straight_runs
+from hgorun.data.fault_passes import EVEN, EXACT, equal_runs, gaps_above, large_steps, straight_runs
 from hgorun.memo import Memo, same
 
 GAP = 20.0
@@ -100,34 +100,27 @@ def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
     return [line for line in lines if line.size >= LINE]
 
 
-class Threes:
-    """Every three neighbours of some samples, or given ones."""
+def _bends(taken: np.ndarray, values: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of threes of neighbours, by their first ones, how far the middle one is off the line, and what rounding leaves.
 
-    def __init__(self, taken: np.ndarray, values: np.ndarray, first: np.ndarray | None = None) -> None:
-        places = [slice(k, k - 2 or None) if first is None else first + k for k in range(3)]
-        before, middle, after = (taken[place] for place in places)
-        self._values = [values[place] for place in places]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            share = (middle - before) / (after - before)
-        low, here, high = self._values
-        self.rise = high - here
-        by_time = low + share * (high - low) - here
-        by_place = 0.5 * (low + high) - here  # filled in row by row, whatever the rounded stamps say
-        even = np.abs(share - 0.5) < 0.005
-        self.bend = np.abs(np.where(even & (np.abs(by_place) < np.abs(by_time)), by_place, by_time))
-
-    def exact(self) -> np.ndarray:
-        """What rounding leaves of a bend, in doubles."""
-        level: np.ndarray = np.maximum(np.abs(self._values[1]), np.abs(self.rise))
-        return EXACT * level
+    The formulas are those of :mod:`hgorun.data.fault_passes`, operation by operation.
+    """
+    (before, middle, after), (low, here, high) = ([of[first + k] for k in range(3)] for of in (taken, values))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (middle - before) / (after - before)
+    by_time = low + share * (high - low) - here
+    by_place = 0.5 * (low + high) - here  # filled in row by row, whatever the rounded stamps say
+    even = np.abs(share - 0.5) < EVEN
+    bend = np.abs(np.where(even & (np.abs(by_place) < np.abs(by_time)), by_place, by_time))
+    return bend, EXACT * np.maximum(np.abs(here), np.abs(high - here))
 
 
 def _between_bends(taken: np.ndarray, values: np.ndarray, lines: list[Stretch], quantum: float) -> list[Stretch]:
     """The lines with a sharp bend at both ends, or at the one that is not an end of the log."""
     last = values.size - 3
     ends = np.array([[line.start - 1, line.stop - 2] for line in lines])
-    threes = Threes(taken, values, np.clip(ends, 0, last).ravel())
-    sharp = threes.bend > 5 * np.maximum(threes.exact(), quantum)
+    bend, exact = _bends(taken, values, np.clip(ends, 0, last).ravel())
+    sharp = bend > 5 * np.maximum(exact, quantum)
     sharp, outside = sharp.reshape(-1, 2), (ends < 0) | (ends > last)
     kept = (sharp | outside).all(axis=1) & ~outside.all(axis=1)  # a log that is one line is a ramp
     return [line for line, true in zip(lines, kept, strict=True) if true]

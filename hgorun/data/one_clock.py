@@ -8,10 +8,11 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 
 from hgorun.config.data import Data, has_date
-from hgorun.data.cells import NAT, Stamps
+from hgorun.data.cells import Stamps
 from hgorun.data.clocks import ClockColumn, odd_dates, odd_numbers, origin, origin_stamp, stamps, times_since
 from hgorun.data.date_hints import clock_key, with_exchanged
 from hgorun.data.date_order import a_day_too_early, days_counted, exchanged, known_after, passes_midnight, unlike_others
+from hgorun.data.dates import NAT
 from hgorun.data.day_counts import four_years_apart, span_of
 from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.parts import require_one_time_unit

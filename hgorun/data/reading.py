@@ -13,23 +13,15 @@ from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.config.refusals import Refusals
 from hgorun.data import sentinels
 from hgorun.data.clocks import rounding
-from hgorun.data.denominators import per_unit_of
 from hgorun.data.input_ends import inputs_beyond
-from hgorun.data.named_units import (
-    AnotherUnit,
-    note_of,
-    remark_on_name,
-    said_in_name,
-    unit_in_name,
-)
+from hgorun.data.model_units import ModelUnits
 from hgorun.data.one_clock import OneClock
-from hgorun.data.parts import but_silent, lacking_columns, require_one_unit, silent_parts
+from hgorun.data.parts import lacking_columns
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
-from hgorun.data.sources import LogFile, Part, Sources, Wanted, given_references, remarks_on
+from hgorun.data.sources import Part, Sources, Wanted, given_references, remarks_on
 from hgorun.data.told_once import told_once
-from hgorun.data.units import alike, converted
 
 _LONG = 1 << 18  # samples from which threads pay
 
@@ -82,13 +74,13 @@ class Reader:
         self._block, self._reference, sources = block, reference, Sources(block, folder, files, reference)
         groups: dict[str, Mapping[str, Column]]
         groups = {"outputs": block.outputs, "inputs": block.inputs, "reference": block.reference}
-        faults = Refusals()
+        refusals = Refusals()
         self._wanted: dict[str, list[Wanted]] = {group: [] for group in groups}
         for group, columns in groups.items():
             for name, column in columns.items():
-                with faults.of_a_part():
+                with refusals.of_a_part():
                     self._wanted[group].append(sources.wanted(name, column, ("data", group, name)))
-        faults.refuse()
+        refusals.refuse()
         every = [signal for some in self._wanted.values() for signal in some]
         self._found: list[Note] = list(lacking_columns(every, *sources.shared))
         self._tables = sources.tables()
@@ -96,8 +88,7 @@ class Reader:
 
     def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
         """All signals; arguments as of :func:`read`."""
-        self._around = (f"{self._reference}, ", "}}") if self._reference else None
-        self._units, self._time_unit, self._notes = units, unit, list(self._found)
+        self._units, self._time_unit, self._notes = ModelUnits(units, unit, self._reference), unit, list(self._found)
         signals = [signal for some in self._wanted.values() for signal in some]
         clock = OneClock(self._block, signals, self._tables, unit, beside, self._reference)
         self._times, self._origin = clock.times, clock.origin
@@ -127,11 +118,12 @@ class Reader:
             table.columns[part.quality] for table, part in zip(tables, parts, strict=True) if part.quality is not None
         ]
         counts = [table.lines.size for table in tables]
+        self._notes += self._units.told(signal)
         samples = Samples(
             key=signal.key,
             taken=taken,
             available=_joined(known) if known else taken,
-            values=self._converted(signal, values),
+            values=self._units.converted(signal, values),
             lines=_joined([table.lines for table in tables]),
             part=np.repeat(np.arange(len(tables), dtype=np.int16), counts)
             if len(tables) > 1
@@ -148,82 +140,6 @@ class Reader:
         """That in which times stand in the files, where all are numbers; else that of the run."""
         dates = any(part.time.absolute for part in parts)
         return (not dates and parts[0].time.clock.unit) or self._time_unit
-
-    def _converted(self, signal: Wanted, values: np.ndarray) -> np.ndarray:
-        """Values in the unit of the model."""
-        said, wanted = signal.block.unit, self._units.get(signal.name, "")
-        file = signal.parts[0].file
-        self._require_one_unit(signal)
-        for part in dict.fromkeys(part.file for part in signal.parts):
-            self._require_unit(signal, part)
-            if said is None and not wanted:
-                self._tell_rate(signal, part)
-        if said is None:
-            return values
-        if not wanted:
-            message = f"the model has no unit for {signal.name}: taken in {said} as they are"
-            self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
-            return values
-        return converted(values, said, wanted, (*signal.path, "unit"))
-
-    def _require_one_unit(self, signal: Wanted) -> None:
-        """Tell where files of a log say no unit, and others do.
-
-        Raises
-        ------
-        Problem
-            When they say different ones.
-        """
-        column, taken = signal.block.column, signal.block.unit
-        said = _said_by_files(signal)
-        require_one_unit(column, said, alike, signal.path)
-        silent = list(silent_parts(column, said, taken or "", signal.key))
-        if silent and taken is not None and not alike(taken, self._units.get(signal.name, "")):
-            self._notes += silent  # compared last: that may take the library of units
-
-    def _require_unit(self, signal: Wanted, file: LogFile) -> None:
-        """Tell that a file has another unit than the one that is taken.
-
-        Raises
-        ------
-        Problem
-            When the configuration does not say which of the two is right.
-        """
-        column, said = signal.block.column, signal.block.unit
-        taken = said or self._units.get(signal.name, "")
-        found, source = file.table.unit(column), "the file"
-        if not found and taken:
-            found, source = said_in_name(column, taken, said is not None), "its name"
-        if taken and not found and said is None and (message := remark_on_name(column, taken)):
-            self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
-        if not (found and taken) or alike(found, taken):
-            return
-        another = AnotherUnit(
-            column=column,
-            file=str(file.path),
-            source=source,
-            found=found,
-            wanted=taken,
-            said=said,
-            who="the model has",
-            beside=self._around,
-        )
-        self._notes.append(note_of(another, "units", signal.key, signal.path, but_silent(_said_by_files(signal))))
-
-    def _tell_rate(self, signal: Wanted, file: LogFile) -> None:
-        """Tell that numbers are per another unit of time than the model's, which has no unit for them."""
-        column, name, time = signal.block.column, signal.name, self._time_unit
-        in_file = file.table.unit(column)
-        found, source = in_file or unit_in_name(column), "the file" if in_file else "its name"
-        per_time = per_unit_of(found, time)
-        if not per_time:
-            return
-        message = (
-            f"column {column!r}: {source} says {found}, and the model, whose time is in {time}, has no unit for {name}:"
-            f" taken as they are; plant.units: {{{name}: {found}}} says that this is right; for a model in {per_time}, "
-            f"plant.units: {{{name}: {per_time}}} and {'.'.join(map(str, signal.path))}.unit: {found} convert"
-        )
-        self._notes.append(Note(kind="units", signal=signal.key, file=str(file.path), message=message))
 
     def _all_sorted(self, signals: Sequence[Wanted]) -> Mapping[Wanted, Samples]:
         """The samples of all signals, those of long logs looked through side by side."""
@@ -246,19 +162,12 @@ class Reader:
         plausible = block.plausible if isinstance(block, Judged) else None
         return sorting.sorted_out(samples, plausible), sorting.notes
 
-    def _unit_of(self, signal: Wanted) -> str:
-        return (
-            self._units.get(signal.name, "")
-            or signal.block.unit
-            or signal.parts[0].file.table.unit(signal.block.column)
-        )
-
     def _signal(self, signal: Wanted, samples: Samples) -> Signal:
         block = signal.block
         assert isinstance(block, Judged)
         found = Signal(
             name=signal.name,
-            unit=self._unit_of(signal),
+            unit=self._units.said(signal),
             taken=samples.taken,
             available=samples.available,
             values=samples.values,
@@ -277,18 +186,13 @@ class Reader:
         assert isinstance(signal.block, Recorded)
         return InputSignal(
             name=signal.name,
-            unit=self._unit_of(signal),
+            unit=self._units.said(signal),
             times=samples.taken,
             values=samples.values,
             hold=signal.block.hold,
             lines=samples.lines,
             source=samples.sources[0],
         )
-
-
-def _said_by_files(signal: Wanted) -> dict[str, str]:
-    """What each file says of the unit of a column; empty where it says nothing."""
-    return {str(part.file.path): part.file.table.unit(signal.block.column) for part in signal.parts}
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -13,8 +13,7 @@ import numpy as np
 from hgorun.data.cells import IF_MISSING, Cells, Flags, is_word
 from hgorun.data.comments import is_comment
 from hgorun.data.date_hints import may_be_date
-from hgorun.data.dialect import SPACES, Dialect
-from hgorun.data.dialect import cells as cells_of
+from hgorun.data.dialect import SPACES, Dialect, cells_of
 from hgorun.data.text import Block
 from hgorun.data.units_row import is_value
 from hgorun.errors import ConfigError

@@ -109,15 +109,15 @@ class Sources:
             clock, clock_path = self._block.time, ("data", "time")
         if clock is None:
             raise Problem(("data",), "time is missing: the column with the time stamps")
-        faults = Refusals()
-        files = self._having(column, path, faults)
+        refusals = Refusals()
+        files = self._having(column, path, refusals)
         for file in files:
-            self._require_beside(file, column, clock, path, clock_path, faults)
-        faults.refuse()
+            self._require_beside(file, column, clock, path, clock_path, refusals)
+        refusals.refuse()
         parts = tuple(self._part(file, column, clock, path, clock_path) for file in files)
         return Wanted(name, path, column, parts)
 
-    def _having(self, column: Column, path: KeyPath, faults: Refusals) -> list[LogFile]:
+    def _having(self, column: Column, path: KeyPath, refusals: Refusals) -> list[LogFile]:
         """The files in which a column should stand: its own, or those of all signals that have it, or the first."""
         csv = column.csv or self._block.csv
         own = column.csv is not None or column.file is not None
@@ -125,7 +125,7 @@ class Sources:
         place = (*path, "column")
         if column.file is not None:
             file = self._open(self._folder / column.file, csv, (*path, "file"), owner)
-            with faults.of_a_part():
+            with refusals.of_a_part():
                 self._known(file, column.column, place)
             return [file]
         if not self._given:
@@ -136,7 +136,7 @@ class Sources:
                 files.append(self._open(given, csv, self._key, owner))
         missing.refuse()
         found = [file for file in files if column.column in file.table.names]
-        with faults.of_a_part():
+        with refusals.of_a_part():
             if not found:
                 self._known(files[0], column.column, place, [n for file in files for n in file.table.names])
             for file in found:
@@ -144,7 +144,7 @@ class Sources:
         return found or files[:1]
 
     def _require_beside(
-        self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath, faults: Refusals
+        self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath, refusals: Refusals
     ) -> None:
         """Find what else a signal asks of a file: the columns of its times, and of its quality."""
         names = {(*clock_path, "column"): clock.column}
@@ -153,7 +153,7 @@ class Sources:
         if isinstance(column, Judged) and column.quality is not None:
             names[*path, "quality", "column"] = column.quality.column
         for place, name in names.items():
-            with faults.of_a_part():
+            with refusals.of_a_part():
                 self._known(file, name, place)
 
     def _part(self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath) -> Part:

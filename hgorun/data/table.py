@@ -57,6 +57,12 @@ class TableFile(Protocol):
         """Columns of it, within some bytes of memory."""
 
 
+def too_large(path: Path, budget: float, line: int | None = None) -> ConfigError:
+    """That the values of a file take more than some bytes, as a line shows."""
+    message = f"the values take more than {budget / 2**30:.3g} GiB, the limit of data.max_memory"
+    return ConfigError(message, file=str(path), line=line)
+
+
 class Columns:
     """Arrays that grow as a file is read.
 
@@ -89,8 +95,7 @@ class Columns:
         """
         end = self._filled + rows
         if end * self._row > self._budget:
-            message = f"the values take more than {self._budget / 2**30:.3g} GiB, the limit of data.max_memory"
-            raise ConfigError(message, file=str(self._path), line=line)
+            raise too_large(self._path, self._budget, line)
         if end > self._lines.size:
             self._resize(max(end, self._lines.size * 5 // 4))
         return [column[self._filled : end] for column in self._values]

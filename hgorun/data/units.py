@@ -22,29 +22,11 @@ from hgorun.errors import KeyPath, Problem
 if TYPE_CHECKING:
     import pint
 
-_COMMON = (
-    *(
-        "mg/L",
-        "g/L",
-        "ug/L",
-        "kg/m^3",
-        "mol/L",
-        "mmol/L",
-        "mol/m^3",
-        "g",
-        "kg",
-        "mg",
-        "mol",
-        "mL",
-        "L",
-        "m^3",
-        "m",
-        "cm",
-    ),
-    *("mm", "km", "m/s", "m/s^2", "km/h", "rad", "deg", "rad/s", "deg/s", "rpm", "1/s", "1/min", "1/h", "1/d", "Hz"),
-    *("L/h", "L/min", "mL/min", "m^3/h", "m^3/s", "kg/h", "kg/s", "g/h", "degC", "degF", "K", "Pa", "kPa", "mbar"),
-    *("bar", "V", "mV", "A", "mA", "W", "kW", "J", "kJ", "N", "percent", "s", "min", "h", "d", "ms"),
-)  # that may be meant
+_COMMON = """
+    mg/L g/L ug/L kg/m^3 mol/L mmol/L mol/m^3 g kg mg mol mL L m^3 m cm mm km m/s m/s^2 km/h rad deg rad/s deg/s rpm
+    1/s 1/min 1/h 1/d Hz L/h L/min mL/min m^3/h m^3/s kg/h kg/s g/h degC degF K Pa kPa mbar bar V mV A mA W kW J kJ N
+    percent s min h d ms
+"""  # that may be meant
 # pint calculates with what it is given: no powers of powers, and few digits
 _FACTOR = r"\(?\s*(?:[^\W\d]\w{0,30}|[%‰°]\w?|\d{1,6})(?:\s*(?:\*\*|\^)\s*-?\d)?\s*\)?"
 _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
@@ -144,7 +126,7 @@ def not_known(unit: str) -> str:
     try:
         _parsed(_registry(), unit, ())
     except Problem:
-        return f"{unit!r} is not a known unit.{nearest(unit, _COMMON)}"
+        return f"{unit!r} is not a known unit.{nearest(unit, _COMMON.split())}"
     return ""
 
 
@@ -279,7 +261,7 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     for one in (meant_by(text), *in_other_letters(text)):
         if one is not None and _fits(one, wanted):
             return f"{before} Did you mean `{one}`?"
-    close = nearest(text, [unit for unit in _COMMON if unit != text and _fits(unit, wanted)])
+    close = nearest(text, [unit for unit in _COMMON.split() if unit != text and _fits(unit, wanted)])
     return before + close if close else ""
 
 

@@ -9,9 +9,9 @@ from __future__ import annotations
 import re
 from collections.abc import Collection, Mapping, Sequence
 
+from hgorun.data.date_forms import reads
 from hgorun.data.date_texts import looks_like_iso
 from hgorun.data.units import are_usual, is_time, is_unit
-from hgorun.data.zones import date_of
 
 NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
 _BEGINS_AS_NUMBER = re.compile(r"[-+\u2010-\u2015\u2212<>=~\u2248\u2264\u2265\u00b1.,'\s]*\d")
@@ -82,13 +82,7 @@ def _may_be_value(text: str) -> bool:
 
 def _reads(text: str, form: str | None) -> bool:
     """Whether a text is a date of a pattern."""
-    if form is None or "%" not in form:
-        return False  # numbers and ISO 8601 are known as such
-    try:
-        date_of(text, form)
-    except ValueError:
-        return False
-    return True
+    return form is not None and "%" in form and reads(text, form)  # numbers and ISO 8601 are known as such
 
 
 def _of_stamps(text: str) -> bool:

@@ -17,7 +17,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.first_values import first_values, require_known
-from hgorun.estimate.intervals import mean_intervals, offset_of, usual_step
+from hgorun.estimate.intervals import mean_intervals, offset_of, period_of
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.estimate.stated_of_data import StatedOfData, noisy
 from hgorun.measurement.blocks import Measurement
@@ -212,7 +212,7 @@ def _measurement(given: Mapping[str, Any], recording: Recording, start: float) -
         signal = recording.outputs.get(name)
         if signal is not None:
             told = (block.get("sampling") or given.get("sampling")) if signal.taken.size == 1 else None
-            outputs[name]["sampling"] = told or {"period": usual_step(signal.taken), **offset_of(signal.taken, start)}
+            outputs[name]["sampling"] = told or {"period": period_of(signal.taken), **offset_of(signal.taken, start)}
     std = {name: signal.std for name, signal in recording.outputs.items() if signal.std is not None}
     return {**found, "outputs": noisy(outputs, std)}
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from hgorun.data.recording import Recording, median_step
+from hgorun.data.recording import Recording
+from hgorun.data.time_steps import median_step
 
 _EVEN = 1e-5  # of the usual step: what the rounding of time stamps may make of it
 
@@ -32,7 +33,7 @@ def mean_intervals(recording: Recording, start: float, end: float) -> dict[str, 
     return found
 
 
-def usual_step(taken: np.ndarray) -> float:
+def period_of(taken: np.ndarray) -> float:
     """About how far apart samples are; any number for a single one."""
     step = median_step(taken)
     return 1.0 if np.isnan(step) else step

@@ -51,7 +51,7 @@ HARD = [
 
 def bulk_of(text: str, wanted: list[Cells] | None = None) -> tuple[int, list[np.ndarray]]:
     block = Block(text.encode(), 1)
-    dialect = dialect_of(block, Path("log.csv"), Csv())
+    dialect = dialect_of(block, Path("log.csv"), Csv(), {})
     columns = [np.empty(block.lines) for _ in wanted or WANTED]
     count, end = Bulk(dialect, wanted or list(WANTED)).rows(block, text.index("\n") + 1, columns)
     return end, [column[:count] for column in columns]
@@ -143,13 +143,13 @@ def test_columns_that_nobody_wants_may_hold_text() -> None:
 
 
 def table(path: Path, wanted: list[Cells]) -> Table:
-    return CsvFile(path, Csv()).table(wanted, 1e9)
+    return CsvFile(path, Csv(), {}).table(wanted, 1e9)
 
 
 def by_rows(path: Path, wanted: list[Cells]) -> tuple[np.ndarray, list[np.ndarray]]:
     """The oracle: every row by Python's reader."""
     block = Block(path.read_bytes(), 1)
-    parts = list(Rows(path, dialect_of(block, path, Csv()), wanted).arrays(iter([block])))
+    parts = list(Rows(path, dialect_of(block, path, Csv(), {}), wanted).arrays(iter([block])))
     return np.concatenate([lines for lines, _ in parts]), [
         np.concatenate(c) for c in zip(*(v for _, v in parts), strict=True)
     ]
@@ -220,7 +220,7 @@ def test_dates_of_blocks_that_are_read_at_once_do_not_mix_their_zones(tmp_path: 
 
 def test_blocks_that_are_read_at_once_share_what_is_made_once(monkeypatch: pytest.MonkeyPatch) -> None:
     block = Block(b"t,a\n7,0.1\n5,1e-30\n", 1)
-    reading = Bulk(dialect_of(block, Path("log.csv"), Csv()), list(WANTED))
+    reading = Bulk(dialect_of(block, Path("log.csv"), Csv(), {}), list(WANTED))
 
     def made_by_two_threads() -> None:
         raise AssertionError("each thread would have its own, and that of one of them is gone while it is read")

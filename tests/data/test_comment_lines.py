@@ -21,7 +21,7 @@ ROWS = 3000
 def read(folder: Path, text: str, **told: object) -> Table:
     path = folder / "log.csv"
     path.write_bytes(text.encode())
-    return CsvFile(path, Csv.model_validate(told)).table(WANTED, 1e9)
+    return CsvFile(path, Csv.model_validate(told), {}).table(WANTED, 1e9)
 
 
 @pytest.mark.parametrize(

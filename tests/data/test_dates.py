@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from hgorun.config.data import Csv
-from hgorun.data.cells import NAT, Cells, Numbers, Stamps
+from hgorun.data.cells import Cells, Numbers, Stamps
 from hgorun.data.csv_table import CsvFile
 from hgorun.data.date_texts import iso_stamp
-from hgorun.data.dates import iso_stamps
+from hgorun.data.dates import NAT, iso_stamps
 from hgorun.errors import ConfigError
 
 FORMS = [
@@ -117,7 +117,7 @@ def test_rows_between_plain_ones(tmp_path: Path, odd: str) -> None:
         rows[place] = odd
     (tmp_path / "log.csv").write_text("\n".join(["t,a", "2023-12-31T23:59:59,0", *rows]))
     wanted: list[Cells] = [Stamps("t"), Numbers("a")]
-    table = CsvFile(tmp_path / "log.csv", Csv()).table(wanted, 1e9)
+    table = CsvFile(tmp_path / "log.csv", Csv(), {}).table(wanted, 1e9)
     plain = [(line, row.split(",")) for line, row in enumerate(rows, start=3) if row and not row.startswith("#")]
     expected = [NAT if t in ("", "nan") else iso_stamp(t.strip(' "'))[0] for _, (t, _) in plain]
     assert table.columns[wanted[0]].tolist()[1:] == expected
@@ -134,13 +134,13 @@ def test_a_date_that_is_wrong_has_its_line(tmp_path: Path, stamp: str, message: 
     rows[1500] = f"{stamp},1"
     (tmp_path / "log.csv").write_text("\n".join(["t,a", *rows]))
     with pytest.raises(ConfigError, match=rf":1502: t: .*{message}"):
-        CsvFile(tmp_path / "log.csv", Csv()).table([Stamps("t"), Numbers("a")], 1e9)
+        CsvFile(tmp_path / "log.csv", Csv(), {}).table([Stamps("t"), Numbers("a")], 1e9)
 
 
 def test_the_first_row_is_not_plain(tmp_path: Path) -> None:
     (tmp_path / "log.csv").write_text('t,a\n2024-01-01,"1"\n2024-01-02,2\n')
     wanted: list[Cells] = [Stamps("t"), Numbers("a")]
-    table = CsvFile(tmp_path / "log.csv", Csv()).table(wanted, 1e9)
+    table = CsvFile(tmp_path / "log.csv", Csv(), {}).table(wanted, 1e9)
     assert table.columns[wanted[1]].tolist() == [1, 2]
 
 

@@ -7,7 +7,7 @@ from itertools import groupby, pairwise
 import numpy as np
 import pytest
 
-from hgorun.data import recording
+from hgorun.data import time_steps
 from hgorun.data.fault_passes import equal_runs, gaps_above, large_steps, straight_runs
 
 
@@ -63,8 +63,8 @@ def test_equal_neighbours_are_those_that_python_finds(count: int) -> None:
 @pytest.mark.parametrize("kind", ["rounded", "random", "two steps", "repeated", "of two thirds"])
 @pytest.mark.parametrize("count", [3001, 3002])
 def test_the_median_step_of_many_times_is_that_of_numpy(kind: str, count: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording, "_MANY", 100)
-    monkeypatch.setattr(recording, "_PIECE", 256)
+    monkeypatch.setattr(time_steps, "_MANY", 100)
+    monkeypatch.setattr(time_steps, "_PIECE", 256)
     drawn = np.random.default_rng(count)
     times = {
         "rounded": 1e4 + np.round(1e-3 * np.arange(count), 3),
@@ -74,4 +74,4 @@ def test_the_median_step_of_many_times_is_that_of_numpy(kind: str, count: int, m
         "of two thirds": np.cumsum(np.where(np.arange(count) < 2000, 0.1, 5.0)),
     }[kind]
     steps = np.diff(times)
-    assert recording.median_step(times) == np.median(steps[steps > 0])
+    assert time_steps.median_step(times) == np.median(steps[steps > 0])

@@ -130,7 +130,7 @@ def test_a_unit_of_the_kind_that_is_not_converted_is_found(name: str, wanted: st
 
 
 def test_what_is_usual_is_known_to_the_library_and_what_is_suggested_is_usual() -> None:
-    assert all(unusual(unit) is None for unit in _COMMON)
+    assert all(unusual(unit) is None for unit in _COMMON.split())
     for name in sorted(_SYMBOLS | _WORDS):
         _registry().Unit(name)
 
