@@ -19,7 +19,7 @@ from hgorun.estimate.refused import refuse, require_used
 from hgorun.measurement.late import Treatment
 from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.observers.capabilities import BeginsWithASample
+from hgorun.observers.sample_times import BeginsWithASample
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment

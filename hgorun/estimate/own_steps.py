@@ -18,7 +18,7 @@ from hgorun.engine.layout import JUMP, NOTHING, SET, HybridSystem
 from hgorun.engine.plan import Integers
 from hgorun.errors import Problem
 from hgorun.observers.base import SampledObserver
-from hgorun.observers.capabilities import OnePeriod
+from hgorun.observers.sample_times import OnePeriod
 from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 

@@ -12,7 +12,7 @@ from hgorun.estimate.event import Event
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.estimate.samples import Sampled
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.observers.capabilities import OnePeriod
+from hgorun.observers.sample_times import OnePeriod
 from hgorun.simulation.experiment import Experiment
 
 _UNEVEN = 1e-6  # of a period

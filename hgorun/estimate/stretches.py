@@ -16,7 +16,7 @@ from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.samples import Samples
 from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tolerances, variants_of
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.observers.capabilities import KnownCovariance
+from hgorun.observers.covariance import KnownCovariance
 from hgorun.pieces import ascending
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.grid import EvenPoints

@@ -20,7 +20,6 @@ import numpy as np
 from pydantic import Field, PrivateAttr
 
 from hgorun.config.types import Block, Positive
-from hgorun.observers.initial_covariance import BeginsWithCovariance
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.sensors import Sensor
 from hgorun.symbolic.symbols import Symbols
@@ -289,43 +288,3 @@ class NoiseInformed(Block):
         copied = self.model_copy()
         copied._sensors = tuple(sensors)
         return copied
-
-
-class KnownCovariance(BeginsWithCovariance):
-    """The state ``P`` is the covariance of the error of xhat, in the coordinates where the observer computes."""
-
-    def expected(self, plant: Any, s: Symbols, k: Symbols) -> tuple[ca.SX, ca.SX]:
-        """What samples are expected to be, shape (q,), and the variances of that, without the noise of sensors."""
-        y = plant.output(s.xhat)
-        H = ca.jacobian(y, s.xhat)
-        return y, ca.diag(H @ s.P @ H.T)
-
-
-class EvenSamples(Block):
-    """Derivatives that are right where the samples are even."""
-
-    @property
-    @abstractmethod
-    def even_only(self) -> bool:
-        """Whether those from the second on are not, on other samples, with the keys that are given."""
-
-
-class OnePeriod(Block):
-    """A step from sample to sample that is that of one period: no sample can be left out."""
-
-    @abstractmethod
-    def one_period(self, form: Any) -> float:
-        """That of which it is."""
-
-
-class BeginsWithASample(Block):
-    """An observer with states that belong to the first sample, whose time a stream does not know before."""
-
-    @property
-    @abstractmethod
-    def begins(self) -> float:
-        """When that is due, counted from the start of the run: for then the states at the start are meant."""
-
-    @abstractmethod
-    def begun(self, form: Any, xhat: np.ndarray) -> Mapping[str, np.ndarray]:
-        """These states where the first sample comes at another time, from the estimate then, shape (n,)."""

@@ -14,7 +14,8 @@ from hgorun.config.nearest import among
 from hgorun.config.types import Name, NonNegative, Number, Positive, describe
 from hgorun.errors import Problem
 from hgorun.observers.base import ContinuousObserver
-from hgorun.observers.capabilities import KnownCovariance, NoiseInformed
+from hgorun.observers.capabilities import NoiseInformed
+from hgorun.observers.covariance import KnownCovariance
 from hgorun.observers.gaussian import spread_along
 from hgorun.observers.intervals import UNKNOWN
 from hgorun.observers.riccati import require_positive_definite

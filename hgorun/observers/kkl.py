@@ -17,10 +17,11 @@ from hgorun.observers.base import (
     SampleSchedule,
     observer,
 )
-from hgorun.observers.capabilities import BeginsWithASample, BySampling, OnePeriod
+from hgorun.observers.capabilities import BySampling
 from hgorun.observers.intervals import usual_periods
 from hgorun.observers.kkl_keys import KklObserver
 from hgorun.observers.orbits import Escaped
+from hgorun.observers.sample_times import BeginsWithASample, OnePeriod
 from hgorun.symbolic.drift import DriftForm
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.smooth import SmoothCopy

@@ -12,9 +12,10 @@ from pydantic import Field
 from hgorun.config.types import Positive
 from hgorun.errors import Problem
 from hgorun.observers.base import Role, observer
-from hgorun.observers.capabilities import EvenSamples, SlidingMode, Switching
+from hgorun.observers.capabilities import SlidingMode, Switching
 from hgorun.observers.levant import implicit_step
 from hgorun.observers.roots import signed_powers
+from hgorun.observers.sample_times import EvenSamples
 from hgorun.observers.stepped_differentiator import SteppedDifferentiator
 from hgorun.symbolic.derivatives import DerivativeForm
 from hgorun.symbolic.states import Symmetric

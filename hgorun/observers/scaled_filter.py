@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Discriminator, Field, Tag
 
 from hgorun.config.types import Number, Positive
+from hgorun.observers.covariance import BeginsWithCovariance
 from hgorun.observers.extension import Extendable
 from hgorun.observers.gaussian import spread_along
-from hgorun.observers.initial_covariance import BeginsWithCovariance
 from hgorun.observers.kalman import SensorNoise, by_output, require_covariance
 from hgorun.observers.riccati import require_positive_definite
 from hgorun.symbolic.canonical import CanonicalForm

@@ -6,37 +6,30 @@ from collections.abc import Callable, Mapping
 from functools import cached_property, partial
 from typing import Any
 
-import numpy as np
-
 from hgorun.config.named import Named
 from hgorun.errors import ConfigError
-from hgorun.measurement.availability import Stretch, resolve
-from hgorun.measurement.noise import deviations
 from hgorun.measurement.sensors import sensors_of
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import ByLateness, BySampling, NoiseInformed
-from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.result.observer import Coordinates
 from hgorun.simulation.blocks import Checked, as_available, check_again, observer_of
-from hgorun.simulation.configured import ONLY_A_FILE, Configured
+from hgorun.simulation.configured import ONLY_A_FILE
 from hgorun.simulation.design import Design
 from hgorun.simulation.forms import coordinates_of, form_of
-from hgorun.simulation.grid import EvenGrid, even_grid_of, grid_of, metric_step
+from hgorun.simulation.observed import Observed
 from hgorun.simulation.resolved import changed, resolved, resolved_text
 from hgorun.simulation.variation import stale, unchanged
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.sensors import Sensor
 
-# what the runs of a family share, and by which their schedules are known again
-_STRETCHES: Memo[list[list[Stretch]]] = Memo(16)
-_DESIGNS: Memo[Design] = Memo(256)
+_DESIGNS: Memo[Design] = Memo(256)  # what the runs of a family share
 
 # in a copy; all else follows from these
 _KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known", "_intervals")
 
 
-class Experiment(Configured):
+class Experiment(Observed):
     """One run, complete: everything that :func:`hgorun.simulate` needs.
 
     Figures and claims are checked for their keys and then left out: which names they may use is decided by all runs
@@ -166,12 +159,6 @@ class Experiment(Configured):
         return as_available(observer, self.sampled, self._late)
 
     @cached_property
-    def plant(self) -> BuiltPlant:
-        """The plant as a model with numbers."""
-        with self.located():
-            return build_plant(self.plant_block, self.origin, self.controller)
-
-    @cached_property
     def _forms(self) -> dict[str, tuple[Form, Form]]:
         """For every observer the form of the plant, and the one first found with the same equations."""
         with self.located():
@@ -180,20 +167,6 @@ class Experiment(Configured):
 
     def _form(self, label: str) -> tuple[Form, Form]:
         return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self.sampled)
-
-    def sampled(self) -> bool:
-        """Whether all outputs are, all the time."""
-        return not any(stretch.continuous for output in self.stretches for stretch in output)
-
-    def _late(self) -> bool:
-        """Whether a continuous output is."""
-        return any(stretch.continuous and not stretch.undelayed for output in self.stretches for stretch in output)
-
-    @cached_property
-    def _noise(self) -> dict[str, float]:
-        """Standard deviation of the outputs' noise, where several outputs share the states."""
-        outputs = self.plant.model.outputs
-        return deviations(self.stretches, outputs) if len(outputs) > 1 else {}
 
     @cached_property
     def _chosen(self) -> dict[str, Coordinates]:
@@ -257,45 +230,6 @@ class Experiment(Configured):
         new = self._anew()
         new._known = other._sensors
         return new
-
-    @cached_property
-    def stretches(self) -> list[list[Stretch]]:
-        """Every output's availability, phase by phase."""
-        outputs, time = self.plant.model.outputs, self.blocks.time
-        with self.located():
-            return _STRETCHES.get(
-                (same(self.measurement), outputs, time), lambda: resolve(self.measurement, outputs, time)
-            )
-
-    @property
-    def metric_step(self) -> float:
-        """Spacing of the points that metrics are taken from."""
-        return self._every * metric_step(self.blocks.time, self.blocks.metrics)
-
-    @cached_property
-    def _every(self) -> int:
-        """How many points of the metrics' grid make a step of this experiment's, see :meth:`looked_at`."""
-        return 1
-
-    def looked_at(self, every: int) -> Experiment:
-        """The same, but with output at every so many points of the metrics' grid alone."""
-        new = object.__new__(type(self))
-        new.__dict__ |= self.__dict__
-        points, _, of_metrics = self.grid
-        new._every, new.grid = every, (points[:: every * of_metrics].copy(), 1, 1)
-        return new
-
-    @cached_property
-    def grid(self) -> tuple[np.ndarray, int, int]:
-        """The finer of output and metric grid, from 0 on, and how many of its points make a step of each."""
-        with self.located():
-            return grid_of(self.blocks.time, self.blocks.metrics, self.plant.model.n, len(self.observers))
-
-    @cached_property
-    def even_grid(self) -> EvenGrid:
-        """The same, with points that are made when they are asked for."""
-        with self.located():
-            return even_grid_of(self.blocks.time, self.blocks.metrics, self.plant.model.n, len(self.observers))
 
     def resolved(self) -> dict[str, Any]:
         """The configuration after ``extends``, ``--set`` and defaults, as plain data."""

@@ -18,7 +18,7 @@ from hgorun.observers.base import (
     Sample,
     SampledObserver,
 )
-from hgorun.observers.capabilities import KnownCovariance
+from hgorun.observers.covariance import KnownCovariance
 from hgorun.observers.recalling import LAGS, RecallingObserver
 from hgorun.observers.returned import Misfit, fitting
 from hgorun.simulation.design import SHRINK, Design

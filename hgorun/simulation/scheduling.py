@@ -18,8 +18,8 @@ from hgorun.measurement.schedule import Schedule, build_schedule
 from hgorun.measurement.signals import extremes_of, kinks_of, signal_remarks, unknown_extremes
 from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
-from hgorun.observers.capabilities import EvenSamples
 from hgorun.observers.recalling import LAGS, RecallingObserver
+from hgorun.observers.sample_times import EvenSamples
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_extremes, plant_kinks, plant_remarks, plant_unknown
 from hgorun.simulation.prepared import PreparedRun

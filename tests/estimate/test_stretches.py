@@ -267,7 +267,7 @@ def test_what_needs_the_whole_is_left_to_it(change: str, short: pytest.MonkeyPat
 
 
 def test_nobody_asks_for_all_output_points(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    short.setattr("hgorun.simulation.experiment.grid_of", None)
+    short.setattr("hgorun.simulation.observed.grid_of", None)
     plant = inline({"a": "b", "b": "c", "c": "-a"}, {"a": "a"})
     del plant["initial"]
     config = source({"plant": plant, "observers": observers("shgo", initial={"b": 1.0}), **FIXED})

@@ -23,6 +23,7 @@ from hgorun.simulation import (
     first_step,
     forms,
     grid,
+    observed,
     outcome,
     plant_alone,
     preparation,
@@ -75,7 +76,7 @@ def forget() -> None:
     for memo in (
         structure._STRUCTURES, preparation._CHANNELS, scheduling._SCHEDULES, first_step._SLOPES, preparation._TRUTHS,
         forms._FOUND, forms._DECIDED, tables._TABLES, outcome._INPUTS, plant_alone._KINKS, plant_alone._PROGRAMS,
-        build._BUILT, signals._COMPILED, events._PLACES, events._FOUND, sampling._FOUND, experiments._STRETCHES,
+        build._BUILT, signals._COMPILED, events._PLACES, events._FOUND, sampling._FOUND, observed._STRETCHES,
         experiments._DESIGNS, grid._GRIDS, grid._POINTS, steps._STEPS,
     ):  # fmt: skip
         memo.clear()

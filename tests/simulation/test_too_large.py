@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from examples import Block, chain, inline, simulated
 
-from hgorun.simulation import monodromy, too_large
+from hgorun.simulation import monodromy, small_errors
 
 PERIOD, LATE = {"sampling": {"period": 0.1}}, {"delay": 0.1}
 DUFFING = inline({"p": "q", "q": "p - p**3 - 0.2*q"}, "p") | {"initial": {"p": 1, "q": 0.5}}
@@ -95,7 +95,7 @@ def test_with_a_delay_the_theta_that_is_advised_settles(
         assert found[0] <= 16
         return found
 
-    monkeypatch.setattr(too_large, "on_their_way", on_their_way)
+    monkeypatch.setattr(small_errors, "on_their_way", on_their_way)
     swinging = inline({"p": "q", "q": "-p"}, "p") | {"initial": {"p": 1, "q": 0}}
     late: Block = {"sampling": {"period": period}, "delay": delay}
     grid: Block = {"step": 0.01, "output_step": 0.01, "end": 20}
