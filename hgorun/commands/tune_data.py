@@ -18,7 +18,7 @@ from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.cases import Case
 from hgorun.estimate.completed import completed
-from hgorun.estimate.goal import ALL, Goal, Samples, read_goal, split
+from hgorun.estimate.goal import ALL, Goal, Split, read_goal, split
 from hgorun.estimate.holdout import thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.estimate.samples import stated
@@ -89,7 +89,7 @@ def _with_overrides(text: str, overrides: Sequence[str]) -> str:
     return "".join(line for line in said if line not in text) + text
 
 
-def _samples(log: Log, goal: Goal) -> Samples:
+def _samples(log: Log, goal: Goal) -> Split:
     """A recording, what the observers get of it, and what they do not get."""
     recording, between = thinned(log.read(), log.block.period)
     return split(recording, goal, between)

@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.data.recording import Recording
 from hgorun.errors import HgorunError
 from hgorun.estimate.evaluated import Evaluated, evaluate_run
-from hgorun.estimate.goal import ALL, Goal, Samples
+from hgorun.estimate.goal import ALL, Goal, Split
 from hgorun.estimate.outlying import Errors, Mask
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.samples import stated
@@ -28,14 +28,14 @@ class Case:
     ----------
     experiment : Experiment
         Of that observer alone, as the recording completes it.
-    samples : Samples
+    samples : Split
     named : tuple of str, optional
         If the start follows from the first samples by a model whose parameters are sought: the states whose initial
         estimate is given nevertheless.
     """
 
     experiment: Experiment
-    samples: Samples
+    samples: Split
     named: tuple[str, ...] | None = None
 
     def with_gains(self, gains: Mapping[str, float]) -> PreparedEstimate:

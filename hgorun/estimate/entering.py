@@ -41,7 +41,7 @@ class Entering:
     members: tuple[int, ...]
 
 
-def innovations_of(entering: Sequence[Entering], model: PlantModel, innovations: Floats) -> dict[int, list[float]]:
+def innovations_by_slot(entering: Sequence[Entering], model: PlantModel, innovations: Floats) -> dict[int, list[float]]:
     """The innovations of some samples by their slots, of each observer.
 
     Parameters

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import zip_longest
-from typing import Protocol
 
 import numpy as np
 
@@ -21,6 +20,7 @@ from hgorun.estimate.compared import (
     with_lag,
 )
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.innovations import Innovations, InnovationsInMemory
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
@@ -46,29 +46,6 @@ class Normal:
     deviation: Floats
     nis: list[Floats]
     aside: Mapping[str, Floats]
-
-
-class Innovations(Protocol):
-    """Of an output measured minus estimated at the time of each sample, as it was estimated without that sample."""
-
-    def of(self, j: int, some: slice = slice(None)) -> Floats:
-        """Those of observer j, of some samples."""
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class InnovationsInMemory:
-    """Innovations of a run that is carried out at once.
-
-    Attributes
-    ----------
-    values : ndarray, shape (m, n_k)
-    """
-
-    values: Floats
-
-    def of(self, j: int, some: slice = slice(None)) -> Floats:
-        """Those of observer j, of some samples, which are not to be changed."""
-        return self.values[j, some]
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,7 +18,7 @@ from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Integers, Plan
 from hgorun.engine.session import Session
 from hgorun.engine.turns import in_turns, with_stops, without
-from hgorun.estimate.entering import Entering, SteppedRows, innovations_of, needed_until, where_entering
+from hgorun.estimate.entering import Entering, SteppedRows, innovations_by_slot, needed_until, where_entering
 from hgorun.estimate.gate import Gate, Known, variances_along
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.own_steps import OwnSteps, stepping
@@ -144,7 +144,7 @@ class _GatedRun:
         variances = variances_along(self._covariances, session, stops, times)
         session.advance(stops[-1] + 1)
         model, every = self._prepared.run.plant.model, [one for several in entering for one in several]
-        innovations = innovations_of(every, model, session.innovations)
+        innovations = innovations_by_slot(every, model, session.innovations)
         together = zip(entering, variances, strict=True)
         count = next(
             (k for k, (some, own) in enumerate(together) if not gate.passed(some, innovations, own)), len(places)

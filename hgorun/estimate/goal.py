@@ -31,7 +31,7 @@ class Goal:
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Samples:
+class Split:
     """A recording in three parts.
 
     Attributes
@@ -61,7 +61,7 @@ def read_goal(text: str, place: tuple[str | int, ...]) -> Goal:
     return Goal(found[1], found[2], found[3])
 
 
-def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None = None) -> Samples:
+def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None = None) -> Split:
     """Samples for the observers, for the search and for the report.
 
     Of an output that is held out every fifth sample is for the search, and another fifth for the report; of one of
@@ -83,7 +83,7 @@ def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None
             raise Problem(("tune", "minimise"), f"{goal}: {goal.name} is not in data.reference")
         signal = recording.reference[goal.name]
         search, report = _halves(signal, np.arange(signal.taken.size))
-        return Samples(replace(recording, reference={}), {goal.name: search}, {goal.name: report})
+        return Split(replace(recording, reference={}), {goal.name: search}, {goal.name: report})
     names = tuple(recording.outputs) if goal.name == ALL else (goal.name,)
     outputs, searched, reported = dict(recording.outputs), {}, {}
     for name in names:
@@ -94,7 +94,7 @@ def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None
             searched[name], reported[name] = _halves(between[name], gaps)
         else:
             outputs[name], searched[name], reported[name] = _fifths(recording.outputs[name], goal)
-    return Samples(replace(recording, outputs=outputs, reference={}), searched, reported)
+    return Split(replace(recording, outputs=outputs, reference={}), searched, reported)
 
 
 def _halves(signal: Signal, numbers: np.ndarray) -> tuple[Signal, Signal]:

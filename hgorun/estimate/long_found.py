@@ -46,6 +46,8 @@ class Found:
     ----------
     compared : mapping of Key to list of Compared
         Stretch by stretch.
+    instruments : mapping of Key to Instrument
+        Those that lag, of what is compared.
     sizes, gaps : ndarray, shape (m, n)
         The largest estimates, and differences to the other steps.
     undefined : ndarray, shape (m,)

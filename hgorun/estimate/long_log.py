@@ -27,6 +27,7 @@ from hgorun.estimate.compared import between_shown, compared_with, inside, instr
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import result_of, unseen, without_sensitivity
 from hgorun.estimate.evaluated import Evaluated, first_undefined, innovations_of
+from hgorun.estimate.innovations import WrittenInnovations
 from hgorun.estimate.long_found import Found, Sweep, together
 from hgorun.estimate.passed import Passed, carried_on, passed
 from hgorun.estimate.planned import planned
@@ -34,7 +35,6 @@ from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of
 from hgorun.estimate.stretches import LONG, Stretches, count_of, is_plain
-from hgorun.estimate.written import WrittenInnovations
 from hgorun.native.rows import in_one_piece
 from hgorun.result.parts import ResultInParts
 from hgorun.result.recorded import Assessed, Recorded
@@ -91,7 +91,7 @@ class LongLog:
     """
 
     def __init__(
-        self, stretches: Stretches, recording: Recording, held_out: Mapping[str, Signal], *, sensitivity: bool = False
+        self, stretches: Stretches, recording: Recording, held_out: Mapping[str, Signal], *, sensitivity: bool
     ) -> None:
         self._stretches, self._recording = stretches, recording
         self._prepared = replace(stretches.first, samples=tuple(stretches.samples), inputs=None)

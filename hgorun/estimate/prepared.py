@@ -18,9 +18,8 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.covariance import Covariance
-from hgorun.estimate.refused import refuse, require_used
+from hgorun.estimate.refused import refuse, require_apart, require_used
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
-from hgorun.estimate.stepping import require_apart
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of

@@ -1,10 +1,14 @@
-"""What observers of recorded data cannot have, or lack: the same whether samples stand in a file or come one by one."""
+"""What observers of recorded data cannot have, or lack, whether samples stand in a file or come one by one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from hgorun.errors import Problem
+from hgorun.estimate.samples import Sampled
+from hgorun.observers.base import SampledObserver
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.preparation import check_limit
 from hgorun.simulation.structure import Structure
@@ -44,3 +48,22 @@ def require_used(model: PlantModel, recorded: Sequence[int], structure: Structur
         if not (model.depends_on_input(place) or structure.depends_on_input(number)):
             message = "nothing depends on this input, neither the plant's equations nor those of an observer"
             raise Problem(("data", "inputs", model.inputs[place]), message)
+
+
+def require_apart(experiment: Experiment, samples: Sequence[Sampled]) -> None:
+    """Refuse samples of a file that were taken at one time: no step leads from one of them to the other.
+
+    Raises
+    ------
+    Problem
+    """
+    label = next((label for label, one in experiment.observers.items() if isinstance(one, SampledObserver)), None)
+    for one in samples if label is not None else ():
+        equal = np.flatnonzero(np.diff(one.taken) == 0)
+        if equal.size:
+            t = experiment.origin + one.taken[equal[0]]
+            message = (
+                f"{label} steps from sample to sample, and two samples were taken at {t:g}: take one of them, "
+                "faults: {repeated: mean}, first or last"
+            )
+            raise Problem(("data", "outputs", one.output), message)

@@ -62,7 +62,7 @@ def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
         The start of the run on the clock of the data, and how long it lasts.
     """
     taken, available = signal.taken - origin, signal.available - origin
-    slack = _slack(origin, end)
+    slack = rounding_of(origin, end)
     inside = (taken >= -slack) & (available <= end + slack)
     # those known together in the order in which they were taken, so that the newest is what is held
     order = np.lexsort((taken[inside], available[inside]))
@@ -76,10 +76,11 @@ def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
 
 def same_time(origin: float, end: float) -> float:
     """By how much times of a run may differ that are equal on paper; arguments as of :func:`sampled`."""
-    return max(1e-12 * end, 2 * _slack(origin, end))
+    return max(1e-12 * end, 2 * rounding_of(origin, end))
 
 
-def _slack(origin: float, end: float) -> float:
+def rounding_of(origin: float, end: float) -> float:
+    """How far a time of a run may be from its place, less the origin; arguments as of :func:`sampled`."""
     return float(4 * np.spacing(max(abs(origin), abs(origin + end))))
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from itertools import accumulate
 
 import numpy as np
@@ -15,7 +14,6 @@ from hgorun.estimate.samples import Sampled, stated
 from hgorun.pieces import all_true, everywhere
 from hgorun.symbolic.evaluate import Floats
 
-Scores = Mapping[str, Mapping[str, float]]  # by score, then by output, state or gain
 _LAGS = 10
 _PIECE = 1 << 16  # numbers that are squared at a time
 _SETTLED = 0.1  # of the samples: so many at the start are no matter of the noise

@@ -10,10 +10,8 @@ from hgorun.engine.plan import Floats
 from hgorun.errors import Problem
 from hgorun.estimate.event import Event
 from hgorun.estimate.live_system import LiveSystem
-from hgorun.estimate.samples import Sampled
-from hgorun.observers.base import CorrectedObserver, SampledObserver
+from hgorun.observers.base import CorrectedObserver
 from hgorun.observers.sample_times import OnePeriod
-from hgorun.simulation.experiment import Experiment
 
 _UNEVEN = 1e-6  # of a period
 
@@ -92,25 +90,6 @@ def require_times(system: LiveSystem, event: Event, before: tuple[float, ...]) -
         except Problem as problem:
             raise ValueError(f"the sample of t = {origin + event.t:g}: {design.label}: {problem.message}") from problem
     return tuple(now)
-
-
-def require_apart(experiment: Experiment, samples: Sequence[Sampled]) -> None:
-    """Refuse samples of a file that were taken at one time: no step leads from one of them to the other.
-
-    Raises
-    ------
-    Problem
-    """
-    label = next((label for label, one in experiment.observers.items() if isinstance(one, SampledObserver)), None)
-    for one in samples if label is not None else ():
-        equal = np.flatnonzero(np.diff(one.taken) == 0)
-        if equal.size:
-            t = experiment.origin + one.taken[equal[0]]
-            message = (
-                f"{label} steps from sample to sample, and two samples were taken at {t:g}: take one of them, "
-                "faults: {repeated: mean}, first or last"
-            )
-            raise Problem(("data", "outputs", one.output), message)
 
 
 def keep_inputs(system: LiveSystem, w: Floats) -> None:

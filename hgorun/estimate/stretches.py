@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.config.models import Time
 from hgorun.data.recording import InputSignal, Recording
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
-from hgorun.estimate.samples import Sampled, channel, recorded_inputs
+from hgorun.estimate.samples import Sampled, channel, recorded_inputs, rounding_of
 from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.samples import Samples
 from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tolerances, variants_of
@@ -217,7 +217,7 @@ def _free_before(times: Floats, t: float, margin: float, origin: float = 0.0) ->
 def _all_samples(experiment: Experiment, recording: Recording) -> list[Sampled]:
     """As :func:`hgorun.estimate.samples.all_sampled`, of samples that are in order: few copies are made."""
     origin, end = experiment.origin, experiment.time.end
-    slack = 4 * np.spacing(max(abs(origin), abs(origin + end)))
+    slack = rounding_of(origin, end)
     known: dict[int, tuple[slice, Floats]] = {}
     found = []
     for name in experiment.plant.model.outputs:

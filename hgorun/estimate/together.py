@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from hgorun.engine.layout import ACTION_WORDS, ARRIVE, JUMP, NOTHING, REBASE, SET, SHOW, TAKE
+from hgorun.engine.layout import ACTION_WORDS, ARRIVE, JUMP, NOTHING, REBASE, SET, SHOW, TAKE, HybridSystem
 from hgorun.engine.live import Live
 from hgorun.engine.plan import Floats, Integers
 from hgorun.estimate.arriving import Arriving
 from hgorun.estimate.following import Following
-from hgorun.estimate.live_system import LATE, TOGETHER
-from hgorun.simulation.structure import Structure
+from hgorun.estimate.live_system import TOGETHER, slot_of
 
 _Row = tuple[tuple[int, ...], str]  # of the action table, and what of it is the sample's own
 
@@ -40,16 +40,14 @@ class Kinds:
     outputs: int
 
     @classmethod
-    def of(cls, structure: Structure, corrections: list[int], inputs: int, late: int) -> Kinds:
-        """Those of a system; ``late`` is how many samples of one output may be on their way."""
-        system = structure.system
+    def of(cls, system: HybridSystem, corrections: Sequence[int], inputs: int) -> Kinds:
+        """Those of a system with some inputs that come with the samples."""
         layout = system.held
         found: list[list[_Row]] = []
         for i in range(system.outputs):
-            first = i * (late + 1)
             rows: list[_Row] = [((TAKE, i, 0, 0, 0), "own"), ((ARRIVE, i, 0, 0, 0), "own")]
             if system.has_alpha:
-                rows.append(((REBASE, i, 0, first, first + 1 + late), ""))
+                rows.append(((REBASE, i, 0, slot_of(i), slot_of(i + 1)), ""))
             rows += [((JUMP, number, 0, 0, 0), "") for number in corrections]
             if layout.flags:
                 flag = layout.fresh(i)
@@ -72,7 +70,7 @@ class Kinds:
                     marked[mark][kind, k] = True
         return cls(table, marked["own"], marked["value"], marked["time"], system.outputs)
 
-    def carry_out(self, live: Live, regime: int, times: Floats, kinds: Integers, values: Floats, late: int) -> Floats:
+    def carry_out(self, live: Live, regime: int, times: Floats, kinds: Integers, values: Floats) -> Floats:
         """All states after each of some samples, shape (N, states).
 
         Parameters
@@ -84,7 +82,7 @@ class Kinds:
         numbers = np.arange(count)
         slots = live.slots + numbers
         for i in range(self.outputs):  # what the run goes on from is where single samples leave it
-            slots[np.flatnonzero(kinds == i)[-1:]] = i * (late + 1)
+            slots[np.flatnonzero(kinds == i)[-1:]] = slot_of(i)
         live.samples[slots] = values
         actions = self.rows[kinds]
         place = actions[:, :, 2]
@@ -135,7 +133,7 @@ class Together:
         """As many as that, see :meth:`hgorun.Estimator.update_many`."""
         system, run, live = self._system, self._run, self._live
         since = t - system.experiment.origin
-        rows = self._kinds.carry_out(live, run.regime, since, kinds, values, LATE)
+        rows = self._kinds.carry_out(live, run.regime, since, kinds, values)
         for i in range(len(system.outputs)):
             own = since[kinds == i]
             if own.size:
@@ -146,4 +144,4 @@ class Together:
 
     @cached_property
     def _kinds(self) -> Kinds:
-        return Kinds.of(self._system.structure, list(self._system.corrections), len(self._system.inputs), LATE)
+        return Kinds.of(self._system.structure.system, self._system.corrections, len(self._system.inputs))

@@ -16,10 +16,10 @@ from interrupting import interrupt_writing
 from recordings import NOISE, held_input, observers, recording, signal, source
 
 from hgorun.data.recording import Recording, Signal
-from hgorun.estimate import long_found, long_log, prepared, stretches, written
+from hgorun.estimate import innovations, long_found, long_log, prepared, stretches
 from hgorun.estimate.estimate import estimate
+from hgorun.estimate.innovations import WrittenInnovations
 from hgorun.estimate.long_log import estimate_into
-from hgorun.estimate.written import WrittenInnovations
 from hgorun.measurement import schedule
 from hgorun.result import digests
 from hgorun.result.parts import ResultInParts
@@ -179,14 +179,14 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
 
 @pytest.mark.parametrize("some", [slice(None), slice(3, None, 1), slice(7, None, 9), slice(40, None)])
 def test_innovations_are_read_again(some: slice, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    monkeypatch.setattr(written, "_ROWS", 4)
+    monkeypatch.setattr(innovations, "_ROWS", 4)
     values = DRAWN.standard_normal((30, 2))
     with ResultInParts(tmp_path / "a.h5", 2) as file:
         for rows in (values[:11], values[11:]):
             file.append("measurement/a/innovation", rows, 30)
-        innovations = WrittenInnovations(file.whole("measurement/a/innovation"), 30)
+        read = WrittenInnovations(file.whole("measurement/a/innovation"), 30)
         for j in range(2):
-            np.testing.assert_array_equal(innovations.of(j, some), values[some, j])
+            np.testing.assert_array_equal(read.of(j, some), values[some, j])
 
 
 @pytest.mark.parametrize(("step", "status"), [(0.09, "inaccurate"), ("auto", "ok")])

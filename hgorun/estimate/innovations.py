@@ -1,6 +1,9 @@
-"""Innovations that have been written to a result file, where there are too many to be held in memory."""
+"""The innovations of an output: in memory, or in the result file where there are too many to be held there."""
 
 from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
@@ -10,8 +13,31 @@ from hgorun.symbolic.evaluate import Floats
 _ROWS = 1 << 16  # that are read at a time
 
 
+class Innovations(Protocol):
+    """Of an output measured minus estimated at the time of each sample, as it was estimated without that sample."""
+
+    def of(self, j: int, some: slice = slice(None)) -> Floats:
+        """Those of observer j, of some samples."""
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class InnovationsInMemory:
+    """Innovations of a run that is carried out at once.
+
+    Attributes
+    ----------
+    values : ndarray, shape (m, n_k)
+    """
+
+    values: Floats
+
+    def of(self, j: int, some: slice = slice(None)) -> Floats:
+        """Those of observer j, of some samples, which are not to be changed."""
+        return self.values[j, some]
+
+
 class WrittenInnovations:
-    """Of an output, see :class:`~hgorun.estimate.evaluated.Innovations`.
+    """Innovations of a run whose result is written as it goes on.
 
     Parameters
     ----------
