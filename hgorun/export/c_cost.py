@@ -42,7 +42,7 @@ def costs(source: Source) -> Mapping[str, Cost]:
     observer, functions = source.observer, source.functions.all
     equations, size, q = observer.equations, observer.size, len(observer.outputs)
     of_time = [k for name in equations.outputs for k in equations.needed(name) if equations.steps[k].clocked]
-    clock = Cost(**equations.count(sorted(set(of_time)))) if source.timed else Cost()
+    clock = Cost(**equations.count(sorted(set(of_time)))) if source.functions.timed else Cost()
 
     def evaluated(name: str) -> Cost:
         function = functions.get(name)

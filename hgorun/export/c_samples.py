@@ -12,7 +12,7 @@ from hgorun.observers.whole_periods import UNEVEN
 _SHORT, _SHORT_IN_FLOAT = 1e-9, 1e-6  # of the usual time between events: no step; its powers have no digits
 
 
-class Samples(Part):
+class SampleWriter(Part):
     """Writes ``update`` and ``measure``."""
 
     def update(self) -> Iterator[str]:

@@ -9,8 +9,8 @@ from functools import cached_property
 from hgorun.export.c_code import LAST, Real
 from hgorun.export.c_functions import Functions
 from hgorun.export.c_history import HISTORY
-from hgorun.export.c_samples import Samples
-from hgorun.export.c_step import Steps
+from hgorun.export.c_samples import SampleWriter
+from hgorun.export.c_step import StepWriter
 from hgorun.export.observer import Exported
 
 
@@ -66,11 +66,11 @@ class Source:
         """What is called from outside, and the steps."""
         observer = self.observer
         yield from self._init()
-        yield from Steps(self.functions).text() if observer.flows else [self._filled(_WAIT)]
+        yield from StepWriter(self.functions).text() if observer.flows else [self._filled(_WAIT)]
         if observer.sampled:
-            yield from Samples(self.functions).update()
+            yield from SampleWriter(self.functions).update()
         if observer.continuous:
-            yield from Samples(self.functions).measure()
+            yield from SampleWriter(self.functions).measure()
         if observer.inputs:
             yield self._filled(_INPUT)
         if observer.compares:
@@ -84,11 +84,6 @@ class Source:
         text = text.replace("ZERO", self.real.number(0.0)).replace("ONE", self.real.number(1.0))
         text = text.replace("LAST", LAST)
         return text.replace("REAL", self.real.name).replace("~~", self.upper).replace("~", self.prefix)
-
-    @property
-    def timed(self) -> bool:
-        """Whether some equation depends on time itself."""
-        return self.functions.timed
 
     def _init(self) -> Iterator[str]:
         observer, real = self.observer, self.real

@@ -13,7 +13,7 @@ from hgorun.export.equations import Output
 _UNROLLED = 64  # states
 
 
-class Steps(Part):
+class StepWriter(Part):
     """Writes ``predict``, and what it calls."""
 
     def text(self) -> Iterator[str]:

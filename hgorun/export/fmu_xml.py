@@ -7,6 +7,7 @@ from xml.etree import ElementTree as Xml
 
 from hgorun.export.fmu_templates import ERROR, WARNING, Version
 from hgorun.export.fmu_variables import Variable
+from hgorun.export.names import shown
 from hgorun.export.observer import Exported
 from hgorun.version import __version__
 
@@ -23,8 +24,8 @@ def description(
     root = Xml.Element(
         "fmiModelDescription",
         fmiVersion=version,
-        modelName=_text(observer.label),
-        description=_text(f"observer {observer.label} ({observer.design.observer.type}) of {observer.run}"),
+        modelName=shown(observer.label),
+        description=shown(f"observer {observer.label} ({observer.design.observer.type}) of {observer.run}"),
         generationTool=f"hgorun {__version__}",
         variableNamingConvention="structured",
     )
@@ -104,11 +105,6 @@ def _variables_3(root: Xml.Element, variables: Sequence[Variable]) -> None:
         for v in variables:
             if v.is_output:
                 Xml.SubElement(structure, part, valueReference=str(v.number))
-
-
-def _text(text: str) -> str:
-    """Text as XML may hold it."""
-    return "".join(char if char.isprintable() else "?" for char in text)
 
 
 def _written(root: Xml.Element) -> bytes:

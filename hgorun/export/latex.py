@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.export.equations import Symbolic, symbolic
+from hgorun.export.names import shown
 from hgorun.export.observer import Exported
 from hgorun.export.typeset import INDICATOR, Formula, Written, broken, dotted, number, written
 from hgorun.symbolic.states import StateBlock
@@ -82,7 +83,7 @@ class Document:
     def _lines(self) -> Iterator[str]:
         observer = self.observer
         kind = observer.design.observer.type
-        yield f"% Observer {_comment(observer.label)} ({kind}) of {_comment(observer.run)}, by hgorun {__version__}."
+        yield f"% Observer {shown(observer.label)} ({kind}) of {shown(observer.run)}, by hgorun {__version__}."
         yield "% Needs the package amsmath."
         yield ""
         equations = list(self._of_time())
@@ -227,8 +228,3 @@ def _aligned(pairs: Iterator[tuple[str, Formula]] | Sequence[tuple[str, Formula]
         yield from (rf"{line} \\" for line in lines[:-1])
         yield lines[-1]
         yield r"\end{align*}"
-
-
-def _comment(text: str) -> str:
-    """Text as a comment may hold it."""
-    return "".join(char if char.isprintable() else "?" for char in text)

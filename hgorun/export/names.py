@@ -1,4 +1,4 @@
-"""Names and text of a configuration as C can hold them."""
+"""Names and text of a configuration as files of C, LaTeX and XML can hold them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,11 @@ def identifier(label: str) -> str:
     return re.sub(r"\W", "_", label, flags=re.ASCII)
 
 
+def shown(text: str) -> str:
+    """Text without control characters and line ends."""
+    return "".join(char if char.isprintable() else "?" for char in text)
+
+
 def plain(text: str) -> str:
     """Text as a comment of C may hold it."""
-    shown = "".join(char if char.isprintable() else "?" for char in text)
-    return shown.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+    return shown(text).replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")

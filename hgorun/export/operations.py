@@ -14,6 +14,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.instructions import CLOCK, MAIN, SETUP, Instruction, read
 from hgorun.symbolic.interpreter import CALLS, value_of
 
@@ -21,7 +22,6 @@ FMA = -1  # a b + c, rounded once: CasADi has no such operation
 INPUT = ca.OP_INPUT
 _POWERS = (ca.OP_POW, ca.OP_CONSTPOW)
 _LARGEST = 2.0  # exponent of a power that is the exponential of a logarithm
-Floats = np.ndarray
 
 
 @dataclass(frozen=True, eq=False, repr=False)

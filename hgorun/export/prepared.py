@@ -13,7 +13,7 @@ from hgorun.engine.memory import history_pieces
 from hgorun.engine.methods import METHODS, Method
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.prepared import PreparedEstimate
-from hgorun.export.equations import Equations, Output, equations_of, outputs_of
+from hgorun.export.equations import Equations, Output, compares, equations_of, outputs_of
 from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
 from hgorun.export.steps import Integrated, OfData, OfRun, Steps
@@ -196,8 +196,7 @@ def _exported(
             f"sample, and leaves none out; {_without_lateness(run, label)}",
         )
     flows = isinstance(design.observer, ContinuousObserver)
-    compares = flows and not isinstance(design.observer, CorrectedObserver)
-    if wanted.late and not (compares and not isinstance(design.observer, SampledObserver)):
+    if wanted.late and not (compares(design.observer) and not isinstance(design.observer, SampledObserver)):
         raise Problem(
             (*path, "type"),
             f"exported code of {design.observer.type} takes samples when they are taken: they jump to now, and it does "
