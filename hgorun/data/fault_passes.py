@@ -18,7 +18,8 @@ EVEN = 0.005
 """Of the time between two samples: so far the one between them may be off the middle."""
 _CLIMBS = 1000.0, 5.0  # times what rounding leaves, and times a step of the digits: less is level
 _FACTOR = 45.0  # between neighbours of which one may be in another unit: the smallest is 60
-_KELVIN, _NEAR = 273.15, 5.0
+KELVIN, NEAR = 273.15, 5.0
+"""By which a scale of temperatures is off the other, and what is about that."""
 
 
 def straight_runs(taken: np.ndarray, values: np.ndarray, quantum: float, least: int) -> np.ndarray:
@@ -120,7 +121,7 @@ def _large_steps(f: Function) -> None:
         large = f.select(f.test("ogt", *sizes), *sizes)
         above = f.test("ogt", large, f.mul(f.constant(_FACTOR), small))
         by_factor = f.let(f"and i1 {above}, {f.test('ogt', small, f.constant(0.0))}")
-        by_shift = f.test("olt", _size(f, f.sub(shift, f.constant(_KELVIN))), f.constant(_NEAR))
+        by_shift = f.test("olt", _size(f, f.sub(shift, f.constant(KELVIN))), f.constant(NEAR))
         for true, room, count in zip((by_factor, by_shift), (factors, shifts), counts, strict=True):
             _keep(f, true, f.scalar("add", k, "1"), room, count)
     f.store(f.load(counts[1], "i64"), ends, "i64")

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun import pieces
-from hgorun.data.fault_passes import EVEN, EXACT, equal_runs, gaps_above, large_steps, straight_runs
+from hgorun.data.fault_passes import EVEN, EXACT, KELVIN, NEAR, equal_runs, gaps_above, large_steps, straight_runs
 from hgorun.memo import Memo, same
 
 GAP = 20.0
@@ -22,7 +22,6 @@ LINE = 10
 """Points on a line that noise does not leave there."""
 _SHORT_LINE = 4
 _FACTORS = np.array([60.0, 100.0, 1000.0, 3600.0, 1e6])
-_KELVIN = 273.15
 _FEW = 5  # samples that show nothing usual
 _FIRST = 100_000  # samples that show what is usual
 _LEAST, _MOST = 3, 20  # samples on each side of a slip that have to agree, in a short and in a long log
@@ -200,5 +199,5 @@ def _shifted(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
     places, before, after = _beside(values, places, width)
     quiet = (np.ptp(before, axis=1) < 10) & (np.ptp(after, axis=1) < 10)
     moved = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
-    shifted: np.ndarray = places[quiet & (np.abs(moved - _KELVIN) < 5)]
+    shifted: np.ndarray = places[quiet & (np.abs(moved - KELVIN) < NEAR)]
     return shifted

@@ -141,9 +141,7 @@ class _Rows:
         for sign in (self.given["separator"], str(ord("\n"))):
             f.leave_if(f.test("eq", first, sign), done)
         self.nan(first, done)
-        negative = f.test("eq", first, str(ord("-")))
-        with f.when(f.let(f"or i1 {negative}, {f.test('eq', first, str(ord('+')))}")):
-            self.on()
+        negative = self.minus(first)
         mantissa, digits = f.slot("i64"), f.slot("i64")
         f.store("0", mantissa, "i64")
         f.store("0", digits, "i64")
@@ -162,6 +160,14 @@ class _Rows:
         f.store(f.scalar("or", f.load(bits, "i64"), sign), bits, "i64")
         f.jump(done)
         f.place(done)
+
+    def minus(self, sign: str) -> str:
+        """Whether the next byte is a minus; on, if that or a plus stands there."""
+        f = self.f
+        negative = f.test("eq", sign, str(ord("-")))
+        with f.when(f.let(f"or i1 {negative}, {f.test('eq', sign, str(ord('+')))}")):
+            self.on()
+        return negative
 
     def nan(self, first: str, done: str) -> None:
         """NaN in small or capital letters."""
@@ -214,10 +220,7 @@ class _Rows:
         f.store("0", value, "i64")
         with f.when(f.test("eq", f.scalar("or", self.here(), "32"), str(ord("e")))):
             self.on()
-            sign = self.here()
-            negative = f.test("eq", sign, str(ord("-")))
-            with f.when(f.let(f"or i1 {negative}, {f.test('eq', sign, str(ord('+')))}")):
-                self.on()
+            negative = self.minus(self.here())
             size, digits = f.slot("i64"), f.slot("i64")
             f.store("0", size, "i64")
             f.store("0", digits, "i64")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +20,8 @@ from hgorun.data.parts import lacking_columns
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sorting import Sorting
-from hgorun.data.sources import Part, Sources, Wanted, given_references, remarks_on
+from hgorun.data.sources import LogFile, Part, Sources, Wanted, given_references, remarks_on
+from hgorun.data.table import Table
 from hgorun.data.told_once import told_once
 
 _LONG = 1 << 18  # samples from which threads pay
@@ -88,42 +89,63 @@ class Reader:
 
     def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
         """All signals; arguments as of :func:`read`."""
-        self._units, self._time_unit, self._notes = ModelUnits(units, unit, self._reference), unit, list(self._found)
-        signals = [signal for some in self._wanted.values() for signal in some]
+        wanted, signals = self._wanted, [signal for some in self._wanted.values() for signal in some]
         clock = OneClock(self._block, signals, self._tables, unit, beside, self._reference)
-        self._times, self._origin = clock.times, clock.origin
-        self._notes += clock.notes
-        sorted_out = self._all_sorted(signals)
-        outputs = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["outputs"]}
-        inputs = {one.name: self._input(one, sorted_out[one]) for one in self._wanted["inputs"]}
-        reference = {one.name: self._signal(one, sorted_out[one]) for one in self._wanted["reference"]}
-        self._notes += inputs_beyond(inputs, outputs, self._origin)
-        self._notes += given_references(self._wanted["outputs"], self._wanted["reference"])
+        made = _Making(self._block, self._tables, clock, ModelUnits(units, unit, self._reference))
+        made.notes += [*self._found, *clock.notes]
+        sorted_out = made.all_sorted(signals)
+        outputs = {one.name: made.signal(one, sorted_out[one]) for one in wanted["outputs"]}
+        inputs = {one.name: made.input(one, sorted_out[one]) for one in wanted["inputs"]}
+        reference = {one.name: made.signal(one, sorted_out[one]) for one in wanted["reference"]}
+        made.notes += inputs_beyond(inputs, outputs, clock.origin)
+        made.notes += given_references(wanted["outputs"], wanted["reference"])
         return Recording(
             outputs=outputs,
             inputs=inputs,
             reference=reference,
-            notes=tuple(told_once(self._notes)),
-            origin=self._origin,
+            notes=tuple(told_once(made.notes)),
+            origin=clock.origin,
             first_samples=self._block.first_samples,
         )
 
-    def _samples(self, signal: Wanted) -> Samples:
-        tables = [self._tables[part.file] for part in signal.parts]
+
+@dataclass(eq=False, repr=False)
+class _Making:
+    """Makes the signals of a recording of the columns that were read.
+
+    Attributes
+    ----------
+    block : Data
+    tables : mapping of LogFile to Table
+    clock : OneClock
+        Of all signals.
+    units : ModelUnits
+    notes : list of Note
+        What was found so far.
+    """
+
+    block: Data
+    tables: Mapping[LogFile, Table]
+    clock: OneClock
+    units: ModelUnits
+    notes: list[Note] = field(default_factory=list)
+
+    def samples(self, signal: Wanted) -> Samples:
+        tables = [self.tables[part.file] for part in signal.parts]
         parts = signal.parts
-        taken = _joined([self._times[part.file, part.time] for part in parts])
-        known = [self._times[part.file, part.available] for part in parts if part.available is not None]
+        taken = _joined([self.clock.times[part.file, part.time] for part in parts])
+        known = [self.clock.times[part.file, part.available] for part in parts if part.available is not None]
         values = _joined([table.columns[part.value] for table, part in zip(tables, parts, strict=True)])
         good = [
             table.columns[part.quality] for table, part in zip(tables, parts, strict=True) if part.quality is not None
         ]
         counts = [table.lines.size for table in tables]
-        self._notes += self._units.told(signal)
+        self.notes += self.units.told(signal)
         samples = Samples(
             key=signal.key,
             taken=taken,
             available=_joined(known) if known else taken,
-            values=self._units.converted(signal, values),
+            values=self.units.converted(signal, values),
             lines=_joined([table.lines for table in tables]),
             part=np.repeat(np.arange(len(tables), dtype=np.int16), counts)
             if len(tables) > 1
@@ -133,41 +155,41 @@ class Reader:
             time_unit=self._unit_of_times(parts),
             coarse=max(rounding(part.time.cells, table)[0] for part, table in zip(parts, tables, strict=True)),
         )
-        self._notes += sentinels.told(samples, values, signal.block, parts[0].file.owner)
+        self.notes += sentinels.told(samples, values, signal.block, parts[0].file.owner)
         return samples
 
     def _unit_of_times(self, parts: Sequence[Part]) -> str:
         """That in which times stand in the files, where all are numbers; else that of the run."""
         dates = any(part.time.absolute for part in parts)
-        return (not dates and parts[0].time.clock.unit) or self._time_unit
+        return (not dates and parts[0].time.clock.unit) or self.units.time
 
-    def _all_sorted(self, signals: Sequence[Wanted]) -> Mapping[Wanted, Samples]:
+    def all_sorted(self, signals: Sequence[Wanted]) -> Mapping[Wanted, Samples]:
         """The samples of all signals, those of long logs looked through side by side."""
         with ThreadPoolExecutor(2) as pool:
-            found = {one: self._samples(one) for one in signals}
+            found = {one: self.samples(one) for one in signals}
             long = any(samples.values.size > _LONG for samples in found.values())
             done = (pool.map if long else map)(self._sorted, signals, found.values())
             for signal, (samples, notes) in zip(signals, done, strict=True):
                 found[signal] = samples
-                self._notes += notes
+                self.notes += notes
         return found
 
     def _sorted(self, signal: Wanted, samples: Samples) -> tuple[Samples, list[Note]]:
         """The samples that are used, and what was found in them."""
         block = signal.block
-        told = block.faults.over(self._block.faults)
+        told = block.faults.over(self.block.faults)
         if not isinstance(block, Judged):  # inputs may be written when they change: what all are told is of outputs
             told = told.model_copy(update={"gaps": block.faults.gaps})
-        sorting = Sorting(told, isinstance(block, Judged), self._origin)
+        sorting = Sorting(told, isinstance(block, Judged), self.clock.origin)
         plausible = block.plausible if isinstance(block, Judged) else None
         return sorting.sorted_out(samples, plausible), sorting.notes
 
-    def _signal(self, signal: Wanted, samples: Samples) -> Signal:
+    def signal(self, signal: Wanted, samples: Samples) -> Signal:
         block = signal.block
         assert isinstance(block, Judged)
         found = Signal(
             name=signal.name,
-            unit=self._units.said(signal),
+            unit=self.units.said(signal),
             taken=samples.taken,
             available=samples.available,
             values=samples.values,
@@ -182,11 +204,11 @@ class Reader:
             return replace(found, std=block.std, gate=block.gate)
         return replace(found, lag=block.lag) if isinstance(block, Beside) else found
 
-    def _input(self, signal: Wanted, samples: Samples) -> InputSignal:
+    def input(self, signal: Wanted, samples: Samples) -> InputSignal:
         assert isinstance(signal.block, Recorded)
         return InputSignal(
             name=signal.name,
-            unit=self._units.said(signal),
+            unit=self.units.said(signal),
             times=samples.taken,
             values=samples.values,
             hold=signal.block.hold,
