@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Mapping, MutableSequence, Sequence
+from dataclasses import dataclass
 from typing import TypeAlias, cast
 
 import numpy as np
@@ -26,6 +27,30 @@ _EVENT, _EVENT_COUNTS = len(SPAN), len(COUNT)
 _ONE, _TWO = ctypes.c_int64(1), ctypes.c_int64(2)  # which a call need not make anew
 
 
+@dataclass(frozen=True, eq=False, repr=False)
+class Early:
+    """Times close behind the start at which a step ends, whatever happens.
+
+    Attributes
+    ----------
+    times : ndarray
+        Ascending.
+    apart : float
+        As close to the ends of a flow one of them counts as such an end.
+    """
+
+    times: Floats
+    apart: float
+
+    def between(self, t: float, end: float) -> Floats:
+        """Those between two times."""
+        first = np.searchsorted(self.times, t + self.apart, side="right")
+        return self.times[first : np.searchsorted(self.times, end - self.apart)]
+
+
+_NONE = Early(np.zeros(0), 0.0)
+
+
 class Live:
     """A run with fixed steps that goes on from event to event, in memory of constant size.
 
@@ -41,9 +66,20 @@ class Live:
         No step is longer.
     at_once : int
         So many events may be carried out at once, see :meth:`go_through`.
+    early : Early, optional
+        At these times a step ends, too.
     """
 
-    def __init__(self, program: Program, start: Start, t: float, slots: int, step: float, at_once: int = 0) -> None:
+    def __init__(
+        self,
+        program: Program,
+        start: Start,
+        t: float,
+        slots: int,
+        step: float,
+        at_once: int = 0,
+        early: Early = _NONE,
+    ) -> None:
         self._program, self._step, self.t = program, step, t
         nothing = np.zeros(0)
         plan = Plan(
@@ -57,6 +93,7 @@ class Live:
             holds=np.array([0.0, 1.0]),
         )
         self.at_once, self.slots = at_once, slots
+        self._early, self._settled = early, float(early.times[-1]) if early.times.size else t
         self._memory: Memory = program.memory(plan, start)
         arrays, self._kept = self._memory.arrays, dict[str, slice]()
         # Those numbers that a run goes on from lie in one piece, which is copied at once. Of samples that are carried
@@ -96,9 +133,9 @@ class Live:
             The number of what the outputs are meanwhile.
         """
         if t > self.t:
-            self._flow_to(t, regime)
-            self._run(0, _ONE)
-            self.t = t
+            if self.begins:
+                self._begin(t, regime)
+            self._flow_alone(t, regime)
 
     def happen_at(self, t: float, actions: Integers, regime: int) -> None:
         """Go on to a time, as :meth:`advance`; then something happens: rows of the engine's action table."""
@@ -108,6 +145,8 @@ class Live:
             self._actions = actions
             counts[_EVENT_COUNTS + _ACTIONS] = len(actions)
         if t > self.t:
+            if self.begins:
+                self._begin(t, regime)
             self._flow_to(t, regime)
             first = 0
         else:
@@ -115,6 +154,22 @@ class Live:
         spans[_EVENT] = spans[_EVENT + 1] = spans[_EVENT + 2] = spans[_EVENT + 3] = t
         counts[_EVENT_COUNTS + _REGIME] = regime
         self._run(first, _TWO)
+        self.t = t
+
+    @property
+    def begins(self) -> bool:
+        """Whether steps may still have to end where nothing happens, so that no events are carried out at once."""
+        return self.t < self._settled
+
+    def _begin(self, end: float, regime: int) -> None:
+        """Go through the steps that end early, but for the last one before a time."""
+        for t in self._early.between(self.t, end).tolist():
+            self._flow_alone(t, regime)
+
+    def _flow_alone(self, t: float, regime: int) -> None:
+        """Go on to a later time, in equal steps; nothing happens there."""
+        self._flow_to(t, regime)
+        self._run(0, _ONE)
         self.t = t
 
     def _flow_to(self, t: float, regime: int) -> None:

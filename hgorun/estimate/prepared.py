@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -20,8 +21,9 @@ from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.refused import refuse, require_apart, require_used
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
+from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, heard
-from hgorun.measurement.schedule import build_schedule
+from hgorun.measurement.schedule import away_from, build_schedule, tolerances_of
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.checks import check_corrections, check_punctual
 from hgorun.simulation.experiment import Experiment
@@ -40,6 +42,7 @@ from hgorun.simulation.timeline import Stepping
 from hgorun.simulation.treatments import in_groups, treatments_of
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
+from hgorun.symbolic.levels import distinct
 
 _DIVERGED = 1e12  # times all that is known: beyond that an observer is lost, whatever the units
 
@@ -221,8 +224,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         step = nominal_step(experiment)
         kinks = plant_kinks(plant, time, experiment.origin).times
         changes = np.zeros(0) if inputs is None else inputs.times
-        early = first_moments(experiment, step)
-        looked_at = np.concatenate([changes, early[early < time.end - time.start] + time.start])
+        looked_at = np.concatenate([changes, _early(experiment, step, [changes, *_moments(channels)])])
         treatments = treatments_of(experiment, channels)
         schedule = build_schedule(heard(channels, treatments), time, kinks, step, looked_at)
         of_groups = in_groups(experiment, treatments)
@@ -254,6 +256,22 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         check_start(run)
         prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs, first_samples=recording.first_samples)
     return prepared
+
+
+def _early(experiment: Experiment, step: float, others: Sequence[Floats]) -> Floats:
+    """Times close behind the start at which steps end, as in a stream: none at which something happens anyway."""
+    apart = tolerances_of(experiment.stretches, step)[1]
+    found = first_moments(experiment, step, apart) + experiment.time.start
+    if not found.size:
+        return found
+    return away_from(found[found < experiment.time.end], distinct(np.concatenate(others)), apart)
+
+
+def _moments(channels: Sequence[Channel]) -> Iterator[Floats]:
+    """When samples were taken, and when they were known."""
+    for one in channels:
+        yield one.samples.taken
+        yield one.samples.arrival
 
 
 def _check_grid(experiment: Experiment) -> None:

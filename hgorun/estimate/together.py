@@ -117,7 +117,7 @@ class Together:
 
     def at_once(self, t: Floats, kinds: Integers) -> int:
         """How many of some samples may be taken together, see :meth:`hgorun.Estimator.at_once`."""
-        if not self._simple or self._run.unchecked:
+        if not self._simple or self._run.unchecked or self._live.begins:
             return 0
         heard = np.array([*self._run.heard, *([True] * len(self._system.inputs))])
         since = t - self._system.experiment.origin

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from hgorun.config.models import Time
 from hgorun.errors import Problem
+from hgorun.measurement.availability import Stretch
 from hgorun.measurement.channels import Channel, continuous_delays
 from hgorun.measurement.events import LEVELS, merge, repeated
 from hgorun.measurement.late import HeardOtherwise, Order, order_of
@@ -135,8 +136,20 @@ def build_schedule(
 
 def tolerances(channels: Sequence[Channel], step: float) -> tuple[float, float]:
     """How far apart times may be by rounding, and how far events that are one."""
-    rounding = 4 * max(s.spacing for c in channels for s in c.stretches)
+    return tolerances_of([c.stretches for c in channels], step)
+
+
+def tolerances_of(stretches: Iterable[Sequence[Stretch]], step: float) -> tuple[float, float]:
+    """The same, of the stretches of every output."""
+    rounding = 4 * max(s.spacing for of in stretches for s in of)
     return rounding, max(_SHORT * step, rounding)
+
+
+def away_from(times: np.ndarray, events: np.ndarray, tolerance: float) -> np.ndarray:
+    """Those of some times that are no events already, as far as rounding can tell; events ascend."""
+    if not times.size or not events.size:
+        return times
+    return times[np.abs(times - events[nearest_event(events, times)]) > tolerance]
 
 
 def inward_of(events: np.ndarray, sides: np.ndarray, step: float) -> np.ndarray:

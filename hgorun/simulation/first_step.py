@@ -78,7 +78,7 @@ def step_for(experiment: Experiment, rate: float) -> float:
     return float(span / 2.0 ** np.clip(np.floor(np.log2(span / step)), 10, 20))
 
 
-def first_moments(experiment: Experiment, step: float) -> np.ndarray:
+def first_moments(experiment: Experiment, step: float, apart: float) -> np.ndarray:
     """Times close behind the start, for observers whose gain is too fast for a step only then; none for most.
 
     The largest P(0) fades as P' = -2 P^2/(2 R) does, at the rate 2/(t + 2/rate): steps that are the same part of that
@@ -88,6 +88,8 @@ def first_moments(experiment: Experiment, step: float) -> np.ndarray:
     ----------
     step : float
         The longest.
+    apart : float
+        None are closer to each other, or to the start.
 
     Returns
     -------
@@ -102,7 +104,8 @@ def first_moments(experiment: Experiment, step: float) -> np.ndarray:
         return np.zeros(0)
     growth, unit = 1 + _PART / 2, 2 / rate
     count = int(np.ceil(np.log(step / (unit * (growth - 1))) / np.log(growth)))
-    return np.asarray(unit * (growth ** np.arange(1, count + 1) - 1))
+    found = unit * (growth ** np.arange(1, count + 1) - 1)
+    return np.asarray(found[np.diff(found, prepend=0.0) > apart])
 
 
 def _slopes(plant: SymbolicPlant) -> ca.Function:

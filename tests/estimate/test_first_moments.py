@@ -54,15 +54,17 @@ def test_a_large_first_covariance_is_followed(std: float, monkeypatch: pytest.Mo
 def test_times_close_behind_the_start() -> None:
     experiment = completed(*of_log(KALMAN, 0.01), "estimate", "")
     rate, step = 2 / (0.01**2 * 0.1), 0.004
-    times = first_moments(experiment, step)
+    times = first_moments(experiment, step, 0.0)
     steps = np.diff(np.concatenate([[0.0], times]))
     assert steps[0] == pytest.approx(0.05 / rate)
     assert step / 1.05 < steps[-1] < step * 1.05
+    apart = first_moments(experiment, step, 3 * steps[0])
+    np.testing.assert_array_equal(apart, times[steps > 3 * steps[0]])
     np.testing.assert_allclose(steps[1:] * 2 / (times[:-1] + 2 / rate), 0.05, rtol=1e-9)
     slow = completed(*of_log(KALMAN, 1.0), "estimate", "")
-    assert first_moments(slow, nominal_step(slow)).size == 0
+    assert first_moments(slow, nominal_step(slow), 0.0).size == 0
     given = completed(*of_log(KALMAN, 0.01, solver={"step": step}), "estimate", "")
-    assert first_moments(given, step).size == 0
+    assert first_moments(given, step, 0.0).size == 0
 
 
 def test_steps_are_halved_for_an_observer_that_they_lose() -> None:
