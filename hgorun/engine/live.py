@@ -10,6 +10,7 @@ from typing import TypeAlias, cast
 
 import numpy as np
 
+from hgorun.engine.again import Again
 from hgorun.engine.layout import ACTION_WORDS, COUNT, DONE, SPAN, WORD
 from hgorun.engine.memory import Memory, Start
 from hgorun.engine.plan import Floats, Integers, Plan
@@ -68,6 +69,8 @@ class Live:
         So many events may be carried out at once, see :meth:`go_through`.
     early : Early, optional
         At these times a step ends, too.
+    again : Again, optional
+        A flow that loses an observer is made again for it.
     """
 
     def __init__(
@@ -79,8 +82,9 @@ class Live:
         step: float,
         at_once: int = 0,
         early: Early = _NONE,
+        again: Again | None = None,
     ) -> None:
-        self._program, self._step, self.t = program, step, t
+        self._program, self._step, self.t, self._again = program, step, t, again
         nothing = np.zeros(0)
         plan = Plan(
             spans=np.full((2, 4), t),
@@ -147,8 +151,11 @@ class Live:
         if t > self.t:
             if self.begins:
                 self._begin(t, regime)
-            self._flow_to(t, regime)
-            first = 0
+            if self._again is None:
+                self._flow_to(t, regime)
+                first = 0
+            else:
+                self._flow_alone(t, regime)
         else:
             t = self.t
         spans[_EVENT] = spans[_EVENT + 1] = spans[_EVENT + 2] = spans[_EVENT + 3] = t
@@ -168,21 +175,45 @@ class Live:
 
     def _flow_alone(self, t: float, regime: int) -> None:
         """Go on to a later time, in equal steps; nothing happens there."""
+        before = None if self._again is None else self.state()
         self._flow_to(t, regime)
         self._run(0, _ONE)
+        if self._again is not None and before is not None and not self._again.none_lost(self.z):
+            self._flow_again(self._again, before, t, regime)
         self.t = t
 
-    def _flow_to(self, t: float, regime: int) -> None:
-        """Write the segment from here to a later time."""
+    def _flow_again(self, again: Again, before: LiveState, t: float, regime: int) -> None:
+        """Let each observer that the flow to a time has lost become what shorter steps give, if they do not lose it."""
+        lost = again.lost(self.z) - again.lost(np.frombuffer(before[1])[self._kept["z"]])
+        after, found = self.state(), dict[int, tuple[Floats, float]]()
+        for times in again.more(self._count_words[_STEPS]) if lost else ():
+            self.restore(before)
+            self._flow_to(t, regime, times)
+            self._run(0, _ONE)
+            for j in lost - again.lost(self.z):
+                start, _, end = again.blocks[j]
+                found[j] = self.z[start:end].copy(), float(self.diverged[j])
+            lost -= found.keys()
+            if not lost:
+                break
+        self.restore(after)
+        for j, (z, diverged) in found.items():
+            start, _, end = again.blocks[j]
+            self.z[start:end], self.diverged[j] = z, diverged
+
+    def _flow_to(self, t: float, regime: int, times: int = 1) -> None:
+        """Write the segment from here to a later time, with so many times the steps that it needs."""
         since, spans, counts = self.t, self._span_words, self._count_words
-        steps = math.ceil((t - since) / self._step * _ROUNDING) or 1
+        steps = times * (math.ceil((t - since) / self._step * _ROUNDING) or 1)
         spans[0] = spans[2] = since
         spans[1] = spans[3] = t
         counts[_STEPS] = counts[_LAST] = steps
         counts[_REGIME] = regime
 
-    def go_through(self, times: Floats, regime: int, actions: Integers, holds: Floats) -> Floats:
+    def go_through(self, times: Floats, regime: int, actions: Integers, holds: Floats) -> Floats | None:
         """Go on through events, as :meth:`happen_at` would one after the other.
+
+        Nothing has happened where an observer is lost for which a flow should be made again.
 
         Parameters
         ----------
@@ -197,9 +228,10 @@ class Live:
 
         Returns
         -------
-        ndarray, shape (N, states)
+        ndarray, shape (N, states), or None
             The rows that are shown.
         """
+        kept = None if self._again is None else self.state()
         count, each = actions.shape[:2]
         spans, counts = np.empty((2 * count, 4)), np.zeros((2 * count, 7), dtype=np.int64)
         before = np.append(self.t, times[:-1])
@@ -223,6 +255,9 @@ class Live:
         finally:
             for name, array in own.items():
                 self._memory.put(name, array)
+        if kept is not None and self._again is not None and not self._again.none_lost(self.z):
+            self.restore(kept)
+            return None
         self.t = float(times[-1])
         return rows
 

@@ -108,10 +108,13 @@ class Session:
     def advance(self, stop: int) -> None:
         """Go on to the start of segment ``stop``, before what happens there."""
         while self._at < stop:
-            self._at = min(stop, self._at + _AT_ONCE)
-            verdict = self._program.go_on(self._memory, self._at)
-            if verdict != DONE:
-                raise SimulationError(f"the run cannot go on at t = {self._memory.real('now'):.6g}")
+            self._go_on(min(stop, self._at + _AT_ONCE))
+
+    def _go_on(self, stop: int) -> None:
+        """Go on to the start of a segment in one native call."""
+        self._at = stop
+        if self._program.go_on(self._memory, stop) != DONE:
+            raise SimulationError(f"the run cannot go on at t = {self._memory.real('now'):.6g}")
 
     @property
     def actions(self) -> Integers:

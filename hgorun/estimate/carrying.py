@@ -7,10 +7,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from hgorun.engine.again import Again
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
-from hgorun.estimate.gated import gated_run
+from hgorun.engine.plan import Plan
+from hgorun.estimate.gated import GatedRun
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.sessions import session_of
 from hgorun.simulation.steps import part_of_difference, steps_between
 from hgorun.symbolic.evaluate import Floats
 
@@ -124,13 +127,32 @@ def one_pass(
     *,
     progress: Callable[[float], None] | None = None,
 ) -> tuple[Raw, np.ndarray, np.ndarray]:
-    """The engine's arrays, and which samples were used and offered, shape (samples, m)."""
-    plan, start = prepared.plan(grid, step, uneven), prepared.start()
+    """The engine's arrays, and which samples were used and offered, shape (samples, m).
+
+    Where an observer is lost, and no step is given, flows that lose one are made again for it, as in a stream.
+    """
+    plan = prepared.plan(grid, step, uneven)
+    if prepared.gated:
+        found = _gated(prepared, plan, uneven)
+    else:
+        used = prepared.used()
+        found = prepared.program().run(plan, prepared.start(), progress=progress), used, used
+    again = prepared.again
+    if again is None or not np.any(np.isfinite(found[0].diverged)):
+        return found
+    if prepared.gated:
+        return _gated(prepared, plan, uneven, again)
+    plan = prepared.plan(grid, step, uneven, whole=True)
+    return session_of(prepared, plan, again).finish(), used, used
+
+
+def _gated(
+    prepared: PreparedEstimate, plan: Plan, uneven: float | None, again: Again | None = None
+) -> tuple[Raw, np.ndarray, np.ndarray]:
+    """A pass in which outliers are left out."""
     used = prepared.used()
-    if not prepared.gated:
-        return prepared.program().run(plan, start, progress=progress), used, used
     offered = used.copy()
-    return gated_run(prepared, plan, uneven=uneven is not None, used=used, offered=offered), used, offered
+    return GatedRun(prepared, plan, uneven is not None, used, offered, again).carried_out(), used, offered
 
 
 def _other_estimates(

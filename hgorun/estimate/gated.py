@@ -14,9 +14,9 @@ from itertools import pairwise
 
 import numpy as np
 
+from hgorun.engine.again import Again
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Integers, Plan
-from hgorun.engine.session import Session
 from hgorun.engine.turns import in_turns, with_stops, without
 from hgorun.estimate.entering import Entering, SteppedRows, innovations_by_slot, needed_until, where_entering
 from hgorun.estimate.gate import Gate, Known, variances_along
@@ -24,6 +24,7 @@ from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
+from hgorun.estimate.sessions import session_of
 from hgorun.estimate.starting import left_out_of_start
 from hgorun.estimate.turns import Turns
 from hgorun.symbolic.evaluate import Floats
@@ -31,8 +32,8 @@ from hgorun.symbolic.evaluate import Floats
 _AHEAD, _MOST = 4, 512  # places with samples that are passed at once, as long as none is an outlier
 
 
-def gated_run(prepared: PreparedEstimate, plan: Plan, *, uneven: bool, used: np.ndarray, offered: np.ndarray) -> Raw:
-    """Carry a run out.
+class GatedRun:
+    """A run that stops wherever samples enter, or observers are taken back.
 
     Parameters
     ----------
@@ -43,15 +44,18 @@ def gated_run(prepared: PreparedEstimate, plan: Plan, *, uneven: bool, used: np.
         Whether it has two segments from each event to the next.
     used, offered : ndarray of bool, shape (samples, m)
         Which samples each observer takes if none is an outlier; afterwards which it has taken, and which were judged.
+    again : Again, optional
+        A flow that loses an observer is made again for it.
     """
-    return _GatedRun(prepared, plan, uneven, used, offered).carried_out()
-
-
-class _GatedRun:
-    """A run that stops wherever samples enter, or observers are taken back."""
 
     def __init__(
-        self, prepared: PreparedEstimate, plan: Plan, uneven: bool, used: np.ndarray, offered: np.ndarray
+        self,
+        prepared: PreparedEstimate,
+        plan: Plan,
+        uneven: bool,
+        used: np.ndarray,
+        offered: np.ndarray,
+        again: Again | None,
     ) -> None:
         self._prepared, self._used, self._offered = prepared, used, offered
         self._newest = [[-np.inf] * used.shape[1] for _ in prepared.samples]  # that each observer has used
@@ -79,8 +83,7 @@ class _GatedRun:
         self._single = [k for k, place in enumerate(self._places) if self._is_single(place)]
         first_steps = np.flatnonzero(plan.counts[:, 1] == 0)[:: 2 if uneven else 1]  # of what follows each event
         plan, self._stops = with_stops(plan, first_steps[self._places])
-        late = any(one.available is not one.taken for one in prepared.samples)
-        self._session = Session(prepared.program(), plan, prepared.start(), late=late)
+        self._session = session_of(prepared, plan, again)
 
     def _where_saved(self) -> Iterator[int]:
         """Where observers will be taken back to."""

@@ -9,22 +9,23 @@ from itertools import product
 import numpy as np
 
 from hgorun.config.nearest import listed
-from hgorun.engine.live import Early, Live
+from hgorun.engine.live import Live
 from hgorun.engine.memory import Start
 from hgorun.engine.plan import Floats
 from hgorun.errors import Problem
+from hgorun.estimate.again import again_of
 from hgorun.estimate.beginning import Begun, numbers_at_start
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.first_steps import early
 from hgorun.estimate.refused import refuse, require_used
 from hgorun.measurement.late import Treatment
-from hgorun.measurement.schedule import tolerances_of
 from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.sample_times import BeginsWithASample
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.design import Design
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_step import first_moments, nominal_step
+from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.start import check_start
 from hgorun.simulation.structure import Structure, structure_of
@@ -144,9 +145,8 @@ class LiveSystem:
         """A run of it that begins at 0."""
         program = self.structure.program(self.experiment.blocks.solver.given_method)
         start = Start(self.start[:, None], self.p[:, None], (_LARGEST, 0.0))
-        apart = tolerances_of(self.experiment.stretches, self.step)[1]
-        early = Early(first_moments(self.experiment, self.step, apart), apart)
-        return Live(program, start, 0.0, slot_of(len(self.outputs)), self.step, TOGETHER, early)
+        first, again = early(self.experiment, self.step), again_of(self.experiment, self.structure, self.start)
+        return Live(program, start, 0.0, slot_of(len(self.outputs)), self.step, TOGETHER, first, again)
 
     def begun(self, t: float, z: Floats) -> None:
         """Let observers begin with a first sample at t, where it comes at another time than they expect.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import pairwise
@@ -13,21 +12,23 @@ from hgorun.config.models import Method
 from hgorun.config.refusals import within_run
 from hgorun.data.recording import FirstSamples
 from hgorun.data.recording import Recording as Recorded
+from hgorun.engine.again import Again
 from hgorun.engine.memory import Start
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import ConfigError, Problem
+from hgorun.estimate.again import again_of
 from hgorun.estimate.covariance import Covariance
+from hgorun.estimate.first_steps import first_steps
 from hgorun.estimate.refused import refuse, require_apart, require_used
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
-from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, heard
-from hgorun.measurement.schedule import away_from, build_schedule, tolerances_of
+from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.checks import check_corrections, check_punctual
 from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_step import first_moments, nominal_step
+from hgorun.simulation.first_step import nominal_step
 from hgorun.simulation.jump_checks import check_jumps
 from hgorun.simulation.other_faults import told_together
 from hgorun.simulation.plant_alone import plant_kinks
@@ -42,7 +43,6 @@ from hgorun.simulation.timeline import Stepping
 from hgorun.simulation.treatments import in_groups, treatments_of
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
-from hgorun.symbolic.levels import distinct
 
 _DIVERGED = 1e12  # times all that is known: beyond that an observer is lost, whatever the units
 
@@ -120,6 +120,16 @@ class PreparedEstimate:
         """Whether samples may be found to be outliers."""
         return any(one.gate is not None and one.values.size for one in self.samples)
 
+    @property
+    def late(self) -> bool:
+        """Whether samples may have become known after they were taken."""
+        return any(one.available is not one.taken for one in self.samples)
+
+    @property
+    def again(self) -> Again | None:
+        """Whether observers that steps lose get shorter ones; None: steps are taken as they are."""
+        return again_of(self.experiment, self.run.structure, self.run.numbers.z0)
+
     def program(self) -> Program:
         """The native code."""
         return self.run.structure.program(self.method)
@@ -129,15 +139,23 @@ class PreparedEstimate:
         """Of integration."""
         return self.run.solver.given_method
 
-    def plan(self, grid: Floats, step: float, uneven: float | None = None, shared: Stretchwise | None = None) -> Plan:
-        """The tables of a run; arguments as of :func:`~hgorun.simulation.tables.build_plan`."""
+    def plan(
+        self,
+        grid: Floats,
+        step: float,
+        uneven: float | None = None,
+        shared: Stretchwise | None = None,
+        *,
+        whole: bool = False,
+    ) -> Plan:
+        """The tables of a run, all at once or perhaps in parts; see :func:`~hgorun.simulation.tables.build_plan`."""
         return build_plan(
             self.run.timeline_on(grid),
             self.run.structure.system,
             Stepping(longest=step, always_slope=bool(METHODS[self.method].error), uneven=uneven),
             inputs=self.inputs,
             samples=[one.values for one in self.samples],
-            in_parts=not self.gated,
+            in_parts=not (self.gated or whole),
             shared=shared,
         )
 
@@ -224,7 +242,7 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         step = nominal_step(experiment)
         kinks = plant_kinks(plant, time, experiment.origin).times
         changes = np.zeros(0) if inputs is None else inputs.times
-        looked_at = np.concatenate([changes, _early(experiment, step, [changes, *_moments(channels)])])
+        looked_at = np.concatenate([changes, first_steps(experiment, step, changes, channels)])
         treatments = treatments_of(experiment, channels)
         schedule = build_schedule(heard(channels, treatments), time, kinks, step, looked_at)
         of_groups = in_groups(experiment, treatments)
@@ -256,22 +274,6 @@ def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEst
         check_start(run)
         prepared = PreparedEstimate(run=run, samples=samples, inputs=inputs, first_samples=recording.first_samples)
     return prepared
-
-
-def _early(experiment: Experiment, step: float, others: Sequence[Floats]) -> Floats:
-    """Times close behind the start at which steps end, as in a stream: none at which something happens anyway."""
-    apart = tolerances_of(experiment.stretches, step)[1]
-    found = first_moments(experiment, step, apart) + experiment.time.start
-    if not found.size:
-        return found
-    return away_from(found[found < experiment.time.end], distinct(np.concatenate(others)), apart)
-
-
-def _moments(channels: Sequence[Channel]) -> Iterator[Floats]:
-    """When samples were taken, and when they were known."""
-    for one in channels:
-        yield one.samples.taken
-        yield one.samples.arrival
 
 
 def _check_grid(experiment: Experiment) -> None:

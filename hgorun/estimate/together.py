@@ -70,8 +70,8 @@ class Kinds:
                     marked[mark][kind, k] = True
         return cls(table, marked["own"], marked["value"], marked["time"], system.outputs)
 
-    def carry_out(self, live: Live, regime: int, times: Floats, kinds: Integers, values: Floats) -> Floats:
-        """All states after each of some samples, shape (N, states).
+    def carry_out(self, live: Live, regime: int, times: Floats, kinds: Integers, values: Floats) -> Floats | None:
+        """All states after each of some samples, shape (N, states); None where they have to be taken one by one.
 
         Parameters
         ----------
@@ -134,6 +134,8 @@ class Together:
         system, run, live = self._system, self._run, self._live
         since = t - system.experiment.origin
         rows = self._kinds.carry_out(live, run.regime, since, kinds, values)
+        if rows is None:
+            rows = self._one_by_one(t, kinds, values)
         for i in range(len(system.outputs)):
             own = since[kinds == i]
             if own.size:
@@ -141,6 +143,16 @@ class Together:
         lost = live.diverged[:, None] <= since
         readouts = zip(system.labels, system.structure.estimates, lost, strict=True)
         return {label: (readout.along(since, system.p, rows), gone) for label, readout, gone in readouts}
+
+    def _one_by_one(self, t: Floats, kinds: Integers, values: Floats) -> Floats:
+        """All states after each of some samples, of which one loses an observer."""
+        names, rows = {kind: name for name, kind in self.kinds.items()}, np.empty((t.size, self._live.z.size))
+        outputs = len(self._system.outputs)
+        for k, (now, kind, value) in enumerate(zip(t.tolist(), kinds.tolist(), values.tolist(), strict=True)):
+            given = {names[kind]: value}
+            self._arriving.take(now, *((given, None, None) if kind < outputs else ({}, None, given)))
+            rows[k] = self._live.z
+        return rows
 
     @cached_property
     def _kinds(self) -> Kinds:

@@ -147,9 +147,7 @@ def tolerances_of(stretches: Iterable[Sequence[Stretch]], step: float) -> tuple[
 
 def away_from(times: np.ndarray, events: np.ndarray, tolerance: float) -> np.ndarray:
     """Those of some times that are no events already, as far as rounding can tell; events ascend."""
-    if not times.size or not events.size:
-        return times
-    return times[np.abs(times - events[nearest_event(events, times)]) > tolerance]
+    return np.asarray(times[np.abs(times - events[nearest_event(events, times)]) > tolerance])
 
 
 def inward_of(events: np.ndarray, sides: np.ndarray, step: float) -> np.ndarray:

@@ -12,7 +12,7 @@ from examples import Block
 from recordings import recording, signal, source
 
 from hgorun.engine.live import Early
-from hgorun.estimate import live_system, prepared
+from hgorun.estimate import first_steps, live_system, prepared
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.estimator import Estimator
@@ -102,8 +102,7 @@ def test_a_sample_next_to_a_first_step_is_the_end_of_it(tmp_path: Path, monkeypa
     """Where times are as far apart as a clock of many digits can tell, no step is as short as that."""
     first = 0.05 / (2 * 100.0 / 1e-4)  # of 1/rate
     rows = [(0.0, 0.0, "a", 0.8), (first * (1 + 1e-7), first * (1 + 1e-7), "a", 0.8), (0.5, 0.5, "c", 0.2)]
-    for module in (prepared, live_system):
-        monkeypatch.setattr(module, "tolerances_of", lambda stretches, step: (0.0, 1e-6 * first))
+    monkeypatch.setattr(first_steps, "tolerances_of", lambda stretches, step: (0.0, 1e-6 * first))
     wanted, found = of_file(rows), of_stream(rows, tmp_path)
     for label, xhat in wanted.items():
         np.testing.assert_array_equal(found[label], xhat)

@@ -146,7 +146,7 @@ def test_samples_that_are_passed_at_once_are_judged_as_one_by_one(
 ) -> None:
     monkeypatch.setattr(gated, "_MOST", most)
     at_once = found(block, delays)
-    monkeypatch.setattr(gated._GatedRun, "_pass", lambda *_: 0)
+    monkeypatch.setattr(gated.GatedRun, "_pass", lambda *_: 0)
     one_by_one = found(block, delays)
     taken = used(one_by_one)
     assert not np.isin(TAKEN[[17, 30, 31, 44]], taken).any()
