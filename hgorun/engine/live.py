@@ -49,7 +49,7 @@ class Early:
         return self.times[first : np.searchsorted(self.times, end - self.apart)]
 
 
-_NONE = Early(np.zeros(0), 0.0)
+NONE = Early(np.zeros(0), 0.0)
 
 
 class Live:
@@ -81,7 +81,7 @@ class Live:
         slots: int,
         step: float,
         at_once: int = 0,
-        early: Early = _NONE,
+        early: Early = NONE,
         again: Again | None = None,
     ) -> None:
         self._program, self._step, self.t, self._again = program, step, t, again

@@ -66,6 +66,7 @@ def carry_out(
     progress: Callable[[float], None] | None = None,
     *,
     with_error: bool = True,
+    once: bool = False,
 ) -> Carried:
     """Carry out a run.
 
@@ -79,6 +80,8 @@ def carry_out(
         Where estimates are wanted, counted from the start of the run.
     with_error : bool
         Whether the error is wanted of a given step, too, which takes a pass more.
+    once : bool
+        Whether no flow is made again for what it loses, so that all steps have to be short enough.
     """
     solver, step, spent = prepared.run.solver, prepared.run.step, 0
     if not (with_error or solver.controlled):
@@ -86,8 +89,8 @@ def carry_out(
         unknown = np.full(len(prepared.run.observers), np.nan)
         return Carried(raw, used, offered, step, unknown, raw.tries * len(METHODS[prepared.method].c))
     for halvings in range(HALVINGS):
-        beside, lost, tries = _other_estimates(prepared, grid, step, progress)  # first: little is left of it
-        raw, used, offered = one_pass(prepared, grid, step, progress=progress)
+        beside, lost, tries = _other_estimates(prepared, grid, step, progress, once=once)  # first: little is left of it
+        raw, used, offered = one_pass(prepared, grid, step, progress=progress, once=once)
         spent += (raw.tries + tries) * len(METHODS[prepared.method].c)
         xhat = estimates(prepared, grid, raw) if grid.size <= _ROWS else None
         error = _error(prepared, grid, raw, xhat, beside, step)
@@ -126,10 +129,12 @@ def one_pass(
     uneven: float | None = None,
     *,
     progress: Callable[[float], None] | None = None,
+    once: bool = False,
 ) -> tuple[Raw, np.ndarray, np.ndarray]:
     """The engine's arrays, and which samples were used and offered, shape (samples, m).
 
-    Where an observer is lost, and no step is given, flows that lose one are made again for it, as in a stream.
+    Where an observer is lost, and no step is given, flows that lose one are made again for it, as in a stream; not
+    where each is made ``once``.
     """
     plan = prepared.plan(grid, step, uneven)
     if prepared.gated:
@@ -137,7 +142,7 @@ def one_pass(
     else:
         used = prepared.used()
         found = prepared.program().run(plan, prepared.start(), progress=progress), used, used
-    again = prepared.again
+    again = None if once else prepared.again
     if again is None or not np.any(np.isfinite(found[0].diverged)):
         return found
     if prepared.gated:
@@ -156,10 +161,10 @@ def _gated(
 
 
 def _other_estimates(
-    prepared: PreparedEstimate, grid: Floats, step: float, progress: Callable[[float], None] | None
+    prepared: PreparedEstimate, grid: Floats, step: float, progress: Callable[[float], None] | None, *, once: bool
 ) -> tuple[list[Floats], Floats, int]:
     """xhat of every observer in a pass with other steps, (len(grid), n) each; when each is lost; how many steps."""
-    raw, _, _ = one_pass(prepared, grid, step, UNEVEN, progress=progress)
+    raw, _, _ = one_pass(prepared, grid, step, UNEVEN, progress=progress, once=once)
     n = len(prepared.run.plant.model.states)
     found = [np.empty((grid.size, n)) for _ in prepared.run.observers]
     for piece in _pieces(grid.size):

@@ -218,8 +218,35 @@ class StepWriter(Part):
         yield f"{indent}    }}"
         yield f"{indent}}}"
 
+    def _go(self) -> Iterator[str]:
+        """In equal steps to a later time, with what is needed to go on in shorter ones first."""
+        p, early, number = self.prefix, self.observer.early, Real().number
+        yield f"static void {p}go({p}observer *s, double t)"
+        yield "{"
+        yield f"    const double count = ceil(((t - s->t) / {number(self.observer.step)}) * (1.0 - 1e-9));"
+        yield ""
+        yield f"    {p}advance(s, t, (count > 1.0) ? (uint32_t)count : 1U);"
+        yield from ("}", "")
+        yield "/* close behind the start steps end at these times, too */"
+        yield f"static void {p}begin({p}observer *s, double t)"
+        yield "{"
+        yield f"    static const double early[{early.times.size}] = {{"
+        yield from (f"        {number(value)}," for value in early.times.tolist())
+        yield "    };"
+        yield "    uint32_t i;"
+        yield ""
+        yield f"    for (i = 0U; i < {early.times.size}U; ++i) {{"
+        apart = number(early.apart)
+        yield f"        if ((early[i] > (s->t + {apart})) && (early[i] < (t - {apart}))) {{"
+        yield f"            {p}go(s, early[i]);"
+        yield "        }"
+        yield "    }"
+        yield from ("}", "")
+
     def _predict(self) -> Iterator[str]:
-        p, u, real = self.prefix, self.upper, self.real
+        p, u, real, early = self.prefix, self.upper, self.real, self.observer.early.times
+        if early.size:
+            yield from self._go()
         yield f"uint32_t {p}predict({p}observer *s, double t)"
         yield "{"
         yield f"    const double count = ceil(((t - s->t) / {Real().number(self.observer.step)}) * (1.0 - 1e-9));"
@@ -232,7 +259,13 @@ class StepWriter(Part):
         yield "    } else if (t > s->t) {"
         yield "        uint32_t i;"
         yield ""
-        yield f"        {p}advance(s, t, (count > 1.0) ? (uint32_t)count : 1U);"
+        if early.size:
+            yield f"        if (s->t < {Real().number(float(early[-1]))}) {{"
+            yield f"            {p}begin(s, t);"
+            yield "        }"
+            yield f"        {p}go(s, t);"
+        else:
+            yield f"        {p}advance(s, t, (count > 1.0) ? (uint32_t)count : 1U);"
         yield f"        for (i = 0U; i < {self.observer.size}U; ++i) {{"
         yield f"            if (!({real.function('fabs')}(s->z[i]) <= {real.largest})) {{"
         yield f"                status = {u}NOT_FINITE;"

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from hgorun.engine.layout import Held
+from hgorun.engine.live import Early
 from hgorun.engine.methods import Method
 from hgorun.export.equations import Output, compares
 from hgorun.export.names import identifier
@@ -40,6 +41,8 @@ class Exported:
     method : Method
     step : float
         The longest step.
+    early : Early
+        Where steps close behind the start end, whenever a prediction is asked for.
     beside : tuple of str
         The other exported observers, where one step was found that all of them need.
     pieces : int
@@ -73,6 +76,7 @@ class Exported:
     start: np.ndarray
     method: Method
     step: float
+    early: Early
     beside: tuple[str, ...]
     pieces: int
     sides: bool

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.nearest import listed, nearest
+from hgorun.engine.live import NONE
 from hgorun.engine.memory import history_pieces
 from hgorun.engine.methods import METHODS, Method
 from hgorun.errors import ConfigError, Problem
@@ -224,6 +225,7 @@ def _exported(
         start=_start(run, label, found),
         method=method,
         step=step,
+        early=NONE if steps is None or not flows else steps.early,
         beside=_beside(experiment, label) if steps is not None else (),
         pieces=pieces,
         sides=bool(np.any(run.schedule.inward)),

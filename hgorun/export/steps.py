@@ -9,9 +9,11 @@ from typing import Protocol
 
 import numpy as np
 
+from hgorun.engine.live import NONE, Early
 from hgorun.engine.plan import Plan
 from hgorun.errors import Problem
 from hgorun.estimate.carrying import Carried, carry_out
+from hgorun.estimate.first_steps import early
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.why_left import why_left
 from hgorun.result.status import OK, Verdict
@@ -35,11 +37,14 @@ class Steps:
         The longest step.
     plan : callable
         The tables of the run with these steps.
+    early : Early
+        Where the first ones end that are shorter.
     """
 
     method: str
     step: float
     plan: Callable[[], Plan]
+    early: Early = NONE
 
 
 class Integrated(Protocol):
@@ -105,7 +110,7 @@ class OfData:
 
     @cached_property
     def _carried(self) -> Carried:
-        return carry_out(self._prepared, self._grid)
+        return carry_out(self._prepared, self._grid, once=True)  # as the code that is written
 
     @cached_property
     def steps(self) -> Steps:
@@ -113,7 +118,8 @@ class OfData:
         prepared = self._prepared
         _check_method(prepared.run.solver.method)
         step = self._carried.step if prepared.run.solver.controlled else prepared.run.step
-        return Steps(prepared.method, step, lambda: prepared.plan(self._grid, step))
+        first = early(prepared.experiment, prepared.run.step)
+        return Steps(prepared.method, step, lambda: prepared.plan(self._grid, step), first)
 
     @cached_property
     def verdicts(self) -> Mapping[str, Verdict]:
