@@ -41,12 +41,8 @@ class Again:
         """How many times the steps of a flow are tried that has so many, one after the other."""
         return (1 << k for k in range(1, _DOUBLINGS + 1) if steps << k <= _MOST)
 
-    def none_lost(self, z: Floats) -> bool:
-        """Whether all observers are there, which is soon told."""
-        return bool(z.max(initial=0.0) <= self.bound and z.min(initial=0.0) >= -self.bound)
-
     def lost(self, z: Floats) -> frozenset[int]:
-        """The numbers of those that are not."""
+        """The numbers of those that are lost."""
         return frozenset(
             j for j, (start, stop, _) in enumerate(self.blocks) if not np.all(np.abs(z[start:stop]) <= self.bound)
         )

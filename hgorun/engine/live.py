@@ -5,12 +5,12 @@ from __future__ import annotations
 import ctypes
 import math
 from collections.abc import Mapping, MutableSequence, Sequence
-from dataclasses import dataclass
 from typing import TypeAlias, cast
 
 import numpy as np
 
 from hgorun.engine.again import Again
+from hgorun.engine.early import NONE, Early
 from hgorun.engine.layout import ACTION_WORDS, COUNT, DONE, SPAN, WORD
 from hgorun.engine.memory import Memory, Start
 from hgorun.engine.plan import Floats, Integers, Plan
@@ -26,30 +26,6 @@ _STEPS, _LAST, _REGIME, _ACTIONS = (COUNT.index(name) for name in ("steps", "las
 # The two segments of the memory: the flow, and what happens then, which takes no time.
 _EVENT, _EVENT_COUNTS = len(SPAN), len(COUNT)
 _ONE, _TWO = ctypes.c_int64(1), ctypes.c_int64(2)  # which a call need not make anew
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Early:
-    """Times close behind the start at which a step ends, whatever happens.
-
-    Attributes
-    ----------
-    times : ndarray
-        Ascending.
-    apart : float
-        As close to the ends of a flow one of them counts as such an end.
-    """
-
-    times: Floats
-    apart: float
-
-    def between(self, t: float, end: float) -> Floats:
-        """Those between two times."""
-        first = np.searchsorted(self.times, t + self.apart, side="right")
-        return self.times[first : np.searchsorted(self.times, end - self.apart)]
-
-
-NONE = Early(np.zeros(0), 0.0)
 
 
 class Live:
@@ -99,6 +75,9 @@ class Live:
         self.at_once, self.slots = at_once, slots
         self._early, self._settled = early, float(early.times[-1]) if early.times.size else t
         self._memory: Memory = program.memory(plan, start)
+        self._bound = start.bound[0]
+        if again is not None:  # what is beyond it is looked at
+            self._memory.set_real("bound_offset", again.bound)
         arrays, self._kept = self._memory.arrays, dict[str, slice]()
         # Those numbers that a run goes on from lie in one piece, which is copied at once. Of samples that are carried
         # out at once nothing is left, but of those in the first slots.
@@ -143,7 +122,7 @@ class Live:
 
     def happen_at(self, t: float, actions: Integers, regime: int) -> None:
         """Go on to a time, as :meth:`advance`; then something happens: rows of the engine's action table."""
-        spans, counts, first = self._span_words, self._count_words, 1
+        spans, counts, first, before = self._span_words, self._count_words, 1, None
         if actions is not self._actions:
             self._memory.put("actions", actions)
             self._actions = actions
@@ -151,16 +130,17 @@ class Live:
         if t > self.t:
             if self.begins:
                 self._begin(t, regime)
-            if self._again is None:
-                self._flow_to(t, regime)
-                first = 0
-            else:
-                self._flow_alone(t, regime)
+            before, lost = self._before()
+            self._flow_to(t, regime)
+            first = 0
         else:
             t = self.t
         spans[_EVENT] = spans[_EVENT + 1] = spans[_EVENT + 2] = spans[_EVENT + 3] = t
         counts[_EVENT_COUNTS + _REGIME] = regime
         self._run(first, _TWO)
+        if before is not None and self.diverged.tolist() != lost:
+            self._flow_again(before, t, regime)
+            self._run(1, _TWO)
         self.t = t
 
     @property
@@ -175,16 +155,36 @@ class Live:
 
     def _flow_alone(self, t: float, regime: int) -> None:
         """Go on to a later time, in equal steps; nothing happens there."""
-        before = None if self._again is None else self.state()
+        before, lost = self._before()
         self._flow_to(t, regime)
         self._run(0, _ONE)
-        if self._again is not None and before is not None and not self._again.none_lost(self.z):
-            self._flow_again(self._again, before, t, regime)
+        if before is not None and self.diverged.tolist() != lost:
+            self._flow_again(before, t, regime)
         self.t = t
 
-    def _flow_again(self, again: Again, before: LiveState, t: float, regime: int) -> None:
-        """Let each observer that the flow to a time has lost become what shorter steps give, if they do not lose it."""
-        lost = again.lost(self.z) - again.lost(np.frombuffer(before[1])[self._kept["z"]])
+    def _before(self) -> tuple[LiveState | None, list[float]]:
+        """From where a flow is made again that loses an observer, and when each was lost; nothing where it is not."""
+        return (None, []) if self._again is None else (self.state(), self.diverged.tolist())
+
+    def _flow_again(self, before: LiveState, t: float, regime: int) -> None:
+        """Go on to a later time where a flow may have lost an observer.
+
+        Each that it has lost becomes what shorter steps give, if they do not lose it.
+        """
+        assert self._again is not None
+        self._memory.set_real("bound_offset", self._bound)
+        try:
+            self._flow_carefully(self._again, before, t, regime)
+        finally:
+            self._memory.set_real("bound_offset", self._again.bound)
+
+    def _flow_carefully(self, again: Again, before: LiveState, t: float, regime: int) -> None:
+        """Go on to a later time from a state in which a run has been."""
+        self.restore(before)
+        there = again.lost(self.z)
+        self._flow_to(t, regime)
+        self._run(0, _ONE)
+        lost = again.lost(self.z) - there
         after, found = self.state(), dict[int, tuple[Floats, float]]()
         for times in again.more(self._count_words[_STEPS]) if lost else ():
             self.restore(before)
@@ -231,7 +231,7 @@ class Live:
         ndarray, shape (N, states), or None
             The rows that are shown.
         """
-        kept = None if self._again is None else self.state()
+        since, alive = self._before()
         count, each = actions.shape[:2]
         spans, counts = np.empty((2 * count, 4)), np.zeros((2 * count, 7), dtype=np.int64)
         before = np.append(self.t, times[:-1])
@@ -255,8 +255,8 @@ class Live:
         finally:
             for name, array in own.items():
                 self._memory.put(name, array)
-        if kept is not None and self._again is not None and not self._again.none_lost(self.z):
-            self.restore(kept)
+        if since is not None and self.diverged.tolist() != alive:
+            self.restore(since)
             return None
         self.t = float(times[-1])
         return rows

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hgorun.engine.live import Early
+from hgorun.engine.early import Early
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.schedule import away_from, tolerances_of
 from hgorun.simulation.experiment import Experiment

@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 
+from hgorun.engine.early import Early
 from hgorun.engine.layout import Held
-from hgorun.engine.live import Early
 from hgorun.engine.methods import Method
 from hgorun.export.equations import Output, compares
 from hgorun.export.names import identifier

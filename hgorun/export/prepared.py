@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.nearest import listed, nearest
-from hgorun.engine.live import NONE
+from hgorun.engine.early import NONE
 from hgorun.engine.memory import history_pieces
 from hgorun.engine.methods import METHODS, Method
 from hgorun.errors import ConfigError, Problem

@@ -9,7 +9,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hgorun.engine.live import NONE, Early
+from hgorun.engine.early import NONE, Early
 from hgorun.engine.plan import Plan
 from hgorun.errors import Problem
 from hgorun.estimate.carrying import Carried, carry_out

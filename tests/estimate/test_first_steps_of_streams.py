@@ -11,7 +11,7 @@ import yaml
 from examples import Block
 from recordings import recording, signal, source
 
-from hgorun.engine.live import Early
+from hgorun.engine.early import Early
 from hgorun.estimate import first_steps, live_system, prepared
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimate import estimate
