@@ -27,6 +27,11 @@ def ascending(values: np.ndarray, *, strictly: bool) -> bool:
     return everywhere(np.greater if strictly else np.greater_equal, values[1:], values[:-1])
 
 
+def present(values: np.ndarray) -> np.ndarray:
+    """The numbers without those that are missing (NaN): the array itself, and no copy of it, where none is."""
+    return values if everywhere(np.equal, values, values) else values[~np.isnan(values)]
+
+
 def all_true(flags: np.ndarray) -> bool:
     """``flags.all()``, also where millions of flags are one and the same in memory."""
     alike = flags.size > 0 and not any(flags.strides)

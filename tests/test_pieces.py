@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hgorun import pieces
-from hgorun.pieces import all_true, ascending, everywhere
+from hgorun.pieces import all_true, ascending, everywhere, present
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 8, 9, 17])
@@ -29,3 +29,10 @@ def test_flags() -> None:
         assert all_true(np.broadcast_to(np.bool_(value), (7, 2))) is value
         assert all_true(np.full((7, 2), value)) is value
     assert not all_true(np.array([True, False]))
+
+
+def test_numbers_that_are_there() -> None:
+    whole, holes = np.arange(5.0), np.array([np.nan, 1.0, np.inf, np.nan])
+    assert present(whole) is whole
+    assert present(holes).tolist() == [1.0, np.inf]
+    assert present(holes[:0]).size == 0

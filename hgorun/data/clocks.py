@@ -20,6 +20,7 @@ from hgorun.data.table import Table, TableFile
 from hgorun.data.undeclared_dates import first_day, unix_unit
 from hgorun.data.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
+from hgorun.pieces import present
 
 _COUNTED = ("unix", *WORKBOOKS)  # formats of numbers that are dates
 EXACT = "numbers that count from the first one, or dates as text, are exact"
@@ -136,7 +137,7 @@ def odd_numbers(column: ClockColumn, table: Table, unit: str = "") -> Iterator[s
     """
     if not isinstance(column.cells, Numbers):
         return
-    name, values = column.cells.column, table.columns[column.cells]
+    name, values = column.cells.column, present(table.columns[column.cells])
     pattern = dates_in_digits(values) if not column.absolute and column.clock.unit is None else None
     if pattern is not None:
         yield (
@@ -156,11 +157,10 @@ def odd_numbers(column: ClockColumn, table: Table, unit: str = "") -> Iterator[s
 def _undeclared(column: ClockColumn, values: np.ndarray, unit: str) -> Iterator[str]:
     """What is to be told of numbers that are dates by their size, which is not that of times in their unit."""
     name, key, taken = column.cells.column, str(column.path[-1]), column.clock.unit or unit
-    there = values[~np.isnan(values)]
-    if not taken or not there.size:
+    if not taken or not values.size:
         return
     size = float(seconds(taken, ("time", "unit") if column.clock.unit is None else (*column.path, "unit"))) * 1e9
-    if (found := unix_unit(float(there[0]), size)) is not None:
+    if (found := unix_unit(float(values[0]), size)) is not None:
         since, date = found
         right = clock_key(key, name, "unix")
         if since != "s":
@@ -170,7 +170,7 @@ def _undeclared(column: ClockColumn, values: np.ndarray, unit: str) -> Iterator[
     else:
         return
     yield (
-        f"column {name!r}: its numbers are taken in {taken} and begin at {there[0]:.10g}, which would be the date "
+        f"column {name!r}: its numbers are taken in {taken} and begin at {values[0]:.10g}, which would be the date "
         f"{date}: if they are dates, {right}"
     )
 

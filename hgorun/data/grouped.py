@@ -14,6 +14,7 @@ from itertools import zip_longest
 import numpy as np
 
 from hgorun.data.units_row import NUMBER
+from hgorun.pieces import everywhere
 
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 _SMALL = re.compile(r"[-+]?\d{1,3}", re.ASCII)
@@ -53,8 +54,13 @@ def _is_doubtful(column: Sequence[str], *, commas: bool, untold: bool) -> bool:
 
 def still_may_be(values: np.ndarray) -> bool:
     """Whether all numbers of a column can be groups of three digits, as the first ones can."""
-    sizes = np.abs(values[np.isfinite(values)])
-    return bool(np.all((sizes < 1000) & ((sizes >= 1) | (sizes == 0))))
+    return everywhere(_may_be, values)  # most columns show within a few numbers that they are none
+
+
+def _may_be(values: np.ndarray) -> np.ndarray:
+    sizes = np.abs(values)
+    fits: np.ndarray = ((sizes < 1000) & ((sizes >= 1) | (sizes == 0))) | ~np.isfinite(sizes)
+    return fits
 
 
 def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
@@ -71,8 +77,10 @@ def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
         The place of the first one beside such a whole number, how it is written, and the whole one; None
         where the column is not so.
     """
+    if not still_may_be(values):
+        return None
     largest = max(np.fmax.reduce(values, initial=0.0), -np.fmin.reduce(values, initial=0.0))  # no copy of them all
-    if not (_FALL <= largest < 1000) or not still_may_be(values):
+    if not _FALL <= largest < 1000:
         return None
     places = np.flatnonzero(np.isfinite(values))
     sizes = np.abs(values[places])

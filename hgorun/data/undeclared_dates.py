@@ -44,18 +44,17 @@ def first_day(values: np.ndarray, unit: float, now: int) -> str | None:
     Parameters
     ----------
     values : ndarray
-        Rising; missing ones are NaN.
+        Rising; none is missing.
     unit : float
         In which they would be taken, in nanoseconds; nothing is wrong with days.
     now : int
         In nanoseconds since 1970.
     """
-    there = values[~np.isnan(values)]
-    some = there[:: max(1, there.size // _LOOKED_AT)]
+    some = values[:: max(1, values.size // _LOOKED_AT)]
     if unit == DAY or some.size < _FEWEST:
         return None
     first, last = (float(end) * DAY + WORKBOOKS["excel"] for end in (some.min(), some.max()))
-    if not (first >= _SINCE and last <= now + 2 * DAY) or not 0 < float(np.median(np.diff(there[:_LOOKED_AT]))) < 1:
+    if not (first >= _SINCE and last <= now + 2 * DAY) or not 0 < float(np.median(np.diff(values[:_LOOKED_AT]))) < 1:
         return None
     if any(_whole(some * parts, 1e-3) for parts in _ROUND):
         return None

@@ -19,6 +19,7 @@ from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.shut_out import shut_out
 from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
+from hgorun.pieces import all_true
 from hgorun.result.data import Integration, IntegrationError, Measurements
 from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
@@ -170,7 +171,8 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
     for one, slots in zip(prepared.samples, prepared.slots, strict=True):
         by_count = dict[int, list[str]]()  # a gate may have left out the newer ones for some observers
         for j in innovating:
-            late = int(np.count_nonzero(~found.carried.offered[slots, j]))
+            offered = found.carried.offered[slots, j]
+            late = 0 if all_true(offered) else int(np.count_nonzero(~offered))
             by_count.setdefault(late, []).append(observers[j].label)
         for late, labels in by_count.items():
             by = "" if len(labels) == len(observers) else f" by {', '.join(labels)}"
@@ -180,8 +182,7 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
         if outside:
             why = _shortened_by(prepared.experiment, recording)
             told.append(f"{one.output}: {outside} samples lie outside of the run{why}")
-    passed = {one.output: int(np.count_nonzero(one.available > one.taken)) for one in prepared.samples}
-    of_all = {one.output: (passed[one.output], one.values.size) for one in prepared.samples}
+    of_all = {one.output: (one.late, one.values.size) for one in prepared.samples}
     told += told_left_out(prepared.experiment.observers, of_all)
     return told
 

@@ -51,6 +51,8 @@ def known_far_behind(experiment: Experiment, recording: Recording) -> Iterator[s
     first = min((float(one.taken[0]) for one in outputs), default=0.0)
     last = max((float(one.taken[-1]) for one in outputs), default=0.0)
     for signal in outputs:
+        if signal.available is signal.taken:
+            continue
         k = int(np.argmax(signal.available))
         known = float(signal.available[k])
         few = 2 * int(np.count_nonzero(signal.available > last)) <= signal.taken.size  # of most it is told otherwise
@@ -73,6 +75,8 @@ def require_known(recording: Recording) -> None:
     outputs = [one for one in recording.outputs.values() if one.taken.size]
     span = max(float(one.taken[-1]) for one in outputs) - min(float(one.taken[0]) for one in outputs)
     for signal in outputs:
+        if signal.available is signal.taken:
+            continue
         k = int(np.argmax(signal.available))
         behind = float(signal.available[k] - signal.taken[k])
         if behind > _BEYOND * span > 0:

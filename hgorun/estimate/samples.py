@@ -52,6 +52,11 @@ class Sampled:
         taken = self.taken[self.used]
         return taken, taken if self.available is self.taken else self.available[self.used]
 
+    @property
+    def late(self) -> int:
+        """How many became known after they had been taken."""
+        return 0 if self.available is self.taken else int(np.count_nonzero(self.available > self.taken))
+
 
 def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
     """Those of a signal that were taken and known in a run.
