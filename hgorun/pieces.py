@@ -27,6 +27,16 @@ def ascending(values: np.ndarray, *, strictly: bool) -> bool:
     return everywhere(np.greater if strictly else np.greater_equal, values[1:], values[:-1])
 
 
+def extremes(values: np.ndarray) -> tuple[float, float]:
+    """The least and the largest number, but for missing ones (NaN); both are NaN where there is none."""
+    least = largest = np.nan
+    for first in range(0, values.size, _PIECE):
+        piece = values[first : first + _PIECE]
+        least = np.fmin.reduce(piece, initial=least)
+        largest = np.fmax.reduce(piece, initial=largest)
+    return float(least), float(largest)
+
+
 def present(values: np.ndarray) -> np.ndarray:
     """The numbers without those that are missing (NaN): the array itself, and no copy of it, where none is."""
     return values if everywhere(np.equal, values, values) else values[~np.isnan(values)]

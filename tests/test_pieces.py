@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hgorun import pieces
-from hgorun.pieces import all_true, ascending, everywhere, present
+from hgorun.pieces import all_true, ascending, everywhere, extremes, present
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 8, 9, 17])
@@ -17,6 +17,9 @@ def test_pieces_are_told_of_as_a_whole(count: int, monkeypatch: pytest.MonkeyPat
         for value in (times[k - 1], -1.0, np.nan):
             changed = times.copy()
             changed[k] = value
+            assert extremes(changed) == pytest.approx(
+                (np.fmin.reduce(changed), np.fmax.reduce(changed)), abs=0, nan_ok=True
+            )
             assert everywhere(np.isfinite, changed) == np.isfinite(changed).all()
             assert ascending(changed, strictly=True) == np.all(changed[1:] > changed[:-1])
             assert ascending(changed, strictly=False) == np.all(changed[1:] >= changed[:-1])
@@ -36,3 +39,4 @@ def test_numbers_that_are_there() -> None:
     assert present(whole) is whole
     assert present(holes).tolist() == [1.0, np.inf]
     assert present(holes[:0]).size == 0
+    assert np.isnan(extremes(holes[:0])).all()

@@ -14,7 +14,7 @@ from itertools import zip_longest
 import numpy as np
 
 from hgorun.data.units_row import NUMBER
-from hgorun.pieces import everywhere
+from hgorun.pieces import everywhere, extremes
 
 _GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
 _SMALL = re.compile(r"[-+]?\d{1,3}", re.ASCII)
@@ -79,8 +79,8 @@ def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
     """
     if not still_may_be(values):
         return None
-    largest = max(np.fmax.reduce(values, initial=0.0), -np.fmin.reduce(values, initial=0.0))  # no copy of them all
-    if not _FALL <= largest < 1000:
+    least, largest = extremes(values)
+    if not _FALL <= max(largest, -least) < 1000:
         return None
     places = np.flatnonzero(np.isfinite(values))
     sizes = np.abs(values[places])

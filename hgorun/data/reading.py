@@ -133,15 +133,15 @@ class _Making:
     def samples(self, signal: Wanted) -> Samples:
         tables = [self.tables[part.file] for part in signal.parts]
         parts = signal.parts
+        values = self._written(signal)
         taken = _joined([self.clock.times[part.file, part.time] for part in parts])
         known = [self.clock.times[part.file, part.available] for part in parts if part.available is not None]
-        values = _joined([table.columns[part.value] for table, part in zip(tables, parts, strict=True)])
         good = [
             table.columns[part.quality] for table, part in zip(tables, parts, strict=True) if part.quality is not None
         ]
         counts = [table.lines.size for table in tables]
         self.notes += self.units.told(signal)
-        samples = Samples(
+        return Samples(
             key=signal.key,
             taken=taken,
             available=_joined(known) if known else taken,
@@ -155,8 +155,10 @@ class _Making:
             time_unit=self._unit_of_times(parts),
             coarse=max(rounding(part.time.cells, table)[0] for part, table in zip(parts, tables, strict=True)),
         )
-        self.notes += sentinels.told(samples, values, signal.block, parts[0].file.owner)
-        return samples
+
+    def _written(self, signal: Wanted) -> np.ndarray:
+        """The values as they stand in the files."""
+        return _joined([self.tables[part.file].columns[part.value] for part in signal.parts])
 
     def _unit_of_times(self, parts: Sequence[Part]) -> str:
         """That in which times stand in the files, where all are numbers; else that of the run."""
@@ -177,12 +179,13 @@ class _Making:
     def _sorted(self, signal: Wanted, samples: Samples) -> tuple[Samples, list[Note]]:
         """The samples that are used, and what was found in them."""
         block = signal.block
+        found = list(sentinels.told(samples, self._written(signal), block, signal.parts[0].file.owner))
         told = block.faults.over(self.block.faults)
         if not isinstance(block, Judged):  # inputs may be written when they change: what all are told is of outputs
             told = told.model_copy(update={"gaps": block.faults.gaps})
         sorting = Sorting(told, isinstance(block, Judged), self.clock.origin)
         plausible = block.plausible if isinstance(block, Judged) else None
-        return sorting.sorted_out(samples, plausible), sorting.notes
+        return sorting.sorted_out(samples, plausible), found + sorting.notes
 
     def signal(self, signal: Wanted, samples: Samples) -> Signal:
         block = signal.block

@@ -9,6 +9,7 @@ import numpy as np
 from hgorun.config.data import Column, Judged
 from hgorun.data.recording import Note
 from hgorun.data.samples import Samples
+from hgorun.pieces import all_true, extremes
 
 _USUAL = (99, 99.9, 99.99, 999, 999.9, 999.99, 6999, 7999, 9998, 9999, 9999.9, 99999, 999999, 9999999, 32767, 32768,
           65535, 2147483647, 2147483648, 1e20, 1e30, 9.96921e36, 9.969209968386869e36, 1e37)  # fmt: skip
@@ -46,8 +47,7 @@ def sentinels(values: np.ndarray) -> Iterator[tuple[float, float, float]]:
 
 def _usual_end(values: np.ndarray) -> float | None:
     """The least or the largest value if it is a usual one and is not switched to its negative and back."""
-    ends = (float(end.reduce(values, initial=np.nan)) for end in (np.fmin, np.fmax))  # but for missing ones
-    return next((end for end in ends if _is_usual(end) and not _is_half_of_two(end, values)), None)
+    return next((end for end in extremes(values) if _is_usual(end) and not _is_half_of_two(end, values)), None)
 
 
 def _is_usual(number: float) -> bool:
@@ -92,11 +92,11 @@ def told(samples: Samples, written: np.ndarray, block: Column, owner: str) -> It
     owner : str
         The key below which ``csv`` says how the file is written.
     """
-    good = np.ones(written.size, dtype=bool) if samples.good is None else samples.good != 0
+    good = np.broadcast_to(np.True_, written.shape) if samples.good is None else samples.good != 0
     plausible = block.plausible if isinstance(block, Judged) else None
     if plausible is not None:
-        good &= (samples.values >= plausible[0]) & (samples.values <= plausible[1])
-    for number, low, high in sentinels(np.where(good, written, np.nan) if not good.all() else written):
+        good = good & (samples.values >= plausible[0]) & (samples.values <= plausible[1])
+    for number, low, high in sentinels(np.where(good, written, np.nan) if not all_true(good) else written):
         places = np.flatnonzero(good & (written == number))
         file, line = samples.place(int(places[0]))
         times = "1 value is" if places.size == 1 else f"{places.size:,} values are"

@@ -26,6 +26,7 @@ from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inpu
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of
+from hgorun.pieces import extremes
 from hgorun.simulation.checks import check_corrections, check_punctual
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
@@ -170,9 +171,8 @@ class PreparedEstimate:
         given = self.run.solver.divergence
         if given is not None:
             return given
-        values = [self.run.numbers.z0, *(one.values for one in self.samples)]
-        sizes = [max(-float(np.min(part)), float(np.max(part))) for part in values if part.size]
-        return _DIVERGED * max(1.0, *sizes)
+        ends = map(extremes, [self.run.numbers.z0, *(one.values for one in self.samples)])
+        return _DIVERGED * max(1.0, *(max(-least, largest) for least, largest in ends))
 
     def u(self, times: Floats) -> Floats:
         """The inputs at several times, shape (len(times), m)."""

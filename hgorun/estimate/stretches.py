@@ -187,7 +187,9 @@ class Stretches:
 def is_plain(experiment: Experiment, recording: Recording) -> bool:
     """Whether a stretch of a log follows from what is held at its start, and nothing is told of a sample but once."""
     outputs = recording.outputs.values()
-    in_order = all(one.available is one.taken and ascending(one.taken, strictly=False) for one in outputs)
+    clocks = {id(one.taken): one.taken for one in outputs}.values()  # that outputs share
+    punctual = all(one.available is one.taken for one in outputs)
+    in_order = punctual and all(ascending(taken, strictly=False) for taken in clocks)
     blocks = experiment.observers.values()
     simple = not any(isinstance(o, SampledObserver | CorrectedObserver | KnownCovariance) for o in blocks)
     return in_order and simple and bool(blocks) and not any(one.gate is not None for one in outputs)
