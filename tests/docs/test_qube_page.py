@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import re
 from collections.abc import Callable
-from itertools import takewhile
+from itertools import product, takewhile
 from pathlib import Path
 
 import numpy as np
@@ -61,25 +61,32 @@ def test_what_is_said_of_the_machine() -> None:
 
 
 def test_what_is_said_of_the_simulated_pendula() -> None:
+    """Of `noisy`, whose model is found in much noise, the page says how far its velocities are off."""
     rows = table("pendulum")
-    pendula = {"coulomb", "noisy", "driven", "small", "drag", "windy"}
-    assert {row["pendulum"].removesuffix(" *") for row in rows} == pendula
+    pendula = ("driven", "drag", "windy", "coulomb", "noisy", "small")
+    assert [(row["pendulum"], row["rate"]) for row in rows] == list(product(pendula, ("50 Hz", "25 Hz")))
+    noisy, others = ([row for row in rows if (row["pendulum"] == "noisy") is which] for which in (True, False))
     for label in ("SHGO", "impulsive"):
         assert worst(rows, f"{label}: angle") <= 1.05
-        assert worst(rows, f"{label}: velocity") <= 1.1
+        assert worst(others, f"{label}: velocity") <= 1.1
     said = re.search(
-        r"of `SHGO` are ([\d.]+) in an angle and ([\d.]+) in a velocity, those of `impulsive` ([\d.]+) and ([\d.]+);",
-        PAGE,
+        r"of `SHGO` are ([\d.]+) in an angle and ([\d.]+) in a velocity, those of `impulsive` ([\d.]+) and ([\d.]+); "
+        r"not so on `noisy` at 25 Hz, where the velocity is at ([\d.]+) and ([\d.]+)\. ",
+        PAGE.replace("\n", " "),
     )
     assert said is not None
     columns = ("SHGO: angle", "SHGO: velocity", "impulsive: angle", "impulsive: velocity")
-    assert [float(one) for one in said.groups()] == [worst(rows, column) for column in columns]
-    for label, least in (("SHGO", 1.085), ("impulsive", 1.025)):
-        trusting = [
-            float(row[f"{label}: velocity"]) * float(row["EKF"]) / float(row["EKF that trusts"]) for row in rows
-        ]
-        assert max(trusting) <= least
+    found = [worst(others, column) for column in columns] + [worst(noisy, column) for column in columns[1::2]]
+    assert [float(one) for one in said.groups()] == found
+    for label, least, with_noise in (("SHGO", 1.085, 1.335), ("impulsive", 1.025, 1.285)):
+        for some, bound in ((others, least), (noisy, with_noise)):
+            assert max(trusting(row, label) for row in some) <= bound
     assert worst(rows, "largest/SG") <= 0.26
+
+
+def trusting(row: dict[str, str], label: str) -> float:
+    """The ratio of a velocity to that of the filter that trusts its start."""
+    return float(row[f"{label}: velocity"]) * float(row["EKF"]) / float(row["EKF that trusts"])
 
 
 def test_what_is_said_of_poles_that_follow_from_theta() -> None:
@@ -89,7 +96,9 @@ def test_what_is_said_of_poles_that_follow_from_theta() -> None:
         x = float(row["theta T"])
         zeta = min(1.8, max(min((1 + x / 2) / 2**0.5, 1.1), x / 2))
         assert float(row["zeta"]) == pytest.approx(zeta, abs=0.008)
-    assert worst(rows, "angle") <= 1.05
+    beyond = [(row["third log of"], row["rate"]) for row in rows if float(row["angle"]) > 1.05]
+    assert beyond == [("gusty", "25 Hz")]
+    assert "The angle of `gusty` at 25 Hz is the only one beyond 1.05." in PAGE
     assert worst(rows, "velocity") <= 1.1
 
 
