@@ -76,12 +76,11 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     changes = {}
     if not given["plant"].get("initial") and first:
         changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
-    if recording.start_is_fitted and not all(set(states) <= set(one.initial) for one in experiment.observers.values()):
-        from hgorun.estimate.starting import fitted_start  # only here
-
+    sought = set(states) if recording.start_is_fitted else set(first)
+    judged = recording.start_is_fitted or any(one.gate is not None for one in recording.outputs.values())
+    if judged and not all(sought <= set(one.initial) for one in experiment.observers.values()):
         guess = Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
-        with guess.located():
-            first = fitted_start(prepare_estimate(guess, recording), recording.first_samples)
+        first = _start_in(guess, recording) or first
     for label, observer in experiment.observers.items():
         initial = first | observer.initial
         if initial != observer.initial:
@@ -89,6 +88,25 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     if not changes:
         return experiment
     return Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
+
+
+def _start_in(guess: Experiment, recording: Recording) -> dict[str, float]:
+    """By state where observers begin that have no start; nothing where that is the first sample.
+
+    Raises
+    ------
+    ConfigError
+    """
+    from hgorun.estimate.left_at_start import first_sound  # only here
+    from hgorun.estimate.starting import fitted_start
+
+    if recording.start_is_fitted:
+        with guess.located():
+            return fitted_start(prepare_estimate(guess, recording), recording.first_samples)
+    try:
+        return first_sound(prepare_estimate(guess, recording))
+    except HgorunError:  # what is wrong is said when the run is prepared
+        return {}
 
 
 def streamed(source: Source, said: StatedOfData, name: str) -> Experiment:

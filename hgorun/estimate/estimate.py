@@ -15,6 +15,7 @@ from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.far_off import far_off
 from hgorun.estimate.first_values import known_far_behind, known_later, known_too_late
+from hgorun.estimate.left_at_start import told_of_first
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.shut_out import shut_out
 from hgorun.estimate.why_left import why_left
@@ -162,6 +163,7 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
     told = [
         *map(str, recording.notes),
         *unit_remarks(prepared.experiment.source, prepared.experiment.plant.model),
+        *told_of_first(prepared, recording, found.carried.used),
         *known_later(prepared.experiment, recording),
         *known_too_late(recording),
         *known_far_behind(prepared.experiment, recording),

@@ -21,11 +21,11 @@ from hgorun.engine.turns import in_turns, with_stops, without
 from hgorun.estimate.entering import Entering, SteppedRows, innovations_by_slot, needed_until, where_entering
 from hgorun.estimate.gate import Gate, Known, variances_along
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
+from hgorun.estimate.left_at_start import left_out_of_start
 from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
 from hgorun.estimate.sessions import session_of
-from hgorun.estimate.starting import left_out_of_start
 from hgorun.estimate.turns import Turns
 from hgorun.symbolic.evaluate import Floats
 

@@ -51,44 +51,42 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
     """
     if count == AUTO:
         _require_noise(prepared)
-    found = _found(prepared, count)
+    found = fit_of(prepared, count)
     if found is None:
         first = _FEWEST if count == AUTO else count
         message = f"from the first of {first} samples the model leaves all bounds before the last of them"
         raise Problem(("data", "first_samples"), message)
-    return _by_name(prepared, found)
+    return rounded(prepared, found)
 
 
-def _by_name(prepared: PreparedEstimate, found: _Fit) -> dict[str, float]:
+def rounded(prepared: PreparedEstimate, found: _Fit) -> dict[str, float]:
+    """By state the start that was found."""
     states = prepared.run.plant.model.states
     return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(states, found.x.tolist(), strict=True)}
 
 
-def left_out_of_start(prepared: PreparedEstimate) -> tuple[set[int], set[int]]:
-    """The samples that a fitted start has left out, by their numbers among all, and the observers that begin there.
-
-    They are none where no start is fitted.
-    """
-    count = prepared.first_samples
-    known = stated(prepared.experiment)
-    if count == 1 or not any(one.gate is not None and one.output in known for one in prepared.samples):
-        return set(), set()
-    found = _found(prepared, count)
-    if found is None:
-        return set(), set()
-    start = _by_name(prepared, found)
-    slots = zip(prepared.slots, found.left, strict=True)
-    begins = [prepared.experiment.observers[block.label].initial for block in prepared.run.observers]
-    there = {j for j, initial in enumerate(begins) if any(initial.get(name) == x for name, x in start.items())}
-    return {slot.start + int(k) for slot, left in slots for k in left}, there
-
-
-def _found(prepared: PreparedEstimate, count: FirstSamples) -> _Fit | None:
+def fit_of(prepared: PreparedEstimate, count: FirstSamples) -> _Fit | None:
     """The fit that a start follows from; gains of observers, which are tried, change nothing of it."""
-    guess = dict(prepared.experiment.plant_block.initial)
-    x = np.array([float(guess.get(state, 0.0)) for state in prepared.run.plant.model.states])
+    x = _guess(prepared)
     whole = StartTask.of(prepared, _MOST if count == AUTO else max(count, 2 * x.size + _SPARE))
     return _FITS.get((count, x.tobytes(), whole.key), lambda: _fitted(prepared, count, x))
+
+
+def outliers_of(prepared: PreparedEstimate) -> list[Integers]:
+    """Of each output the numbers of those of the first samples that are outliers to the others; gates say what is one.
+
+    As many are looked at as of a start that is fitted to few.
+    """
+    x = _guess(prepared)
+    task = StartTask.of(prepared, 2 * x.size + _SPARE)
+    found = _FITS.get((1, x.tobytes(), task.key), lambda: _without_outliers(task, x))
+    return [one[:0] for one in task.numbers] if found is None else found.left
+
+
+def _guess(prepared: PreparedEstimate) -> Floats:
+    """The initial state of the plant."""
+    given = dict(prepared.experiment.plant_block.initial)
+    return np.array([float(given.get(state, 0.0)) for state in prepared.run.plant.model.states])
 
 
 def _fitted(prepared: PreparedEstimate, count: FirstSamples, x: Floats) -> _Fit | None:

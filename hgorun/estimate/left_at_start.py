@@ -1,0 +1,135 @@
+"""What observers leave out of the samples with which they begin: outliers to those that follow, where a gate says so.
+
+A start that is fitted to several samples judges these. One that is the first sample of each output is judged beside the
+next ones in the same way, since a gate knows nothing yet of an observer that begins there: if that sample is an
+outlier, measured states start from the first that is none.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import numpy as np
+
+from hgorun.data.recording import Recording, Signal
+from hgorun.engine.plan import Integers
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.samples import Sampled, stated
+from hgorun.estimate.starting import fit_of, outliers_of, rounded
+
+_STATES = 4  # of a plant: a fit of more takes seconds where it finds outliers, which nobody has asked for
+
+
+def left_out_of_start(prepared: PreparedEstimate) -> tuple[set[int], set[int]]:
+    """The samples that the start has left out, by their numbers among all, and the observers that begin there."""
+    left, start = _start(prepared)
+    if not any(one.size for one in left):
+        return set(), set()
+    begins = [prepared.experiment.observers[block.label].initial for block in prepared.run.observers]
+    there = {j for j, initial in enumerate(begins) if any(initial.get(name) == x for name, x in start.items())}
+    return {slot.start + int(k) for slot, one in zip(prepared.slots, left, strict=True) for k in one}, there
+
+
+def first_sound(prepared: PreparedEstimate) -> dict[str, float]:
+    """By state the first sample of an output that measures it and is no outlier to those that follow.
+
+    They are none where the first samples of all outputs are sound, or no gate says what an outlier is.
+    """
+    left = _outliers(prepared)
+    return _first_of(prepared, left) if any(map(_leading, prepared.samples, left)) else {}
+
+
+def told_of_first(prepared: PreparedEstimate, recording: Recording, used: np.ndarray) -> Iterator[str]:
+    """What is told of outliers among the first samples: where a start is another for them, and who uses them.
+
+    Parameters
+    ----------
+    prepared : PreparedEstimate
+    recording : Recording
+    used : ndarray of bool, shape (samples, m)
+        Which samples each observer has used.
+    """
+    left, start = _start(prepared)
+    labels = [block.label for block in prepared.run.observers]
+    for one, slots, out in zip(prepared.samples, prepared.slots, left, strict=True):
+        signal = recording.outputs[one.output]
+        yield from _moved(prepared, one, signal, out, start)
+        takes = used[slots][out]
+        by = [label for label, own in zip(labels, takes.T, strict=True) if own.any()]
+        if by:
+            k = int(out[takes.any(axis=1).argmax()])
+            uses, taken = "uses" if len(by) == 1 else "use", prepared.run.origin + one.taken[k]
+            yield (
+                f"{_place(signal, float(one.values[k]))}: {one.output}: {one.values[k]:g}, taken at {taken:g}, is an "
+                f"outlier beside the other first samples, and {', '.join(by)} {uses} it: so early a gate cannot tell "
+                "where initial is given; plausible of the column leaves it out, as does a start without initial"
+            )
+
+
+def _moved(
+    prepared: PreparedEstimate, one: Sampled, signal: Signal, out: Integers, start: Mapping[str, float]
+) -> Iterator[str]:
+    """Where a measured state does not start from its first sample, since that is an outlier."""
+    state, count = prepared.run.plant.model.measures.get(one.output, ""), _leading(one, out)
+    observers = prepared.experiment.observers.items()
+    labels = [label for label, own in observers if state in start and own.initial.get(state) == start[state]]
+    if prepared.first_samples != 1 or not count or not labels:
+        return
+    order = np.argsort(one.taken, kind="stable")
+    first, then = (float(one.values[k]) for k in order[[0, count]])
+    which, them = (
+        ("the first sample is an outlier", "it") if count == 1 else (f"the first {count} are outliers", "them")
+    )
+    leave, taken = "leaves" if len(labels) == 1 else "leave", prepared.run.origin + one.taken[order[count]]
+    yield (
+        f"{_place(signal, first)}: {one.output}: {which} beside the next samples: {', '.join(labels)} {leave} {them} "
+        f"out, and {state} starts from {then:g}, taken at {taken:g}, in place of {first:g}; with first_samples: auto "
+        "the whole start follows from several samples"
+    )
+
+
+def _place(signal: Signal, value: float) -> str:
+    """The file and the line of the first sample with a value."""
+    return f"{signal.source}:{int(signal.lines[np.flatnonzero(signal.values == value)[0]])}"
+
+
+def _start(prepared: PreparedEstimate) -> tuple[Sequence[Integers], Mapping[str, float]]:
+    """Of each output the samples that the start leaves out, and by state where observers begin that are given none."""
+    count = prepared.first_samples
+    if count == 1:
+        left = _outliers(prepared)
+        return left, _first_of(prepared, left)
+    found = fit_of(prepared, count) if _judges(prepared) else None
+    return (_none(prepared), {}) if found is None else (found.left, rounded(prepared, found))
+
+
+def _outliers(prepared: PreparedEstimate) -> Sequence[Integers]:
+    """Of each output the outliers among its first samples, as a start that is one of them is judged."""
+    few = prepared.run.plant.model.n <= _STATES
+    return outliers_of(prepared) if few and _judges(prepared) else _none(prepared)
+
+
+def _none(prepared: PreparedEstimate) -> Sequence[Integers]:
+    return [np.zeros(0, dtype=np.int64)] * len(prepared.samples)
+
+
+def _judges(prepared: PreparedEstimate) -> bool:
+    """Whether a gate and the noise of an output say what an outlier is."""
+    known = stated(prepared.experiment)
+    return any(one.gate is not None and one.output in known for one in prepared.samples)
+
+
+def _leading(one: Sampled, out: Integers) -> int:
+    """How many of the samples of an output that were taken first are outliers."""
+    outlier = np.isin(np.argsort(one.taken, kind="stable"), out)
+    return 0 if outlier.all() else int(outlier.argmin())
+
+
+def _first_of(prepared: PreparedEstimate, left: Sequence[Integers]) -> dict[str, float]:
+    """By state the first sample of it that is not left out."""
+    found: dict[str, float] = {}
+    for one, out in zip(prepared.samples, left, strict=True):
+        state = prepared.run.plant.model.measures.get(one.output)
+        if state is not None and one.values.size:
+            found.setdefault(state, float(one.values[np.argsort(one.taken, kind="stable")[_leading(one, out)]]))
+    return found

@@ -1,0 +1,114 @@
+"""Observers that begin at the first sample of a log: an outlier is no start where a gate and the noise are stated."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from examples import Block, inline
+from recordings import POLES, assessed_of, recorded_of, recording, signal, source
+
+from hgorun.errors import ConfigError
+from hgorun.estimate.estimate import estimate
+from hgorun.result.result import Result
+
+PERIOD, COUNT, GATE, STD = 0.125, 24, 5.0, 0.02
+TAKEN = PERIOD * np.arange(COUNT)
+PENDULUM: Block = {key: x for key, x in inline({"a": "b", "b": "-sin(a)"}, "a").items() if key != "initial"}
+GIVEN = {"a": 0.5, "b": 0.0}
+OBSERVERS: Block = {
+    "O": {"type": "shgo", **POLES},
+    "F": {"type": "ekf", "Q": {"b": 0.01}, "internal": {"P": 0.1}},
+    "G": {"type": "shgo", **POLES, "initial": GIVEN},
+}
+
+
+def values(outliers: dict[int, float]) -> np.ndarray:
+    found = 0.5 * np.cos(TAKEN) + STD * np.random.default_rng(3).normal(size=COUNT)
+    for k, size in outliers.items():
+        found[k] += size
+    return found
+
+
+def estimated(
+    y: np.ndarray,
+    which: np.ndarray | None = None,
+    observers: Block = OBSERVERS,
+    solver: Block | None = None,
+    **more: Any,
+) -> Result:
+    chosen = np.arange(COUNT) if which is None else which
+    config = {
+        "time": {"start": 0.0, "end": float(TAKEN[-1]), "output_step": PERIOD},
+        "plant": {**PENDULUM, **more},
+        "observers": observers,
+        "solver": solver or {"step": PERIOD / 16},
+    }
+    log = recording(signal("a", TAKEN[chosen], y[chosen], gate=GATE, std=STD))
+    return estimate(source(config), log, sensitivity=False)
+
+
+@pytest.mark.parametrize("outliers", [{0: 0.5}, {1: 0.6}])
+def test_the_estimate_is_that_of_a_log_without_the_outlier(outliers: dict[int, float]) -> None:
+    """Of observers without a start; one that has one is as in a stream."""
+    (k,) = outliers
+    kept = np.delete(np.arange(COUNT), k)
+    found, without, clean = estimated(values(outliers)), estimated(values(outliers), kept), estimated(values({}))
+    used = recorded_of(found).outputs["a"].used
+    assert used[k].tolist() == [False, False, True]
+    assert assessed_of(found, "F").scores["gated"] == {"a": 1}
+    for label in "OF":
+        np.testing.assert_allclose(found.observers[label].xhat, without.observers[label].xhat, rtol=0, atol=1e-9)
+        errors = [np.abs(one.observers[label].xhat[8:, 0] - 0.5 * np.cos(TAKEN[8:])).max() for one in (found, clean)]
+        assert errors[0] < errors[1] + STD
+
+
+def test_of_two_it_is_the_third_from_which_states_start() -> None:
+    """With more samples in one row: b is measured, too, and its first sample is sound."""
+    y, others = values({0: 3.0, 1: -2.0}), 0.02 * np.random.default_rng(1).normal(size=COUNT) - 0.5 * np.sin(TAKEN)
+    log = recording(*(signal(name, TAKEN, v, gate=GATE, std=STD) for name, v in (("ya", y), ("yb", others))))
+    config = {"plant": {**PENDULUM, "output": {"ya": "a", "yb": "b"}}, "observers": {"F": OBSERVERS["F"]}}
+    found = estimate(source({**config, "solver": {"step": 0.01}}), log, sensitivity=False)
+    assert found.observers["F"].xhat[0, 0] == pytest.approx(y[2], abs=0.1)
+    assert recorded_of(found).outputs["ya"].used[:3, 0].tolist() == [False, False, True]
+    assert recorded_of(found).outputs["yb"].used[:, 0].all()
+    (told,) = found.remarks
+    assert told.startswith("log.csv:2: ya: the first 2 are outliers beside the next samples: F leaves them out, and a ")
+    assert f"starts from {y[2]:g}, taken at 0.25, in place of {y[0]:g}" in told
+
+
+def test_a_start_that_is_moved_and_an_outlier_that_is_used_are_told() -> None:
+    y = values({0: 0.5})
+    moved, used = estimated(y).remarks
+    assert moved.startswith("log.csv:2: a: the first sample is an outlier beside the next samples: O, F leave it out")
+    assert f"starts from {y[1]:g}, taken at 0.125, in place of {y[0]:g}" in moved
+    assert used.startswith(f"log.csv:2: a: {y[0]:g}, taken at 0, is an outlier beside the other first samples")
+    assert "G uses it" in used
+
+
+@pytest.mark.parametrize("gravity", ["1", "1.5"])
+def test_nothing_changes_where_the_first_samples_agree(gravity: str) -> None:
+    """As without a gate that is so near, also where the model is somewhat wrong."""
+    found = estimated(values({}), observers={"O": OBSERVERS["O"]}, dynamics={"a": "b", "b": f"-{gravity}*sin(a)"})
+    assert not found.remarks
+    assert found.observers["O"].xhat[0, 0] == values({})[0]
+    assert recorded_of(found).outputs["a"].used.all()
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"dynamics": {"a": "b", "b": "c", "c": "d", "d": "f", "f": "-f"}, "states": [*"abcdf"]},  # too many states
+        {"dynamics": {"a": "b", "b": "exp(50*a*a)"}},  # leaves all bounds
+    ],
+)
+def test_a_start_that_cannot_be_judged_is_the_first_sample(more: Block) -> None:
+    y = values({0: 3.0})
+    found = estimated(y, observers={"O": {**OBSERVERS["O"], "theta": 1}}, **more)
+    assert found.observers["O"].xhat[0, 0] == y[0]
+
+
+def test_what_cannot_run_is_refused_as_without_a_gate() -> None:
+    with pytest.raises(ConfigError, match=r"solver.rtol: estimates of recorded data take steps that are fixed"):
+        estimated(values({}), solver={"method": "dopri5", "rtol": 1e-6})
