@@ -79,15 +79,20 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     sought = set(states) if recording.start_is_fitted else set(first)
     judged = recording.start_is_fitted or any(one.gate is not None for one in recording.outputs.values())
     if judged and not all(sought <= set(one.initial) for one in experiment.observers.values()):
-        guess = Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
+        there = changes | _begin(experiment, first)
+        guess = Experiment(_with(whole, there), name=name, text=text).with_intervals(intervals)
         first = _start_in(guess, recording) or first
-    for label, observer in experiment.observers.items():
-        initial = first | observer.initial
-        if initial != observer.initial:
-            changes[f"observers.{label}.initial"] = initial
+    changes |= _begin(experiment, first)
     if not changes:
         return experiment
     return Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
+
+
+def _begin(experiment: Experiment, first: dict[str, float]) -> dict[str, Any]:
+    """The keys with which observers begin there, where their own ``initial`` does not name a state."""
+    starts = {label: first | one.initial for label, one in experiment.observers.items()}
+    changed = {label: start for label, start in starts.items() if start != experiment.observers[label].initial}
+    return {f"observers.{label}.initial": start for label, start in changed.items()}
 
 
 def _start_in(guess: Experiment, recording: Recording) -> dict[str, float]:

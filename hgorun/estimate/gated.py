@@ -21,7 +21,7 @@ from hgorun.engine.turns import in_turns, with_stops, without
 from hgorun.estimate.entering import Entering, SteppedRows, innovations_by_slot, needed_until, where_entering
 from hgorun.estimate.gate import Gate, Known, variances_along
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
-from hgorun.estimate.left_at_start import left_out_of_start
+from hgorun.estimate.left_at_start import AtStart
 from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import same_time
@@ -66,7 +66,7 @@ class GatedRun:
         self._stepping = stepping(prepared.experiment, [block.label for block in prepared.run.observers])
         self._rows = SteppedRows.of(prepared)
         self._own = OwnSteps(prepared.run.structure.system, self._rows.channels)
-        self._at_start, self._beginning = left_out_of_start(prepared)
+        self._start = AtStart.of(prepared)
         self._gate = Gate(prepared.experiment, [one.gate for one in prepared.samples], self._covariances)
         self._entering: dict[int, list[Entering]] = {}
         for place, one in where_entering(prepared):
@@ -94,10 +94,10 @@ class GatedRun:
         """Whether a place is not passed with others.
 
         There observers are taken back or will be taken back to, or a sample comes after a newer one, which not every
-        observer may have used, or after one that was taken at the same time, or the start has left it out.
+        observer may have used, or after one that was taken at the same time, or the start has judged it.
         """
         entering = self._entering.get(place, [])
-        known = any(one.used in self._at_start for one in entering)
+        known = any(one.used in self._start.left or one.used in self._start.near for one in entering)
         older = known or any(not self._in_order[one.used] and not self._goes_back(one) for one in entering)
         again = len(entering) > 1 and any(self._turns.again(entering))
         return not entering or older or again or place in self._begins or place in self._saving
@@ -252,9 +252,10 @@ class GatedRun:
     def _left_out(self, one: Entering, innovations: Floats, t: float, z: Floats, w: Floats) -> set[int]:
         """The observers that do not take a sample."""
         members = self._offered_to(one)
-        known = self._beginning.intersection(members) if one.used in self._at_start else set()
+        start, left = self._start, one.used in self._start.left
+        known = start.observers.intersection(members) if left or one.used in start.near else set[int]()
         others = [j for j in members if j not in known]
-        found = known.union(self._gate.outliers(one.output, innovations, t, z, w, others))
+        found = (known if left else set[int]()).union(self._gate.outliers(one.output, innovations, t, z, w, others))
         taking = [j for j in members if j not in found]
         self._offered[one.used, list(members)] = True
         self._used[one.used, list(one.members)] = [j in taking for j in one.members]

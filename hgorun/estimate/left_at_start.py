@@ -8,10 +8,11 @@ outlier, measured states start from the first that is none.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.data.recording import Recording, Signal
+from hgorun.data.recording import AUTO, Recording, Signal
 from hgorun.engine.plan import Integers
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled, stated
@@ -20,14 +21,46 @@ from hgorun.estimate.starting import fit_of, outliers_of, rounded
 _STATES = 4  # of a plant: a fit of more takes seconds where it finds outliers, which nobody has asked for
 
 
-def left_out_of_start(prepared: PreparedEstimate) -> tuple[set[int], set[int]]:
-    """The samples that the start has left out, by their numbers among all, and the observers that begin there."""
-    left, start = _start(prepared)
-    if not any(one.size for one in left):
-        return set(), set()
-    begins = [prepared.experiment.observers[block.label].initial for block in prepared.run.observers]
-    there = {j for j, initial in enumerate(begins) if any(initial.get(name) == x for name, x in start.items())}
-    return {slot.start + int(k) for slot, one in zip(prepared.slots, left, strict=True) for k in one}, there
+@dataclass(frozen=True, eq=False, repr=False)
+class AtStart:
+    """What a start says of samples, by their numbers among all.
+
+    Attributes
+    ----------
+    left : set of int
+        Those that it has left out.
+    near : set of int
+        Those that it passes near whatever it is: as many of each output as there are states, of a start that is fitted.
+        Their innovations say nothing of the others.
+    observers : set of int
+        Those that begin there.
+    """
+
+    left: set[int]
+    near: set[int]
+    observers: set[int]
+
+    @classmethod
+    def of(cls, prepared: PreparedEstimate) -> AtStart:
+        """That of the observers that are given no start."""
+        left, start = _start(prepared)
+        begins = [prepared.experiment.observers[block.label].initial for block in prepared.run.observers]
+        there = {j for j, initial in enumerate(begins) if any(initial.get(name) == x for name, x in start.items())}
+        count = prepared.first_samples
+        most = prepared.run.plant.model.n if count == AUTO else min(count, prepared.run.plant.model.n)
+        near = [_order(one, out)[: most if count != 1 else 0] for one, out in zip(prepared.samples, left, strict=True)]
+        return cls(_numbers(prepared, left), _numbers(prepared, near), there)
+
+
+def _numbers(prepared: PreparedEstimate, which: Sequence[Integers]) -> set[int]:
+    """The numbers among all of some samples of each output."""
+    return {slot.start + int(k) for slot, one in zip(prepared.slots, which, strict=True) for k in one}
+
+
+def _order(one: Sampled, out: Integers) -> Integers:
+    """The samples of an output in the order in which they were taken, without some."""
+    order = np.argsort(one.taken, kind="stable")
+    return order[~np.isin(order, out)]
 
 
 def first_sound(prepared: PreparedEstimate) -> dict[str, float]:
@@ -99,7 +132,7 @@ def _start(prepared: PreparedEstimate) -> tuple[Sequence[Integers], Mapping[str,
     if count == 1:
         left = _outliers(prepared)
         return left, _first_of(prepared, left)
-    found = fit_of(prepared, count) if _judges(prepared) else None
+    found = fit_of(prepared, count)
     return (_none(prepared), {}) if found is None else (found.left, rounded(prepared, found))
 
 
@@ -131,5 +164,5 @@ def _first_of(prepared: PreparedEstimate, left: Sequence[Integers]) -> dict[str,
     for one, out in zip(prepared.samples, left, strict=True):
         state = prepared.run.plant.model.measures.get(one.output)
         if state is not None and one.values.size:
-            found.setdefault(state, float(one.values[np.argsort(one.taken, kind="stable")[_leading(one, out)]]))
+            found.setdefault(state, float(one.values[_order(one, out)[0]]))
     return found

@@ -23,6 +23,7 @@ _HALVINGS = 20
 _FEWEST, _MOST, _GROWTH = 3, 200, 1.25  # samples of an output that are tried for "auto"
 _AGREEMENT = 4.0  # standard deviations: each of some 20 fits has to agree, and with 2 half of all exact models did not
 _DIGITS = 10  # of the start: those behind are the C library's, since here CasADi's own functions are called, for speed
+_ALONE = 1e-6  # of the variance of a sample that alone tells something of the start: no error shows whether it is one
 _REWEIGHTED = 30  # passes in which errors of a start count by their size
 _NORMAL = 1.4826  # standard deviations of normal numbers in their median size
 _SPARE = 2  # samples beyond twice the states, among which outliers are looked for where a start is fitted to fewer
@@ -142,12 +143,22 @@ class _Fit:
         untold = np.linalg.norm(rows[~told], axis=0) > np.sqrt(_TOLD)
         return np.asarray(np.where(untold, np.inf, np.linalg.norm(inverse[:, None] * rows, axis=0) / sizes))
 
+    def own_deviations(self, error: Floats) -> Floats:
+        """The sizes of some errors in their own standard deviations, which are less than those of the samples.
+
+        The more a fit follows a sample, the smaller its error is.
+        """
+        sizes = np.linalg.norm(self.slope, axis=0)
+        columns, singular, _ = np.linalg.svd(self.slope / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
+        followed = np.sum(columns[:, singular > _TOLD * singular[0]] ** 2, axis=1)
+        return np.asarray(np.abs(error) / np.sqrt(np.maximum(1 - followed, _ALONE)))
+
 
 def _fit(task: StartTask, x: Floats) -> _Fit | None:
-    """The start near x from which the model passes nearest; None where it leaves the numbers."""
+    """The start near x from which the model passes nearest; None where it or its derivative leaves the numbers."""
     error, slope = task.weighted(x)
     for _ in range(_PASSES):
-        if not np.all(np.isfinite(error)):
+        if not (np.all(np.isfinite(error)) and np.all(np.isfinite(slope))):
             return None
         step = _least_squares(slope, error)
         for halving in range(_HALVINGS):
@@ -162,13 +173,15 @@ def _fit(task: StartTask, x: Floats) -> _Fit | None:
         if less < _ENOUGH:
             break
     none = [first[:0] for first in task.numbers]
-    return _Fit(x, slope, none) if np.all(np.isfinite(error)) else None
+    return _Fit(x, slope, none) if np.all(np.isfinite(error)) and np.all(np.isfinite(slope)) else None
 
 
 def _without_outliers(task: StartTask, x: Floats) -> _Fit | None:
     """The fit to all samples, or where gates leave some out, that to the others.
 
-    If all are within the gates of the fit to all, that is the one. Otherwise what is far off counts by its size and no
+    If all are within the gates of the fit to all, that is the one; errors count in their own standard deviations, which
+    are smaller at the ends of the samples, where a fit follows each of them more. Otherwise the farthest is left out.
+    If the others are not within their gates even then, what is far off counts by its size and no
     longer by its square, which few outliers turn little; those that are beyond the gates of that fit are left out. Two
     more samples than states are needed to tell which of them it is, and more than half have to agree.
     """
@@ -176,8 +189,17 @@ def _without_outliers(task: StartTask, x: Floats) -> _Fit | None:
     if found is None or len(task.gates) < x.size + 2:
         return found
     error, _ = task.residuals(found.x)
-    if not np.any(np.abs(error) > task.gates):
+    beyond = found.own_deviations(error) / task.gates
+    if not np.any(beyond > 1):
         return found
+    kept = np.arange(error.size) != np.argmax(beyond)
+    others = _fit(replace(task, weights=kept.astype(float)), found.x)
+    if others is not None:
+        rest, _ = task.residuals(others.x)
+        within = not np.any(others.own_deviations(rest)[kept] > task.gates[kept])
+        known = rest[kept & np.isfinite(task.gates)]
+        if within and np.max(beyond) > np.sqrt(known @ known / max(known.size - x.size, 1)):
+            return replace(others, left=task.chosen(~kept))
     bent = found
     for _ in range(_REWEIGHTED):
         weights = 1 / np.sqrt(np.maximum(np.abs(error), 1.0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -112,3 +113,32 @@ def test_a_start_that_cannot_be_judged_is_the_first_sample(more: Block) -> None:
 def test_what_cannot_run_is_refused_as_without_a_gate() -> None:
     with pytest.raises(ConfigError, match=r"solver.rtol: estimates of recorded data take steps that are fixed"):
         estimated(values({}), solver={"method": "dopri5", "rtol": 1e-6})
+
+
+@pytest.mark.parametrize("std", [None, STD])
+def test_a_gate_leaves_no_good_sample_out_behind_a_start_that_passes_through_the_first(std: float | None) -> None:
+    """A chain of three that begins at the parabola through three samples: its errors are small there and then grow."""
+    plant = {key: x for key, x in inline({"a": "b", "b": "c", "c": "-2*b"}, "a").items() if key != "initial"}
+    config = {"plant": plant, "observers": {"O": OBSERVERS["O"]}, "solver": {"step": PERIOD / 16}}
+    log = recording(signal("a", TAKEN, values({}), gate=GATE, std=std))
+    found = estimate(source(config), replace(log, first_samples=3), sensitivity=False)
+    one = recorded_of(found).outputs["a"]
+    assert np.abs(one.innovation[:3]).max() < 0.1 * np.abs(one.innovation[3:8]).max()
+    assert one.used.all()
+
+
+def test_a_start_is_sought_for_a_model_that_is_no_number_at_zero() -> None:
+    """Observers that are given no start do not begin at 0 meanwhile; a derivative that is infinite there is told."""
+    level = np.where(np.arange(COUNT) == 0, 5.0, 1 + 0.01 * TAKEN)
+    plant = {key: x for key, x in inline({"a": "1.01 - sqrt(a)"}, "a").items() if key != "initial"}
+    config = {"plant": plant, "observers": {"F": {"type": "ekf", "Q": {"a": 0.01}}}, "solver": {"step": 0.01}}
+
+    def start(y: np.ndarray, count: int) -> float:
+        log = replace(recording(signal("a", TAKEN, y, gate=GATE, std=STD)), first_samples=count)
+        return float(estimate(source(config), log, sensitivity=False).observers["F"].xhat[0, 0])
+
+    assert start(level, 1) == level[1]
+    assert start(level, 3) == pytest.approx(1.0, abs=0.02)
+    config["observers"] = {"O": OBSERVERS["O"]}
+    with pytest.raises(ConfigError, match="leaves all bounds"):
+        start(np.where(np.arange(COUNT) == 0, 0.0, level), 3)

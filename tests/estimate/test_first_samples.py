@@ -301,3 +301,19 @@ def test_of_few_samples_an_outlier_shows_beside_those_that_follow(outlier: int) 
     found = start_of(plant_of({"a": "b", "b": "0"}, "a"), log, 3)
     slope, value = np.polyfit(t[kept], a[kept], 1)
     np.testing.assert_allclose([found["a"], found["b"]], [value, slope], rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("outlier", [0, 7])
+def test_an_outlier_at_an_end_shows_though_the_fit_follows_it(outlier: int) -> None:
+    """Of a parabola through eight samples the error of the first is 0.54 standard deviations, so that 12 show as 6.5.
+
+    What is found is the parabola through the others; without an outlier it is the one through all.
+    """
+    t = 0.1 * np.arange(8)
+    plant = plant_of({"a": "b", "b": "c", "c": "0"}, "a")
+    a = 1 - 2 * t + 3 * t**2 + 0.01 * np.random.default_rng(1).standard_normal(8)
+    for size, kept in ((12.0, np.delete(np.arange(8), outlier)), (0.0, np.arange(8))):
+        y = a + 0.01 * size * (np.arange(8) == outlier)
+        found = start_of(plant, recording(signal("a", t, y, std=0.01, gate=5)), 8)
+        bend, slope, value = np.polyfit(t[kept], y[kept], 2)
+        np.testing.assert_allclose([found[name] for name in "abc"], [value, slope, 2 * bend], rtol=0, atol=1e-6)
