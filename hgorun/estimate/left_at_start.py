@@ -2,7 +2,7 @@
 
 A start that is fitted to several samples judges these. One that is the first sample of each output is judged beside the
 next ones in the same way, since a gate knows nothing yet of an observer that begins there: if that sample is an
-outlier, measured states start from the first that is none.
+outlier, the measured state starts where the model passes that passes nearest to the others.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from hgorun.data.recording import AUTO, Recording, Signal
 from hgorun.engine.plan import Integers
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled, stated
-from hgorun.estimate.starting import fit_of, outliers_of, rounded
+from hgorun.estimate.starting import fit_of, judged_start, rounded
 
 _STATES = 4  # of a plant: a fit of more takes seconds where it finds outliers, which nobody has asked for
 
@@ -64,12 +64,12 @@ def _order(one: Sampled, out: Integers) -> Integers:
 
 
 def first_sound(prepared: PreparedEstimate) -> dict[str, float]:
-    """By state the first sample of an output that measures it and is no outlier to those that follow.
+    """By state where it starts that an output measures: its first sample, or what others say where that is an outlier.
 
     They are none where the first samples of all outputs are sound, or no gate says what an outlier is.
     """
-    left = _outliers(prepared)
-    return _first_of(prepared, left) if any(map(_leading, prepared.samples, left)) else {}
+    left, start = _judged(prepared)
+    return start if any(map(_leading, prepared.samples, left)) else {}
 
 
 def told_of_first(prepared: PreparedEstimate, recording: Recording, used: np.ndarray) -> Iterator[str]:
@@ -108,16 +108,15 @@ def _moved(
     labels = [label for label, own in observers if state in start and own.initial.get(state) == start[state]]
     if prepared.first_samples != 1 or not count or not labels:
         return
-    order = np.argsort(one.taken, kind="stable")
-    first, then = (float(one.values[k]) for k in order[[0, count]])
+    first = float(one.values[np.argsort(one.taken, kind="stable")[0]])
     which, them = (
         ("the first sample is an outlier", "it") if count == 1 else (f"the first {count} are outliers", "them")
     )
-    leave, taken = "leaves" if len(labels) == 1 else "leave", prepared.run.origin + one.taken[order[count]]
+    leave = "leaves" if len(labels) == 1 else "leave"
     yield (
         f"{_place(signal, first)}: {one.output}: {which} beside the next samples: {', '.join(labels)} {leave} {them} "
-        f"out, and {state} starts from {then:g}, taken at {taken:g}, in place of {first:g}; with first_samples: auto "
-        "the whole start follows from several samples"
+        f"out, and {state} starts from {start[state]:.6g}, which these say, in place of {first:g}; with "
+        "first_samples: auto other states start from them, too"
     )
 
 
@@ -130,16 +129,23 @@ def _start(prepared: PreparedEstimate) -> tuple[Sequence[Integers], Mapping[str,
     """Of each output the samples that the start leaves out, and by state where observers begin that are given none."""
     count = prepared.first_samples
     if count == 1:
-        left = _outliers(prepared)
-        return left, _first_of(prepared, left)
+        return _judged(prepared)
     found = fit_of(prepared, count)
     return (_none(prepared), {}) if found is None else (found.left, rounded(prepared, found))
 
 
-def _outliers(prepared: PreparedEstimate) -> Sequence[Integers]:
-    """Of each output the outliers among its first samples, as a start that is one of them is judged."""
+def _judged(prepared: PreparedEstimate) -> tuple[Sequence[Integers], dict[str, float]]:
+    """The same of a start that is the first sample of each output."""
     few = prepared.run.plant.model.n <= _STATES
-    return outliers_of(prepared) if few and _judges(prepared) else _none(prepared)
+    left, others = judged_start(prepared) if few and _judges(prepared) else (_none(prepared), {})
+    start: dict[str, float] = {}
+    measures = prepared.run.plant.model.measures
+    for one, out in zip(prepared.samples, left, strict=True):
+        state = measures.get(one.output)
+        if state is not None and one.values.size:
+            first = float(one.values[np.argsort(one.taken, kind="stable")[0]])
+            start.setdefault(state, others[state] if _leading(one, out) else first)
+    return left, start
 
 
 def _none(prepared: PreparedEstimate) -> Sequence[Integers]:
@@ -156,13 +162,3 @@ def _leading(one: Sampled, out: Integers) -> int:
     """How many of the samples of an output that were taken first are outliers."""
     outlier = np.isin(np.argsort(one.taken, kind="stable"), out)
     return 0 if outlier.all() else int(outlier.argmin())
-
-
-def _first_of(prepared: PreparedEstimate, left: Sequence[Integers]) -> dict[str, float]:
-    """By state the first sample of it that is not left out."""
-    found: dict[str, float] = {}
-    for one, out in zip(prepared.samples, left, strict=True):
-        state = prepared.run.plant.model.measures.get(one.output)
-        if state is not None and one.values.size:
-            found.setdefault(state, float(one.values[_order(one, out)[0]]))
-    return found

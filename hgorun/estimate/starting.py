@@ -73,15 +73,15 @@ def fit_of(prepared: PreparedEstimate, count: FirstSamples) -> _Fit | None:
     return _FITS.get((count, x.tobytes(), whole.key), lambda: _fitted(prepared, count, x))
 
 
-def outliers_of(prepared: PreparedEstimate) -> list[Integers]:
-    """Of each output the numbers of those of the first samples that are outliers to the others; gates say what is one.
+def judged_start(prepared: PreparedEstimate) -> tuple[list[Integers], dict[str, float]]:
+    """Of each output the outliers among its first samples, as gates say, and by state the start that the others give.
 
     As many are looked at as of a start that is fitted to few.
     """
     x = _guess(prepared)
     task = StartTask.of(prepared, 2 * x.size + _SPARE)
     found = _FITS.get((1, x.tobytes(), task.key), lambda: _without_outliers(task, x))
-    return [one[:0] for one in task.numbers] if found is None else found.left
+    return ([one[:0] for one in task.numbers], {}) if found is None else (found.left, rounded(prepared, found))
 
 
 def _guess(prepared: PreparedEstimate) -> Floats:
