@@ -7,13 +7,13 @@ from collections.abc import Iterator
 
 from hgorun.data.units import alike_times, is_time
 
-_PER = re.compile(r"/\s*\(?\s*([^\W\d_]+)|([^\W\d_]+)\s*(?:\^|\*\*)?\s*\(?[-⁻][1-9¹²³]")
+_PER = re.compile(r"/\s*\(?\s*((?:\d[\d.,]*\s*)?[^\W\d_]+)|([^\W\d_]+)\s*(?:\^|\*\*)?\s*\(?[-⁻][1-9¹²³]")
 _PER_SEVERAL = re.compile(r"/\s*\(([^()]*)\)")  # as in g/(L h)
 _FACTOR = re.compile(r"[^\W\d_]+(?!\s*(?:\^|\*\*)?\s*[-⁻])")
 
 
 def per_unit_of(unit: str, time: str) -> str:
-    """A unit that is per another unit of time, as it is per this one: 1/s of 1/h; empty where it is not."""
+    """A unit that is per another unit of time, as it is per this one: 1/s of 1/h and 1/24h; empty where it is not."""
     if not is_time(time):
         return ""
     found = unit
@@ -25,7 +25,7 @@ def per_unit_of(unit: str, time: str) -> str:
 
 
 def _denominators(unit: str) -> Iterator[tuple[int, int]]:
-    """Where the names of units stand that a unit is divided by."""
+    """Where the units stand, with their numbers, that a unit is divided by."""
     for match in _PER.finditer(unit):
         yield match.span(1 if match[1] else 2)
     for group in _PER_SEVERAL.finditer(unit):

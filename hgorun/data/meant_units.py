@@ -14,8 +14,13 @@ _AS_WRITTEN = {
     **dict.fromkeys(("ft-lb", "lb-ft", "ft.lb", "ft·lb"), "ft_lb"),
     **dict.fromkeys(("in-lb", "lb-in", "in.lb", "in·lb"), "in*lbf"),
     **{"mPas": "mPa s", "Pas": "Pa s", "cps": "cP", "at": "kgf/cm2"},
+    **{"kpm": "kgf*m", "kpcm": "kgf*cm", "PSh": "metric_horsepower h", "o/oo": "permille", "0/00": "permille"},
     **{"mho": "S", "mho/cm": "S/cm", "mmho/cm": "mS/cm", "umho/cm": "uS/cm", "µmho/cm": "uS/cm"},
 }
+_TEMPERATURES = (
+    *("K", "kelvin", "degC", "degree_Celsius", "degF", "degree_Fahrenheit", "degR", "degree_Rankine"),
+    *("°C", "°F"),
+)
 _IN_ANY_LETTERS = {
     **dict.fromkeys(("kg/cm2", "kp/cm2"), "kgf/cm2"),
     **{"kg/mm2": "kgf/mm2", "kg/m2": "kgf/m2", "psf": "lbf/ft^2"},
@@ -33,8 +38,11 @@ _IN_ANY_LETTERS = {
     **dict.fromkeys(("bbl/d", "bbl/day", "bpd", "bopd", "bwpd"), "oil_barrel/d"),
     **dict.fromkeys(("mmbtu/h", "mmbtu/hr", "mmbtuh"), "million_Btu/h"),
     **{"mmbtu": "million_Btu", "mbh": "thousand_Btu/h", "btuh": "BTU/h"},
+    **{"pct": "percent", "perc": "percent", **dict.fromkeys(("permil", "promil", "promille", "permille"), "permille")},
     **dict.fromkeys(("u/min", "r/min", "upm", "tr/min"), "rpm"),
 }
+_FACTORS = {"kp": "kgf", "lbm": "lb", "PS": "metric_horsepower", "mho": "S", "bbl": "oil_barrel", "cbm": "m^3"}
+_BETWEEN = re.compile(r"([\s*·/()]+)")
 _PLAIN = str.maketrans({"²": "2", "³": "3", "^": "", ".": "", " ": "", "_": ""})
 _OF_PERCENT = r"(?:r\.?\s?[hf]\.?|rel\.?|vol\.?|v/v|wt\.?|w/w|m/m|ma(?:ss)?\.?|mole?|gew\.?|sat\.?|open)"
 _PERCENT = re.compile(rf"%\s*(?:{_OF_PERCENT}|\({_OF_PERCENT}\))|{_OF_PERCENT}[\s-]*%", re.IGNORECASE)
@@ -60,4 +68,17 @@ def meant_by(text: str) -> str | None:
         return match[1]
     if match := _GLUED.fullmatch(text):
         return f"{match[1]}*{match[2]}" if match[1] else f"{match[3]}*{match[4]}^2"
+    factors = _BETWEEN.split(text)
+    if len(factors) > 1 and _FACTORS.keys() & {*factors}:
+        return "".join(_FACTORS.get(one, one) for one in factors)  # kp m
     return text.replace(".", " ") if _PRODUCT.fullmatch(text) else None
+
+
+def german_degrees(text: str, wanted: str) -> str:
+    """Which degrees the German word for them means beside a unit; empty of any other word.
+
+    To others it is a part of a right angle in a hundred, and to a library of units a billion rad.
+    """
+    if text not in ("Grad", "grad"):
+        return ""
+    return "degC" if wanted in _TEMPERATURES else "deg"

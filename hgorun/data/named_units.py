@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import yaml
 
+from hgorun.data.factored_units import has_factor, is_factor, without_number
 from hgorun.data.meant_units import meant_by
 from hgorun.data.recording import Note
 from hgorun.data.units import (
@@ -27,6 +28,7 @@ from hgorun.errors import KeyPath, Problem
 _IN_NAME = re.compile(
     r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60}(?:\([^()]{1,60}\))?)\)|\sin\s+(\S{1,60}(?:\s\S{1,20})?))\s*"
 )
+_TAG = re.compile(r"\d{1,2}[A-Za-z]")  # in round brackets: valve (3A)
 _BETWEEN = re.compile(r"\s*[\s/,_]\s*")
 _ALSO_WORDS = ("in", "min", "at")  # at the end of a name
 _TEMPERATURES = {"C": "degC", "F": "degF"}  # to pint coulomb and farad
@@ -40,9 +42,12 @@ def unit_in_name(name: str) -> str:
     end = _bracket(name) or name.rfind(" in ")
     match = _IN_NAME.fullmatch(name, max(len(name[:end].rstrip()) - 1, 0)) if end > 0 else None
     said = "" if match is None else next(part for part in match.groups() if part).strip()
+    if match is not None and match[2] is not None and _TAG.fullmatch(said):
+        return ""
     if match is None or match[3] is None or not re.search(r"\s", said):
         return said
-    return said if with_temperatures(said) != said or is_misread(said) else ""  # level in tank 3
+    is_one = with_temperatures(said) != said or is_misread(said) or has_factor(said)
+    return said if is_one else ""  # level in tank 3
 
 
 def _bracket(name: str) -> int:
@@ -87,14 +92,18 @@ def foreign_in_name(name: str, wanted: str) -> str:
 def of_another_kind_in_name(name: str, wanted: str) -> str:
     """The unit in the name of a column whose numbers cannot be of the kind wanted; else empty.
 
-    A letter in round brackets is a tag more often than a unit.
+    A letter in round brackets is a tag more often than a unit, and a number with a unit a place: ``wind (10 m)``.
     """
     said = unit_in_name(name)
-    if not said or said.isdigit() or (len(said) == 1 and not name.rstrip().endswith("]")):
+    if not said or said.isdigit() or (_may_be_tag(said) and not name.rstrip().endswith("]")):
         return ""
     if (meant := meant_by(said)) and alike(meant, wanted):
         return ""  # U/min is no enzyme beside rpm
     return said if is_unit(said) and is_unit(wanted) and _convertible(said, wanted) is None else ""
+
+
+def _may_be_tag(said: str) -> bool:
+    return len(said) == 1 or has_factor(said)
 
 
 def said_in_name(name: str, wanted: str, stated: bool) -> str:
@@ -123,14 +132,16 @@ def remark_on_name(name: str, wanted: str) -> str:
 def _unread_in_name(name: str, wanted: str) -> str:
     """What stands in the name of a column as its unit, with more than a unit behind it; else empty.
 
-    ``[bar(a)]`` and ``[mm below top]`` are such, ``[raw]`` and ``[TI101]`` are remarks.
+    ``[bar(a)]``, ``[mm below top]`` and ``[103 m3/h]`` are such, ``[raw]`` and ``[TI101]`` are remarks.
     """
     said = unit_in_name(name)
     if said in (*NO_UNIT, wanted) or is_unit(said):
         return ""
     first = re.split(r"[\s(,;]", said)[0]
     more = name.rstrip().endswith("]") and first != said and not alike(first, wanted)
-    return said if is_misread(said) or (more and _convertible(first, wanted)) else ""
+    units = [first] * more + [one for one in [without_number(said)] if one]
+    is_one = is_misread(said) or any(_convertible(one, wanted) for one in units)
+    return said if is_one or (wanted in NO_UNIT and is_factor(said)) else ""
 
 
 def loose_in_name(name: str, wanted: str) -> str:
@@ -140,6 +151,8 @@ def loose_in_name(name: str, wanted: str) -> str:
     """
     for between in list(_BETWEEN.finditer(name.rstrip(), 1))[-2:]:
         said = name[between.end() :].strip()
+        if has_factor(said):
+            continue  # T_5cm
         if without_reference(said) is not None and (foreign(said, wanted) or without_reference(said) == wanted):
             return said
         if unit_in_name(name):

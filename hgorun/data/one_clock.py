@@ -14,6 +14,7 @@ from hgorun.data.date_hints import clock_key, with_exchanged
 from hgorun.data.date_order import a_day_too_early, days_counted, exchanged, known_after, passes_midnight, unlike_others
 from hgorun.data.dates import NAT
 from hgorun.data.day_counts import four_years_apart, span_of
+from hgorun.data.factored_units import has_factor
 from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.parts import require_one_time_unit
 from hgorun.data.recording import Note, Origin
@@ -263,7 +264,8 @@ class OneClock:
             who="the run counts in",
             beside=self._around,
         )
-        yield note_of(another, "clock", key, clock.path, f", and time.unit: {said} is right for a model in {said}")
+        of_run = f", and time.unit: {said} is right for a model in {said}" if not has_factor(said) else ""
+        yield note_of(another, "clock", key, clock.path, of_run)
 
     def _other_clock(self, beside: Origin, clock: ClockColumn) -> tuple[int | None, bool]:
         """Numbers beside a log with dates count from the origin that is stated; else nothing relates the clocks."""

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 from hgorun.data.clocks import ClockColumn
+from hgorun.data.factored_units import has_factor
 from hgorun.data.named_units import of_one_kind, without_unit
 from hgorun.data.recording import Note
 from hgorun.data.sources import LogFile, Wanted, column_meant
@@ -76,7 +77,9 @@ def _are_one(name: str, column: str) -> bool:
         return True
     ends = [place.end() for place in _BEHIND_NAMES.finditer(name, 1)]
     units = [(name[end:], column[end:]) for end in ends if name[:end].casefold() == column[:end].casefold()]
-    return any(of_one_kind(*map(_plain, two)) for two in units if not any(map(is_time, two)))
+    return any(
+        of_one_kind(*map(_plain, two)) for two in units if not any(is_time(one) or has_factor(one) for one in two)
+    )
 
 
 def _with_unit(name: str, column: str) -> bool:
@@ -84,7 +87,7 @@ def _with_unit(name: str, column: str) -> bool:
     end = name[len(column) :]
     unit = end.strip(" _/,").removeprefix("in ")
     begins = name.casefold().startswith(column.casefold()) and end[:1] in (" ", "_", "/", ",")
-    return begins and len(unit) > 1 and not unit.isdigit() and is_unit(unit)
+    return begins and len(unit) > 1 and not (unit.isdigit() or has_factor(unit)) and is_unit(unit)
 
 
 def require_one_unit(

@@ -11,8 +11,9 @@ from typing import TypeAlias
 import numpy as np
 
 from hgorun.config.time_units import SECONDS, SHORT
-from hgorun.data.units import NO_UNIT, are_usual, converted, in_usual_notation, is_time
-from hgorun.data.written_units import with_temperatures
+from hgorun.data.factored_units import has_factor
+from hgorun.data.units import NO_UNIT, are_usual, converted, is_time
+from hgorun.data.written_units import in_usual_notation, with_temperatures
 from hgorun.errors import Problem
 
 _OFFSET = re.compile(r"(?<!\w)deg([CF])(?!\w)")  # of a rate only differences count
@@ -63,7 +64,7 @@ def factors_of(unit: str) -> Factors | None:
 
     A temperature is a difference of temperatures, as which it enters rates.
     """
-    if unit in NO_UNIT or not are_usual(unit):
+    if unit in NO_UNIT or not are_usual(unit) or has_factor(unit):
         return None
     text = _OFFSET.sub(r"delta_deg\1", in_usual_notation(unit)).replace("^", "**")
     for sign, name in _SIGNS.items():

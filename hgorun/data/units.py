@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
 from functools import cache
@@ -12,11 +13,19 @@ import numpy as np
 
 from hgorun.config.expressions import nearest
 from hgorun.config.time_units import SECONDS, SHORT, meant_unit
-from hgorun.data.meant_units import meant_by
+from hgorun.data.factored_units import asked, has_number, joined, parted
+from hgorun.data.meant_units import german_degrees, meant_by
 from hgorun.data.readable_units import DEFINED, may_be_read
 from hgorun.data.turns import counted_by, exponents, turns_alone
 from hgorun.data.usual_units import in_other_letters, is_usual, unusual
-from hgorun.data.written_units import is_misread, temperature_in, with_temperatures, without_reference
+from hgorun.data.written_units import (
+    in_usual_notation,
+    is_misread,
+    temperature_in,
+    with_temperatures,
+    without_points,
+    without_reference,
+)
 from hgorun.errors import KeyPath, Problem
 
 if TYPE_CHECKING:
@@ -33,15 +42,9 @@ _UNIT = re.compile(rf"{_FACTOR}(?:\s*[*/ ]\s*{_FACTOR}){{0,8}}")
 _NOT_NUMBERS = re.compile(r"[^\W\d]|[%‰°]")
 NO_UNIT = ("-", "1", "")
 """How it is written that numbers have no unit."""
-_NAMES = {
-    "rev": "turn",
-    "Torr": "torr",
-    **{"Nm": "(N*m)", "kNm": "(kN*m)", "mNm": "(mN*m)"},
-}
-_TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
-_RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-_ABBREVIATED = re.compile(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
-_POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
+_DIGIT = re.compile(r"([^\W\d_])([2-9])(?!\w)")
+_PREFIXES = {"m": "0.001", "k": "1000", "M": "1e6", "G": "1e9"}
+_PREFIXED = re.compile(r"([mkMG])([^\W\d_]+)")
 _BITS = ("bit", "byte")
 
 
@@ -53,12 +56,19 @@ def seconds(unit: str, path: KeyPath) -> Fraction:
     Problem
         At ``path``, when it is not a unit of time.
     """
-    found = SECONDS.get(SHORT.get(unit, unit))
+    found = _seconds(unit)
     if found is None:
         raise Problem(
             path, f"{unit!r} is not a unit of time.{meant_unit(unit, list(SECONDS))} Known: {', '.join(SECONDS)}"
         )
     return found
+
+
+def _seconds(unit: str) -> Fraction | None:
+    """How long a unit of time is, also of several; None of another unit."""
+    factor, plain = parted(unit)
+    found = SECONDS.get(SHORT.get(plain, plain))
+    return None if found is None else factor * found
 
 
 def scaled(values: np.ndarray, factor: Fraction) -> np.ndarray:
@@ -76,8 +86,9 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     Problem
         At ``path``, when a unit is not known or when the two are of different kinds.
     """
-    alike_written = are_usual(unit) and in_usual_notation(unit) == in_usual_notation(wanted)
-    if alike_written or _written_out(unit) == _written_out(wanted):
+    (factor, plain), (of_wanted, plain_wanted) = parted(unit), parted(wanted)
+    alike_written = factor == of_wanted and in_usual_notation(plain) == in_usual_notation(plain_wanted)
+    if (alike_written and are_usual(unit)) or without_points(unit) == without_points(wanted):
         return values
     from pint.errors import DimensionalityError
 
@@ -92,16 +103,11 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     if exponents(found, _BITS) != exponents(target, _BITS):  # a byte is no bel, and to pint 8
         raise Problem(path, another)
     try:
-        numbers = np.asarray(registry.Quantity(values, found).to(target).magnitude, dtype=float)
+        numbers = np.asarray(registry.Quantity(scaled(values, factor), found).to(target).magnitude, dtype=float)
         cycles = exponents(found, ("hertz",)) - exponents(target, ("hertz",))
-        return numbers * (2 * np.pi) ** cycles if cycles else numbers
+        return scaled(numbers * (2 * np.pi) ** cycles if cycles else numbers, 1 / of_wanted)
     except DimensionalityError:
         raise Problem(path, another + _meant(unit, target)) from None
-
-
-def _written_out(unit: str) -> str:
-    """A unit without the points of an abbreviation: a.u. and au, p.u. and pu are one notation."""
-    return unit.replace(".", "").replace(" ", "") if _ABBREVIATED.fullmatch(unit) else unit
 
 
 def are_usual(*units: str) -> bool:
@@ -109,7 +115,7 @@ def are_usual(*units: str) -> bool:
 
     To import it takes longer than many a run takes.
     """
-    return all(unit in NO_UNIT or _is_read(in_usual_notation(unit)) for unit in units)
+    return all(unit in NO_UNIT or _is_read(in_usual_notation(parted(unit)[1])) for unit in units)
 
 
 def _is_read(written: str) -> bool:
@@ -121,18 +127,19 @@ def not_known(unit: str) -> str:
     """That a unit is not known, with what may be meant; empty where it is, or says that there is none."""
     if unit in NO_UNIT:
         return ""
-    if are_usual(unit) and _UNIT.fullmatch(in_usual_notation(unit)):
-        return "" if _NOT_NUMBERS.search(in_usual_notation(unit)) else f"{unit!r} is a number, not a unit."
+    written = in_usual_notation(parted(unit)[1])
+    if are_usual(unit) and _UNIT.fullmatch(written):
+        return "" if _NOT_NUMBERS.search(written) else f"{unit!r} is a number, not a unit."
     try:
         _parsed(_registry(), unit, ())
     except Problem:
-        return f"{unit!r} is not a known unit.{nearest(unit, _COMMON.split())}"
+        return f"{unit!r} is not a known unit.{_nearest(unit, _COMMON.split())}"
     return ""
 
 
 def is_time(unit: str) -> bool:
     """Whether it is a unit of time."""
-    return SHORT.get(unit, unit) in SECONDS
+    return _seconds(unit) is not None
 
 
 def is_unit(text: str) -> bool:
@@ -148,13 +155,13 @@ def is_unit(text: str) -> bool:
 
 def alike_times(unit: str, other: str) -> bool:
     """Whether two texts mean the same unit of time, as h and hours do; not where one is unknown."""
-    return unit == other or (is_time(unit) and SHORT.get(unit, unit) == SHORT.get(other, other))
+    return unit == other or (is_time(unit) and _seconds(unit) == _seconds(other))
 
 
 def alike(unit: str, other: str) -> bool:
     """Whether two texts mean the same unit, as degC and °C do; not where one is unknown."""
     if unit != other and not are_usual(unit, other):
-        return _written_out(unit) == _written_out(other)
+        return without_points(unit) == without_points(other)
     two = np.array([0.0, 1.0])
     try:
         return bool(np.allclose(converted(two, unit, other, ()), two, rtol=1e-12, atol=1e-12))
@@ -167,30 +174,41 @@ def foreign(unit: str, wanted: str) -> bool:
 
     What is not converted may be read by accident, but taken as it is it may as well be silently wrong.
     """
-    meant, of = _meant_alone(unit), _meant_alone(wanted)
+    of = _meant_alone(wanted)
+    factor, meant = parted(_meant_alone(unit, with_temperatures(of)))
     readings = [meant]
     if len(meant) > 1:  # RPM, KPA, M/S
         readings += in_other_letters(meant) or [low for low in [meant.lower()] if _is_read(in_usual_notation(low))]
+    readings = [joined(factor, other) for one in readings for other in _readings(one)]
+    readings += map(_meant_alone, asked(unit))
     seen = [factor for factor in (_read_as(one, of) for one in readings) if factor is not None]
     return bool(seen) and not any(seen)
 
 
-def _meant_alone(unit: str) -> str:
-    """The unit that an abbreviation stands for, without what is told of a zero of pressure or of conditions."""
-    plain = without_reference(unit) or unit
-    return meant_by(plain) or plain
+def _meant_alone(unit: str, wanted: str = "") -> str:
+    """The unit that an abbreviation stands for, without what is told of a zero of pressure or of conditions.
+
+    What it is beside may say so of degrees.
+    """
+    factor, plain = parted(unit)
+    german = german_degrees(plain, wanted) if wanted else ""
+    without = without_reference(plain)
+    meant = german or meant_by(without or plain) or without
+    return joined(factor, meant) if meant else unit
 
 
 def _read_as(unit: str, wanted: str) -> bool | None:
     """Whether a library reads a text as the same unit as another; None where it is of another kind or none."""
-    two, written = np.array([0.0, 1.0]), [in_usual_notation(one) for one in (unit, wanted)]
-    if unit == "percent" and wanted in NO_UNIT:
+    two, (factor, plain), (of_wanted, plain_wanted) = np.array([0.0, 1.0]), parted(unit), parted(wanted)
+    if plain in ("percent", "permille") and wanted in NO_UNIT:
         return False
+    written = [in_usual_notation(one) for one in (plain, plain_wanted)]
     if unit.isdigit() or not all(_UNIT.fullmatch(one) and may_be_read(one) for one in written):
         return None
     with suppress(Exception), np.errstate(divide="ignore"):  # whatever its parser stumbles over
         found, target = (_registry().Unit(one) for one in written)
-        return bool(np.allclose(_registry().Quantity(two, found).to(target).magnitude, two, rtol=1e-12, atol=1e-12))
+        numbers = _registry().Quantity(two * float(factor), found).to(target).magnitude
+        return bool(np.allclose(numbers, two * float(of_wanted), rtol=1e-12, atol=1e-12))
     return None
 
 
@@ -217,7 +235,7 @@ def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted
     """A unit; of one that is not known it is said what may be meant, if the kind that is wanted is known."""
     if text in NO_UNIT:
         return registry.Unit("dimensionless")
-    written = in_usual_notation(text)
+    written = in_usual_notation(parted(text)[1])
     if not _UNIT.fullmatch(written):
         raise Problem(path, f"{text!r} cannot be a unit{_meant(text, wanted, '.')}")
     if _is_read(written):
@@ -228,21 +246,6 @@ def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted
     raise Problem(path, f"{text!r} is not a known unit{hint}")
 
 
-def in_usual_notation(text: str) -> str:
-    """A unit as pint reads it: ``m3``, ``L-1``, ``·`` and ``s⁻¹`` are usual, too."""
-
-    def raised(match: re.Match[str]) -> str:
-        name, power = match.groups()
-        return f"{name}^{power.translate(_RAISED)}" if is_usual(name) else match[0]
-
-    if without_reference(text) is not None:
-        return text  # Nm^3 is no power of N m
-    text = with_temperatures(text)
-    for name, meant in _NAMES.items():
-        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", meant, text)
-    return _POWER.sub(raised, text.translate(_TIMES))
-
-
 def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     """What may be meant by a unit where one of a kind is wanted, as a question; empty where nothing is.
 
@@ -250,19 +253,41 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     """
     if wanted is None:
         return ""
-    meant = "deg" if text in ("Grad", "grad") else temperature_in(text)  # German; to others 0.9 of that
+    factor, plain = parted(text)
+    meant = german_degrees(plain, str(wanted)) or temperature_in(plain)
     if meant:
-        return f"{before} Did you mean `{meant}`?"
-    if _fits(text, wanted, anything=True) and (counts := counted_by(_registry().Unit(in_usual_notation(text)))):
+        return f"{before} Did you mean `{joined(factor, meant)}`?"
+    if _fits(text, wanted, anything=True) and (counts := counted_by(_registry().Unit(in_usual_notation(plain)))):
         return f"{before} It does not say what it counts: {counts}."
-    if (plain := without_reference(text)) and _fits(_meant_alone(text), wanted):
-        meant = f"Did you mean `{meant_by(plain) or plain}`?"
-        return f"{before} {meant} Where its zero lies, or which conditions are meant, it does not say."
-    for one in (meant_by(text), *in_other_letters(text)):
-        if one is not None and _fits(one, wanted):
-            return f"{before} Did you mean `{one}`?"
-    close = nearest(text, [unit for unit in _COMMON.split() if unit != text and _fits(unit, wanted)])
+    meant = _meant_alone(text)
+    if without_reference(plain) and _fits(meant, wanted):
+        told = "Where its zero lies, or which conditions are meant, it does not say."
+        return f"{before} Did you mean `{meant}`? {told}"
+    letters = [joined(factor, one) for one in in_other_letters(plain) if _may_be(plain, one)]
+    for those in ([meant] if meant != text else [], letters, map(_meant_alone, asked(text))):
+        if fitting := [one for one in those if _fits(one, wanted)]:
+            return f"{before} Did you mean {' or '.join(f'`{one}`' for one in fitting)}?"
+    close = _nearest(text, [unit for unit in _COMMON.split() if unit != text and _fits(unit, wanted)])
     return before + close if close else ""
+
+
+def _nearest(text: str, known: list[str]) -> str:
+    """The most similar of units, as a question; none of those of which what is written is another size."""
+    return "" if has_number(text) else nearest(text, [unit for unit in known if _may_be(text, unit)])
+
+
+def _may_be(text: str, unit: str) -> bool:
+    """Whether what is not known may be a unit in other letters: not where a prefix or a library says another size."""
+    return not any(_read_as(one, unit) is False for one in _readings(text))
+
+
+def _readings(text: str) -> Iterator[str]:
+    """A text that is no unit as a library may read it, also with powers and prefixes that nobody writes."""
+    yield text
+    if (power := _DIGIT.sub(r"\1^\2", text)) != text:
+        yield power  # Mm3/d
+    if (match := _PREFIXED.match(text)) and not is_usual(match[0]) and is_usual(match[2]):
+        yield f"{_PREFIXES[match[1]]} {text[1:]}"  # kt/h
 
 
 def _fits(text: str, wanted: pint.Unit, *, anything: bool = False) -> bool:

@@ -11,6 +11,7 @@ from collections.abc import Collection, Mapping, Sequence
 
 from hgorun.data.date_forms import reads
 from hgorun.data.date_texts import looks_like_iso
+from hgorun.data.factored_units import has_factor
 from hgorun.data.units import are_usual, is_time, is_unit
 
 NUMBER = re.compile(r"[-+]?(?:\d+[.,]?\d*|[.,]\d+)(?:[eE][-+]?\d+)?", re.ASCII)
@@ -44,7 +45,9 @@ def may_state_units(
         Of the columns of time stamps, the formats in which they are read; None for numbers.
     """
     texts = [text.strip() for text in row]
-    if all(text.lower() in missing for text in texts) or any(map(_may_be_value, texts)):
+    of_stamps = [text for text, _ in _stamps(texts, names, clocks)]
+    of_time = bool(of_stamps) and all(is_time(text) and not has_factor(text) for text in of_stamps)
+    if all(text.lower() in missing for text in texts) or any(_may_be_value(text, of_time) for text in texts):
         return False
     return not any(_reads(text, form) for text, forms in _stamps(texts, names, clocks) for form in forms)
 
@@ -75,9 +78,14 @@ def _stamps(
     return [(text, clocks[name]) for text, name in zip(texts, map(str.strip, names), strict=False) if name in clocks]
 
 
-def _may_be_value(text: str) -> bool:
-    """Whether a cell is no unit, and is a number, a date, or something that begins as one does."""
-    return is_value(text) or (_BEGINS_AS_NUMBER.match(text) is not None and not is_unit(text))
+def _may_be_value(text: str, of_time: bool) -> bool:
+    """Whether a cell is no unit, and is a number, a date, or something that begins as one does.
+
+    A number with a unit is a unit only beside one of time in the column of stamps: ``0.1 K`` may as well be a value.
+    """
+    if is_value(text) or _BEGINS_AS_NUMBER.match(text) is None:
+        return is_value(text)
+    return not is_unit(text) or (has_factor(text) and not of_time)
 
 
 def _reads(text: str, form: str | None) -> bool:

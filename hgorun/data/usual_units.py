@@ -93,8 +93,13 @@ def is_usual(name: str) -> bool:
 
 
 def in_other_letters(text: str) -> list[str]:
-    """The units that differ from a text in small and capital letters alone: RPM, KPA."""
-    return [one for one in sorted(_SYMBOLS | _WORDS) if one != text and one.lower() == text.lower()]
+    """The units that differ from a text in small and capital letters alone: RPM, KPA.
+
+    A prefix that stands there beside letters of the other size is meant: ``mBar`` is no megabar. ``MBAR`` may be one.
+    """
+    found = [one for one in sorted(_SYMBOLS | _WORDS) if one != text and one.lower() == text.lower()]
+    with_prefix = [] if text in (text.lower(), text.upper()) else [one for one in found if one[0] == text[0]]
+    return with_prefix or found
 
 
 def unusual(text: str) -> str | None:

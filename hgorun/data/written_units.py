@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import re
 
+from hgorun.data.usual_units import is_usual
+
 _SCALES = {"c": "degC", "f": "degF", "k": "K", "r": "degR"}
 _SCALE = r"(C(?:elsius)?|centigrade|F(?:ahrenheit)?|K(?:elvin)?|R(?:ankine)?)"
 _SIGN = r"(?:Â?[°º]|[˚∘◦⁰ᵒ])"  # of degrees, also its likenesses, and UTF-8 read as Latin-1
@@ -15,6 +17,7 @@ _DEGREES = re.compile(
     rf"(?<!\w)(?:(?:deg(?:ree)?s?\.?|{_SIGN})[\s_-]*|gra?d?\.?\s+){_SCALE}(?![^\W\d_]|\w)", re.IGNORECASE
 )
 _WORD = re.compile(r"(?<!\w)(Celsius|Centigrade|Fahrenheit|Kelvin)(?!\w)", re.IGNORECASE)
+_ANGULAR = re.compile(r"(?<![\w⁻])(?:Â[°º]|[º˚∘◦⁰ᵒ])(?!\w)")
 _LETTER_O = re.compile(r"(?<!\w)o([CFK])(?!\w)")
 _ONE_SIGN = str.maketrans({"℃": "°C", "℉": "°F", "\N{KELVIN SIGN}": "K"})
 _ANGLE = r"(?:[munkµμ]|milli|micro)?(?:deg(?:ree)?s?|°)"
@@ -51,16 +54,29 @@ _FLOWS = {
     **{"mmscfd": "million_cubic_feet/d", "mmscfh": "million_cubic_feet/h"},
 }
 
+_NAMES = {
+    "rev": "turn",
+    "Torr": "torr",
+    **{"Nm": "(N*m)", "kNm": "(kN*m)", "mNm": "(mN*m)"},
+}
+_TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
+_RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+_ABBREVIATED = re.compile(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
+_POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
+
 
 def with_temperatures(text: str) -> str:
-    """A unit in which degrees of temperature are ``degC``, ``degF``, ``degR`` and ``K``, however they were written."""
+    """A unit in which degrees of temperature are ``degC``, ``degF``, ``degR`` and ``K``, however they were written.
+
+    Those of angles have their sign.
+    """
 
     def scale(match: re.Match[str]) -> str:
         return _SCALES["c" if match[1][0] in "cC" else match[1][0].lower()]
 
     for pattern in (_DEGREES, _WORD, _LETTER_O):
         text = pattern.sub(scale, text.translate(_ONE_SIGN))
-    return text
+    return _ANGULAR.sub("°", text)
 
 
 def is_misread(text: str) -> bool:
@@ -109,3 +125,23 @@ def reference_of(text: str) -> str:
     told = "".join(text[first:end] for first, end in zip(ends[::2], ends[1::2], strict=True))
     letters = re.sub(r"[\W_]", "", told).upper()
     return "NTP" if letters == "NTP" else "N" if letters[:1] in ("N", "I") else "S"
+
+
+def in_usual_notation(text: str) -> str:
+    """A unit as pint reads it: ``m3``, ``L-1``, ``·`` and ``s⁻¹`` are usual, too."""
+
+    def raised(match: re.Match[str]) -> str:
+        name, power = match.groups()
+        return f"{name}^{power.translate(_RAISED)}" if is_usual(name) else match[0]
+
+    if without_reference(text) is not None:
+        return text  # Nm^3 is no power of N m
+    text = with_temperatures(text)
+    for name, meant in _NAMES.items():
+        text = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", meant, text)
+    return _POWER.sub(raised, text.translate(_TIMES))
+
+
+def without_points(unit: str) -> str:
+    """A unit without the points of an abbreviation: a.u. and au, p.u. and pu are one notation."""
+    return unit.replace(".", "").replace(" ", "") if _ABBREVIATED.fullmatch(unit) else unit
