@@ -10,23 +10,29 @@ _DIGITS = r"(?:\d{1,3}(?:[ \u00a0\u2009\u202f]\d{3})+|\d{1,20}(?:[.,]\d{1,20})?|
 _HIGH = r"⁰¹²³⁴⁵⁶⁷⁸⁹"
 _TEN = rf"10(?:\s?(?:\^|\*\*)\s?(?:\([-+−]?\d{{1,2}}\)|[-+−]?\d{{1,2}})|[⁻⁺]?[{_HIGH}]{{1,2}}|[-−][1-9](?![\d.,]))"
 _NUMBER = rf"(?:(?:{_DIGITS}\s*[x×*·]\s*)?{_TEN}|{_DIGITS})(?![\d.,^{_HIGH}⁻]|[eE][-+]?\d)"
-_UNIT = r"(?=[^\W\d_]|[°º˚Â%‰])"  # begins
+_UNIT = rf"(?=[^\W\d_{_HIGH}]|[°º˚Â%‰])"  # begins
 _TIMES = r"\s*[x×*·]?\s*"
 
+_WORDS = {"tsd": "1000", "thousand": "1000", "mio": "1e6", "mln": "1e6", "million": "1e6", "mrd": "1e9"}
+_WORD = re.compile(rf"({'|'.join(_WORDS)})\.?\s+(?=\S)", re.IGNORECASE)  # Mio m3
 _BEFORE = re.compile(rf"({_NUMBER}){_TIMES}(\(?{_UNIT}.*|/.*|1/\D.*)", re.DOTALL)
 _PART = re.compile(rf"1\s*/\s*(\d{{1,6}}){_TIMES}({_UNIT}.*)")  # of a unit, or one per several: 1/10 K, 1/24 h
 _PER = re.compile(rf"(/|\sper\s)\s*(\(?)\s*({_NUMBER}){_TIMES}{_UNIT}")
 _OVER = re.compile(rf"(.*[^\W_])\s*/\s*({_NUMBER})")
 _MULTIPLIED = (
     re.compile(rf"[xX×*·]\s*(?P<number>{_NUMBER}){_TIMES}(?P<unit>\(?{_UNIT}.*)"),
-    re.compile(rf"(?P<unit>\D.*?)(?:\s+[xX]|\s*[×*·])\s*(?P<number>{_NUMBER})"),
+    re.compile(rf"(?P<unit>\D.*?)(?:\s+[xX]|\s*[×*·]|\s*\(\s*[xX×*·])\s*(?P<number>{_NUMBER})\s*\)?"),
     re.compile(rf"(?P<unit>\D.*?)\s+(?P<number>{_TEN}|[eE][-+]?\d{{1,2}})"),
 )
 _UNCLEAR = re.compile(r"10[3-9]|[1-9]\d{0,2}[.,]\d{3}")  # a power of ten or a number; digits in groups or a fraction
 _BEGINS = re.compile(rf"(?:[-+~<>=≤≥±xX×*]\s*)*\d[\W\deE_{_HIGH}]*?{_TIMES}(\(?(?![eE][-+]?\d){_UNIT}.*)")
-_UNREAD = re.compile(rf"(/\s*\(?\s*)\d[\d.,\s]*{_TIMES}{_UNIT}")
+_UNREAD = re.compile(rf"(?<![\w^*.,⁻−-])\d[\d.,]*{_TIMES}(?=\D)")
+_ALONE = re.compile(
+    rf"[xX]\s*(?:{_TEN}|10+|0[.,]0*1)|[×*/]\s*{_NUMBER}|{_TEN}|\d{{1,20}}(?:[.,]\d+)?[eE][-+]?\d{{1,2}}"
+)
 _ORDINAL = re.compile(r"(?:st|nd|rd|th)(?!\w)")
 _HAS_NUMBER = re.compile(r"(?<![\w^*.,⁻−-])(?!1\s*/\s*\D)[.,]?\d")
+_LONGEST = 200  # letters of a unit
 _LEAST = Fraction(1, 10**100)
 _PLAIN_HIGH = str.maketrans(_HIGH + "⁻⁺−", "0123456789-+-")
 
@@ -37,7 +43,9 @@ def parted(text: str) -> tuple[Fraction, str]:
     A number behind a bar belongs to what follows: ``g/100 mL`` is a gram in 100 mL. One alone is no unit, and
     ``x10 degC`` leaves open what is ten times as large, see :func:`asked`.
     """
-    factor, rest = Fraction(1), text.strip()
+    factor, rest = Fraction(1), text.strip() if len(text) <= _LONGEST else ""
+    if word := _WORD.match(rest):
+        rest = f"{_WORDS[word[1].lower()]} {rest[word.end() :]}"
     if (match := _PART.fullmatch(rest)) and _is_power_of_ten(match[1]):
         return Fraction(1, int(match[1])), match[2]
     if match := _BEFORE.fullmatch(rest):
@@ -56,7 +64,7 @@ def parted(text: str) -> tuple[Fraction, str]:
         if number is None:
             return Fraction(1), text
         factor, rest = factor / number, match[1]
-    found = rest != text.strip() and _LEAST < factor < 1 / _LEAST
+    found = rest not in (text.strip(), "") and _LEAST < factor < 1 / _LEAST
     return (factor, rest) if found else (Fraction(1), text)
 
 
@@ -96,13 +104,13 @@ def asked(text: str) -> Iterator[str]:
 def without_number(text: str) -> str:
     """A text without the numbers in it that may not be read as a factor; empty where none stands there."""
     match = _BEGINS.fullmatch(text.strip())
-    found = _UNREAD.sub(r"\1", match[1] if match else text)
+    found = _UNREAD.sub("", match[1] if match else text)
     return found if found != text else ""
 
 
 def is_factor(text: str) -> bool:
-    """Whether a text is a number alone that is no tag: ``1e-3``, ``10^3``."""
-    return re.fullmatch(rf"{_TEN}|\d{{1,20}}(?:[.,]\d{{1,20}})?[eE][-+]?\d{{1,2}}", text) is not None
+    """Whether a text is a number alone that is no tag: ``1e-3``, ``10^3``, ``x10``."""
+    return _ALONE.fullmatch(text) is not None
 
 
 def has_number(text: str) -> bool:

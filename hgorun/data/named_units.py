@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import yaml
 
-from hgorun.data.factored_units import has_factor, is_factor, without_number
+from hgorun.data.factored_units import has_factor, is_factor, parted, without_number
 from hgorun.data.meant_units import meant_by
 from hgorun.data.recording import Note
 from hgorun.data.units import (
@@ -28,6 +28,7 @@ from hgorun.errors import KeyPath, Problem
 _IN_NAME = re.compile(
     r"\S\s*(?:\[([^\[\]]{1,60})\]|\(([^()]{1,60}(?:\([^()]{1,60}\))?)\)|\sin\s+(\S{1,60}(?:\s\S{1,20})?))\s*"
 )
+_TIMES = re.compile(r"(.+[\])])\s*([xX×*/]\s*[\d.,^⁻⁰¹²³⁴⁵⁶⁷⁸⁹-]{1,20})\s*")  # behind it: [degC] x10
 _TAG = re.compile(r"\d{1,2}[A-Za-z]")  # in round brackets: valve (3A)
 _BETWEEN = re.compile(r"\s*[\s/,_]\s*")
 _ALSO_WORDS = ("in", "min", "at")  # at the end of a name
@@ -36,6 +37,8 @@ _TEMPERATURES = {"C": "degC", "F": "degF"}  # to pint coulomb and farad
 
 def unit_in_name(name: str) -> str:
     """What the name of a column ends with as its unit: ``[unit]``, ``(unit)`` or `` in unit``; empty without one."""
+    if (times := _TIMES.fullmatch(name)) and (said := unit_in_name(times[1])):
+        return f"{said} {times[2]}"
     behind = name.rpartition(" in ")[2].strip()
     if behind != name.strip() and without_reference(behind) is not None:
         return behind  # p in mbar(a)
@@ -137,11 +140,11 @@ def _unread_in_name(name: str, wanted: str) -> str:
     said = unit_in_name(name)
     if said in (*NO_UNIT, wanted) or is_unit(said):
         return ""
-    first = re.split(r"[\s(,;]", said)[0]
-    more = name.rstrip().endswith("]") and first != said and not alike(first, wanted)
+    first = re.split(r"[\s(,;]", parted(said)[1])[0]
+    more = name.rstrip().endswith("]") and first != said and (has_factor(said) or not alike(first, wanted))
     units = [first] * more + [one for one in [without_number(said)] if one]
     is_one = is_misread(said) or any(_convertible(one, wanted) for one in units)
-    return said if is_one or (wanted in NO_UNIT and is_factor(said)) else ""
+    return said if is_one or is_factor(said) else ""
 
 
 def loose_in_name(name: str, wanted: str) -> str:

@@ -180,9 +180,8 @@ def foreign(unit: str, wanted: str) -> bool:
     if len(meant) > 1:  # RPM, KPA, M/S
         readings += in_other_letters(meant) or [low for low in [meant.lower()] if _is_read(in_usual_notation(low))]
     readings = [joined(factor, other) for one in readings for other in _readings(one)]
-    readings += map(_meant_alone, asked(unit))
-    seen = [factor for factor in (_read_as(one, of) for one in readings) if factor is not None]
-    return bool(seen) and not any(seen)
+    seen = [same for same in (_read_as(one, of) for one in readings) if same is not None]
+    return (bool(seen) and not any(seen)) or any(_read_as(_meant_alone(one), of) is False for one in asked(unit))
 
 
 def _meant_alone(unit: str, wanted: str = "") -> str:
@@ -200,7 +199,7 @@ def _meant_alone(unit: str, wanted: str = "") -> str:
 def _read_as(unit: str, wanted: str) -> bool | None:
     """Whether a library reads a text as the same unit as another; None where it is of another kind or none."""
     two, (factor, plain), (of_wanted, plain_wanted) = np.array([0.0, 1.0]), parted(unit), parted(wanted)
-    if plain in ("percent", "permille") and wanted in NO_UNIT:
+    if plain in ("percent", "permille", "%", "‰") and wanted in NO_UNIT:
         return False
     written = [in_usual_notation(one) for one in (plain, plain_wanted)]
     if unit.isdigit() or not all(_UNIT.fullmatch(one) and may_be_read(one) for one in written):

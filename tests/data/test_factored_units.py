@@ -51,6 +51,8 @@ CONVERTED = [
     ("1000/min", "1/min", 1000.0),
     ("10 rpm", "rad/s", 20 * np.pi / 60),
     ("10 %", "-", 0.1),
+    ("Mio. m3", "m^3", 1e6),
+    ("thousand m3/h", "m^3/h", 1000.0),
     ("m", "10 mm", 100.0),
     ("100 mm", "10 cm", 1.0),
 ]
@@ -70,9 +72,24 @@ OPEN = [
     ("10 K deg", "K", ["10 K"]),
     ("0.1 promille", "-", ["0.1 permille"]),
     ("10 MBAR", "bar", ["10 Mbar", "10 mbar"]),
+    ("m (x10)", "m", ["10 m", "0.1 m"]),
+    ("x 10^3 t", "kg", ["1000 t", "0.001 t"]),  # the second one is a kilogram
+    ("×10³ t", "kg", ["1000 t", "0.001 t"]),
+    ("%*10", "-", ["10 %", "0.1 %"]),
 ]
-UNREAD = ["103 m3/h", "1.000 m3/h", "1,000 m3/h", "1'000 m3/h", "0-50 m3/h", "0 m3/h", "m3/1,000h", "1e-333 m3/h"]
-LABELS = ["3 rooms", "2nd", "3rd floor", "tank 10", "x10", "10", "e-3", "1"]
+UNREAD = [
+    "103 m3/h",
+    "1.000 m3/h",
+    "1,000 m3/h",
+    "1'000 m3/h",
+    "0-50 m3/h",
+    "0 m3/h",
+    "m3/1,000h",
+    "10^3 m3/h (N)x",
+    "m3/(2 h 3)",
+    "1e-333 m3/h",
+]
+LABELS = ["3 rooms", "2nd", "3rd floor", "tank 10", "x2", "10", "e-3", "1"]
 
 
 @pytest.mark.parametrize(("unit", "wanted", "factor"), CONVERTED)
@@ -120,10 +137,17 @@ def test_a_number_that_cannot_be_read_is_told(tmp_path: Path, unit: str) -> None
     assert "Did you mean" not in caught.value.message
 
 
-def test_a_power_of_ten_alone_is_told_of_what_has_no_unit() -> None:
-    assert said_in_name("y [1e-3]", "-", stated=False) == "1e-3"
-    assert said_in_name("y [10^-3]", "1", stated=False) == "10^-3"
-    assert said_in_name("y [10]", "-", stated=False) == ""
+def test_a_factor_alone_is_told() -> None:
+    for text in ("1e-3", "10^-3", "x10", "*0.1", "/10"):
+        assert said_in_name(f"y [{text}]", "-", stated=False) == said_in_name(f"y [{text}]", "K", stated=False) == text
+    for text in ("10", "0.1", "x2", "0/1"):
+        assert said_in_name(f"y [{text}]", "-", stated=False) == ""
+
+
+@pytest.mark.parametrize("name", ["T [degC] x10", "T (degC)*10", "T [degC] / 10"])
+def test_a_number_behind_the_brackets_belongs_to_the_unit(name: str) -> None:
+    assert said_in_name(name, "degC", stated=False).startswith("degC ")
+    assert said_in_name("T [raw] x10", "degC", stated=False) == said_in_name("T x10", "degC", stated=False) == ""
 
 
 @pytest.mark.parametrize("text", LABELS)
@@ -187,7 +211,7 @@ def test_units_of_rates_and_of_other_times() -> None:
     assert per_unit_of("g/100mL", "h") == ""
 
 
-@pytest.mark.parametrize("text", ["1e99 m/1e-99s", "m/0", "1/0 m", "0 m"])
+@pytest.mark.parametrize("text", ["1e99 m/1e-99s", "m/0", "1/0 m", "0 m", "1 " + 200 * "m"])
 def test_numbers_that_are_too_large_or_nothing_are_not_read(text: str) -> None:
     assert parted(text) == (Fraction(1), text)
 
