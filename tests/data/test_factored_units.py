@@ -6,13 +6,16 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
+import h5py
 import numpy as np
 import pytest
 from logs import noisy, recorded, table
 
+from hgorun.config.data import Data
 from hgorun.data.denominators import per_unit_of
 from hgorun.data.factored_units import asked, joined, parted
 from hgorun.data.named_units import remark_on_name, said_in_name
+from hgorun.data.reading import read
 from hgorun.data.unit_per_time import factors_of, unlike_rate
 from hgorun.data.units import alike, alike_times, converted, is_time, is_unit, not_known, seconds
 from hgorun.errors import ConfigError, Problem
@@ -176,6 +179,18 @@ def test_so_it_is_in_a_row_of_units(tmp_path: Path, row: str, unit: str, factor:
         recorded(tmp_path, log, {"outputs": {"S": "y"}}, units={"S": "K"})
     found = recorded(tmp_path, log, {"outputs": {"S": {"column": "y", "unit": unit}}}, units={"S": "K"})
     np.testing.assert_allclose(found.outputs["S"].values, [5 * factor, 6 * factor], rtol=1e-14)
+
+
+def test_so_it_is_in_attributes_of_hdf5(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        for name, values, unit in (("t", [0.0, 1.0], "s"), ("y", [5.0, 6.0], "0.1 K")):
+            file[name] = np.array(values)
+            file[name].attrs["units"] = unit
+    block: dict[str, Any] = {"file": "log.h5", "time": "t", "outputs": {"S": "y"}}
+    with pytest.raises(Problem, match=r"the file says 0.1 K in .* converts, unit: K takes"):
+        read(Data.model_validate(block), tmp_path, units={"S": "K"})
+    stated = block | {"outputs": {"S": {"column": "y", "unit": "0.1 K"}}}
+    assert read(Data.model_validate(stated), tmp_path, units={"S": "K"}).outputs["S"].values.tolist() == [0.5, 0.6]
 
 
 @pytest.mark.parametrize("row", ["0 s,10 K\n1 s,11 K", "2024-01-01T00:00,10 K\n2024-01-01T00:01,11 K"])
