@@ -9,6 +9,7 @@ from pathlib import Path
 
 from hgorun.commands.ensemble_options import Tune as Options
 from hgorun.commands.outputs import RESULTS, there, written
+from hgorun.commands.remarks import of_run
 from hgorun.config.nearest import among
 from hgorun.config.tuning import Tune, require_few
 from hgorun.config.validation import validate
@@ -23,6 +24,7 @@ from hgorun.estimate.holdout import thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.estimate.samples import stated
 from hgorun.estimate.tuning import Trials, reported, search
+from hgorun.estimate.twins import of_references
 from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment import Experiment
@@ -57,7 +59,7 @@ def tune_data(options: Options, text: str, source: Source) -> int:
             raise Problem(("tune", "minimise"), "with recorded data, one score is minimised, and nothing is bounded")
         goal = read_goal(block.minimise[0], ("tune", "minimise", 0))
         logs = [log_of(source, options.config, (file,)) for file in options.data] or [log_of(source, options.config)]
-        samples = [_samples(log, goal) for log in logs]
+        samples = [_samples(log, goal, options.config.stem) for log in logs]
         experiments = [completed(source, one.given, options.config.stem, text) for one in samples]
         cases = [Case(experiment, one) for experiment, one in zip(experiments, samples, strict=True)]
         _check_deviations(goal, experiments[0])
@@ -89,9 +91,13 @@ def _with_overrides(text: str, overrides: Sequence[str]) -> str:
     return "".join(line for line in said if line not in text) + text
 
 
-def _samples(log: Log, goal: Goal) -> Split:
-    """A recording, what the observers get of it, and what they do not get."""
+def _samples(log: Log, goal: Goal, name: str) -> Split:
+    """A recording, what the observers get of it, and what they do not get; a reference that they get is told of."""
     recording, between = thinned(log.read(), log.block.period)
+    if goal.score == "reference_rmse":
+        for note in (*(one for one in recording.notes if one.kind == "used"), *of_references(recording)):
+            if note.signal == f"reference.{goal.name}":
+                say(f"hgorun: {of_run(name, str(note))}")
     return split(recording, goal, between)
 
 

@@ -18,6 +18,7 @@ from hgorun.estimate.first_values import known_far_behind, known_later, known_to
 from hgorun.estimate.left_at_start import told_of_first
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.shut_out import shut_out
+from hgorun.estimate.twins import of_references
 from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
 from hgorun.pieces import all_true
@@ -161,7 +162,7 @@ def result_of(
 def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated) -> list[str]:
     """What was found in the data, and where estimates start from them."""
     told = [
-        *map(str, recording.notes),
+        *map(str, (*recording.notes, *of_references(recording))),
         *unit_remarks(prepared.experiment.source, prepared.experiment.plant.model),
         *told_of_first(prepared, recording, found.carried.used),
         *known_later(prepared.experiment, recording),

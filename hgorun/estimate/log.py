@@ -21,6 +21,7 @@ from hgorun.data.reading import Reader, read
 from hgorun.data.recording import Note, Origin, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.holdout import part
+from hgorun.estimate.twins import used_nevertheless, without_twins
 from hgorun.files import real_path
 
 
@@ -93,7 +94,8 @@ class Log:
     def held_out(self, recording: Recording, output: str, file: Path) -> tuple[Recording, Signal]:
         """A recording without what it has of an output from a file, and what is compared with estimates.
 
-        What stands in another file than those that observers get is read from there.
+        What stands in another file than those that observers get is read from there. Samples of the log that have the
+        time and the value of one that is held out are the same, wherever they stand: observers do not get them either.
 
         Raises
         ------
@@ -105,14 +107,21 @@ class Log:
         if signal is None or not out.any():
             self._refuse_used(output, file)
             held, notes = self._from_file(output, file, recording.origin)
-            return replace(recording, notes=(*recording.notes, *notes)), held
-        if out.all():
+            if signal is None:
+                notes = [*notes, *used_nevertheless(recording, held, output, "that are held out")]
+        elif out.all():
             raise ConfigError(
                 f"--holdout {output}={file}: all samples of the output {output} stand there, and observers would get "
                 f"none: hold out some of them, --holdout {output}=5, or leave {output} out of plant.output and "
                 "data.outputs and name it in data.reference"
             )
-        return replace(recording, outputs={**recording.outputs, output: part(signal, ~out)}), part(signal, out)
+        else:
+            held, signal, notes = part(signal, out), part(signal, ~out), []
+        outputs = dict(recording.outputs)
+        if signal is not None:
+            outputs[output], told = without_twins(signal, held, f"--holdout {output}={file}")
+            notes = [*notes, *told]
+        return replace(recording, outputs=outputs, notes=(*recording.notes, *notes)), held
 
     def _refuse_used(self, name: str, file: Path) -> None:
         """Refuse a column that observers get as an output of another name."""

@@ -1,0 +1,125 @@
+"""Samples that are compared with estimates, and stand among those that observers get as well."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun.data.recording import Note, Recording, Signal
+from hgorun.data.time_steps import median_step
+from hgorun.errors import ConfigError
+from hgorun.estimate.holdout import part
+
+_SAME_TIME = 1e-3  # of the median step: stamps are rounded and converted otherwise in another file
+_SAME_VALUE = 1e-7  # of a value: single precision
+_PIECE = 1 << 15  # samples at a time: there may be many
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class Twins:
+    """Where the samples of two signals are the same.
+
+    Attributes
+    ----------
+    given : ndarray of bool, shape (n,)
+        Which samples of the first have the time and the value of one of the second.
+    compared, otherwise : ndarray of bool, shape (k,)
+        Which samples of the second have the time and the value of one of the first, and which the time only.
+    """
+
+    given: np.ndarray
+    compared: np.ndarray
+    otherwise: np.ndarray
+
+    @classmethod
+    def of(cls, given: Signal, compared: Signal) -> Twins:
+        """Of samples that observers get, and of others."""
+        slack = _slack(given.taken, compared.taken)
+        same, known, timed = (np.zeros(n, dtype=bool) for n in (given.taken.size, *2 * (compared.taken.size,)))
+        for start in range(0, compared.taken.size, _PIECE):
+            piece = slice(start, start + _PIECE)
+            taken, values = compared.taken[piece], compared.values[piece]
+            first = np.searchsorted(given.taken, taken - slack, side="left")
+            count = np.searchsorted(given.taken, taken + slack, side="right") - first
+            timed[piece] = count > 0
+            for k in range(int(count.max())):
+                at = np.flatnonzero(count > k)
+                other, value = given.values[first[at] + k], values[at]
+                equal = np.abs(other - value) <= _SAME_VALUE * np.maximum(np.abs(other), np.abs(value))
+                same[first[at[equal]] + k] = True
+                known[start + at[equal]] = True
+        return cls(same, known, timed & ~known)
+
+
+def _slack(given: np.ndarray, compared: np.ndarray) -> float:
+    """By how much times may differ that are equal on paper."""
+    latest = max((float(np.abs(times).max()) for times in (given, compared) if times.size), default=0.0)
+    steps = [step for step in map(median_step, (given, compared)) if np.isfinite(step)]
+    return max(4 * float(np.spacing(latest)), _SAME_TIME * min(steps, default=0.0))
+
+
+def without_twins(given: Signal, held: Signal, words: str) -> tuple[Signal, list[Note]]:
+    """An output without the samples that are held out from a file and stand in the log as well, and what is told.
+
+    Parameters
+    ----------
+    words : str
+        The option.
+
+    Raises
+    ------
+    ConfigError
+        Where observers would get nothing.
+    """
+    twins, notes = Twins.of(given, held), list[Note]()
+    if twins.given.all():
+        raise ConfigError(
+            f"{words}: all samples of the output {held.name} stand there, if under another name, and observers would "
+            f"get none: hold out some of them, --holdout {held.name}=5"
+        )
+    if count := int(np.count_nonzero(twins.given)):
+        samples = "1 sample of this output has" if count == 1 else f"{count} samples of this output have"
+        told = f"{samples} the time and the value of one that is held out: not given to observers either"
+        notes.append(_note(f"outputs.{given.name}", given, twins.given, count, told))
+    if other := int(np.count_nonzero(twins.otherwise)):
+        samples = "1 sample that is held out has" if other == 1 else f"{other} samples that are held out have"
+        told = f"{samples} the time of one in the log, but not its value: observers get the one in the log"
+        notes.append(_note(held.name, held, twins.otherwise, other, told))
+    return (part(given, ~twins.given) if count else given), notes
+
+
+def used_nevertheless(recording: Recording, compared: Signal, key: str, what: str) -> Iterator[Note]:
+    """What is told of samples for comparison most of which observers get, of that output or of another.
+
+    Single ones may be equal by chance, and so are many of a quantity that rests.
+
+    Parameters
+    ----------
+    key, what : str
+        What the samples are called, and what they are.
+    """
+    for name, given in recording.outputs.items():
+        twins = Twins.of(given, compared).compared
+        count = int(np.count_nonzero(twins))
+        moves = np.ptp(compared.values[twins]) > 0 if count else False
+        if 2 * count > twins.size and (moves or name == compared.name):
+            which = "the only sample" if twins.size == 1 else f"{count} of {twins.size} samples"
+            told = f"observers get {which} {what} as the output {name}: estimates are compared with what they use"
+            yield _note(key, compared, twins, count, told)
+
+
+def of_references(recording: Recording) -> Iterator[Note]:
+    """The same of every reference whose column is not told of already."""
+    known = {note.signal for note in recording.notes if note.kind == "used"}
+    for name, signal in recording.reference.items():
+        if (key := f"reference.{name}") not in known:
+            yield from used_nevertheless(recording, signal, key, "of the reference")
+
+
+def _note(key: str, signal: Signal, which: np.ndarray, count: int, told: str) -> Note:
+    """What is told of some samples, at the first of them."""
+    k = int(which.argmax())
+    source = signal.sources[signal.part[k]] if signal.part.size else signal.source
+    return Note(kind="used", signal=key, file=str(source), line=int(signal.lines[k]), count=count, message=told)
