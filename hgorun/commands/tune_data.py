@@ -37,7 +37,10 @@ _OF_PLANT = "plant.parameters."
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Tuned:
-    """The best gains of an observer, the score with them, and what is told of outliers in it."""
+    """The best gains of an observer, the score with them, and what is told of it.
+
+    ``kept``: they are those of the file, since all that were tried are as good.
+    """
 
     goal: Goal
     sought: list[Gain]
@@ -47,6 +50,7 @@ class _Tuned:
     runs: int
     budget: int
     remarks: list[str]
+    kept: bool
 
 
 def tune_data(options: Options, text: str, source: Source) -> int:
@@ -65,13 +69,16 @@ def tune_data(options: Options, text: str, source: Source) -> int:
         _check_deviations(goal, experiments[0])
         given = {label: tuple(one.get("initial") or ()) for label, one in source.data["observers"].items()}
         tasks = _tasks(experiments[0], goal, block)
-        found = [_tuned(cases, given, one, gains, block.runs(len(gains), recorded=True)) for one, gains in tasks]
+        found = [
+            _tuned(cases, given, one, gains, block.runs(len(gains), recorded=True), _as_given(source, gains))
+            for one, gains in tasks
+        ]
     folder = options.output or RESULTS
     target = folder / f"{options.config.stem}.tuned.yaml"
-    for one in found:
+    for one in (one for one in found if not one.kept):
         _warn(one, options.config.stem, experiments[0])
     _tell(found, options.config.stem)
-    numbers = {path: rounded(value) for one in found for path, value in one.gains.items()}
+    numbers = {path: rounded(value) for one in found if not one.kept for path, value in one.gains.items()}
     before = there([target])
     overrides = [one for one in options.overrides if not is_of_tune(one)]
     write_text(target, _with_overrides(with_values(options.config, numbers, target, overrides=overrides), overrides))
@@ -147,10 +154,36 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
     return tasks
 
 
+def _as_given(source: Source, gains: Sequence[Gain]) -> dict[str, float] | None:
+    """The gains that are sought as the configuration has them; None where it lacks one."""
+    found = {}
+    for gain in gains:
+        value: object = source.data
+        for key in gain.path.split("."):
+            value = value.get(key) if isinstance(value, dict) else None
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return None
+        found[gain.path] = float(value)
+    return found
+
+
 def _tuned(
-    cases: Sequence[Case], given: Mapping[str, tuple[str, ...]], goal: Goal, gains: list[Gain], budget: int
+    cases: Sequence[Case],
+    given: Mapping[str, tuple[str, ...]],
+    goal: Goal,
+    gains: list[Gain],
+    budget: int,
+    written: dict[str, float] | None,
 ) -> _Tuned:
-    """The best gains of an observer; ``given`` are the states whose initial estimates are, by observer."""
+    """The best gains of an observer.
+
+    Parameters
+    ----------
+    given : mapping of str to tuple of str
+        By observer the states whose initial estimates are given.
+    written : dict of str to float, optional
+        The gains in the file, which are kept where all others are as good.
+    """
     others = {f"observers.{label}": None for label in cases[0].experiment.observers if label != goal.label}
     models = any(gain.path.startswith(_OF_PLANT) for gain in gains)
     alone = [
@@ -163,8 +196,16 @@ def _tuned(
     ]
     trials = Trials(alone, goal, {gain.path: gain.range for gain in gains}, budget)
     best = search(trials)
+    kept = False
+    alike = []
+    if trials.alike:
+        kept = written is not None and trials.as_good(written)
+        best = written if kept and written is not None else best
+        what = ", ".join(gain.path.split(".", 2)[2] for gain in gains)
+        then = "those of the file are kept" if kept else "those that are written are no better than others"
+        alike = [f"all candidates are equally good, so that nothing is known of {what}: {then}"]
     held_out, remarks = reported(trials, best)
-    return _Tuned(goal, gains, best, trials.least, held_out, len(trials.tried), budget, remarks)
+    return _Tuned(goal, gains, best, trials.least, held_out, len(trials.tried), budget, [*alike, *remarks], kept)
 
 
 def _warn(one: _Tuned, name: str, base: Experiment) -> None:
@@ -175,7 +216,7 @@ def _warn(one: _Tuned, name: str, base: Experiment) -> None:
 
 
 def _tell(found: Sequence[_Tuned], name: str) -> None:
-    """Outliers are reported on stderr, those of all observers once."""
+    """Outliers, and scores that tell nothing, are reported on stderr, those of all observers once."""
     of = {words: [one.goal.label for one in found if words in one.remarks] for one in found for words in one.remarks}
     for words, labels in of.items():
         say(f"hgorun: {name}: {', '.join(labels)}: {words}")

@@ -52,8 +52,12 @@ def few(far: Mask) -> Mask:
     """
     found = far.copy()
     found[: int(np.argmin(found))] = False
-    sound = found.size >= _FEWEST and np.count_nonzero(found) <= max(1, _PART * found.size)
-    return found if sound else np.zeros(far.size, dtype=bool)
+    return found if _so_few(found) else np.zeros(far.size, dtype=bool)
+
+
+def _so_few(far: Mask) -> bool:
+    """Whether that many samples may be outliers."""
+    return bool(far.size >= _FEWEST and np.count_nonzero(far) <= max(1, _PART * far.size))
 
 
 def outliers(runs: Sequence[Sequence[Errors]]) -> list[Mask]:
@@ -67,17 +71,24 @@ def outliers(runs: Sequence[Sequence[Errors]]) -> list[Mask]:
 
 def _beyond(runs: Sequence[Errors], limit: float | None) -> Mask:
     """Those of one output."""
+    return few(_far(runs, limit))
+
+
+def _far(runs: Sequence[Errors], limit: float | None) -> Mask:
+    """The samples of one output that are beyond a limit, outliers or not."""
     sizes = [np.abs(one.values) for one in runs]
     if limit is None or not sizes[0].size:
         return np.zeros(sizes[0].size, dtype=bool)
     medians = [float(np.median(size)) for size in sizes]
     good = [size for size, median in zip(sizes, medians, strict=True) if median <= _ALIKE * min(medians)]
     scale = max(NORMAL * min(medians), runs[0].noise)
-    return few(np.min(good, axis=0) > (limit * scale or np.inf))
+    return np.asarray(np.min(good, axis=0) > (limit * scale or np.inf))
 
 
 def told(run: Sequence[Errors], left_out: Sequence[Mask], whose: str) -> Iterator[str]:
     """What is told of outliers: that they are left out, or, where no gate says so, that they are most of the score.
+
+    Also told is that the first samples are most of it, though they are beyond their gate.
 
     Parameters
     ----------
@@ -89,22 +100,46 @@ def told(run: Sequence[Errors], left_out: Sequence[Mask], whose: str) -> Iterato
     """
     for one, out in zip(run, left_out, strict=True):
         if out.any():
-            which, them = _named(one, out, whose)
-            yield f"{one.name}: {which} beyond its gate with all good gains: the score is without {them}"
-        elif one.gate is None and one.taken.size:
+            which, be, them = _named(one, out, whose)
+            yield f"{one.name}: {which} {be} beyond the gate with all good gains: the score is without {them}"
+        if one.gate is None and one.taken.size:
             far = _beyond([one], FAR)
-            whole, rest = rms(one.values) or 0.0, rms(one.values[~far]) or 0.0
-            if 2 * rest < whole:
-                which, them = _named(one, far, whose)
-                yield (
-                    f"{one.name}: {which} an outlier, and decides the score: without {them} it is {rest:.3g} in place "
-                    f"of {whole:.3g}; plausible of the column leaves {them} out, as does the gate of an output"
+            if decided := _decided(one, far, out):
+                which, be, them = _named(one, far, whose)
+                what, decides = (
+                    ("an outlier, or one was used shortly before", "decides")
+                    if be == "is"
+                    else ("outliers, or some were used shortly before", "decide")
                 )
+                yield (
+                    f"{one.name}: {which} {be} far off and {decides} the score: {what}; without {them} it is "
+                    f"{decided}; plausible of the column leaves outliers out, as does the gate of an output"
+                )
+        first = _first(one)
+        if decided := _decided(one, first, out):
+            which, be, them = _named(one, first, whose)
+            yield (
+                f"{one.name}: {which} {be} beyond the gate and counted nevertheless, since estimates may be on their "
+                f"way there: without {them} the score is {decided}; plausible of the column leaves outliers out"
+            )
 
 
-def _named(one: Errors, out: Mask, whose: str) -> tuple[str, str]:
-    """How many samples, and the time of the first, with the verb; and how they are referred to."""
+def _first(one: Errors) -> Mask:
+    """The samples beyond the gate from the first one on, so few that they may be outliers."""
+    found = _far([one], one.gate)
+    found[int(np.argmin(found)) if found.size else 0 :] = False
+    return found if _so_few(found) else np.zeros(found.size, dtype=bool)
+
+
+def _decided(one: Errors, far: Mask, out: Mask) -> str:
+    """The score without some samples in place of the one with them, where they decide it."""
+    whole, rest = rms(one.values[~out]) or 0.0, rms(one.values[~(far | out)]) or 0.0
+    return f"{rest:.3g} in place of {whole:.3g}" if 2 * rest < whole else ""
+
+
+def _named(one: Errors, out: Mask, whose: str) -> tuple[str, str, str]:
+    """How many samples, and the time of the first; the verb; and how they are referred to."""
     count, at = int(np.count_nonzero(out)), float(one.taken[out.argmax()])
     if count == 1:
-        return f"1 sample for the {whose}, at t = {at:g}, is", "it"
-    return f"{count} samples for the {whose}, the first at t = {at:g}, are each", "them"
+        return f"1 sample for the {whose}, at t = {at:g},", "is", "it"
+    return f"{count} samples for the {whose}, the first at t = {at:g},", "are", "them"

@@ -18,6 +18,7 @@ _FEW = 2  # gains that a simplex finds alone
 _SIMPLEX = 0.1  # its sides, in the unit cube
 _LITTLE = 1e-3  # of a range: for derivatives
 _DAMPING = 1e-3
+_SAME = 1e-9  # of a score: rounding
 _ENOUGH = 1e-4  # of the square of the score: what a pass has to gain for another one
 
 
@@ -87,6 +88,19 @@ class Trials:
         """Where in the unit cube the score is smallest."""
         return min(self.tried, key=lambda one: one[1])[0]
 
+    @property
+    def alike(self) -> bool:
+        """Whether all scores are the same, of those that do not lose the estimate."""
+        found = [value for _, value in self.tried if np.isfinite(value)]
+        return len(found) > 1 and self._same(max(found))
+
+    def as_good(self, gains: Mapping[str, float]) -> bool:
+        """Whether other gains give the smallest score."""
+        return self._same(score(errors_of(self.cases, self.goal, gains), self.left_out))
+
+    def _same(self, value: float) -> bool:
+        return value <= self.least * (1 + _SAME)
+
     def best(self) -> dict[str, float]:
         """The gains with the smallest score.
 
@@ -106,7 +120,8 @@ def search(trials: Trials) -> dict[str, float]:
     """The best gains: a scan of Sobol points with half of the budget, then a search from the best of them.
 
     That is a simplex. Of three gains or more it begins where the method of Gauss and Newton ends, which knows that the
-    score is a sum of squares and follows the narrow valleys that gains and parameters of a plant make together.
+    score is a sum of squares and follows the narrow valleys that gains and parameters of a plant make together. Where
+    the scores of the scan are all the same, nothing follows it.
 
     Raises
     ------
@@ -122,6 +137,8 @@ def search(trials: Trials) -> dict[str, float]:
     if not np.isfinite(trials.least):
         return trials.best()  # which says so
     trials.leave_out()
+    if trials.alike:
+        return trials.best()
     if count > _FEW:
         _descend(trials)
     best = np.array(trials.first)

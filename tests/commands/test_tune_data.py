@@ -78,7 +78,7 @@ def test_what_was_set_stands_in_the_tuned_file(shell: Shell, monkeypatch: pytest
     """Otherwise it would be another configuration than the one that was tuned: here one without the observer."""
 
     def at_once(*_: object) -> object:
-        return SimpleNamespace(sought=[], gains={"observers.NEW.theta": 2.5}, remarks=())
+        return SimpleNamespace(sought=[], gains={"observers.NEW.theta": 2.5}, remarks=(), kept=False)
 
     monkeypatch.setattr(tune_data, "_tuned", at_once)
     monkeypatch.setattr(tune_data, "_table", lambda _: "")
@@ -184,3 +184,26 @@ def test_gains_by_which_every_estimate_is_lost(shell: Shell) -> None:
     code, _, err = shell("tune", "tuned.yaml")
     assert code == 1
     assert "the observer diverges with all of them" in err
+
+
+@pytest.mark.parametrize(
+    ("gain", "kept"),
+    [("observers.o.theta", "those of the file are kept"), ("observers.p.Q.a", "those that are written are no better")],
+)
+def test_where_all_gains_are_equally_good_those_of_the_file_are_kept(shell: Shell, gain: str, kept: str) -> None:
+    """As where nothing moves: any other would be chosen by chance."""
+    rows = ["t,a,b", *(f"{t:.2f},0,0" for t in 0.1 * np.arange(31))]
+    (shell.folder / "one.csv").write_text("\n".join(rows) + "\n")
+    changed(shell, "gains", {gain: {"log": [0.3, 8]}})
+    changed(shell, "minimise", f"holdout_rmse({gain.split('.')[1]}, a)")
+    code, out, err = shell("tune", "tuned.yaml", "--json")
+    assert code == 0, err
+    assert f"all candidates are equally good, so that nothing is known of {gain.split('.', 2)[2]}: {kept}" in err
+    (one,) = json.loads(out)["observers"].values()
+    assert one["runs"] < 40
+    written = yaml.safe_load((shell.folder / "results" / "tuned.tuned.yaml").read_text())["observers"]
+    if gain == "observers.o.theta":
+        assert one["gains"] == {gain: 2}
+        assert written["o"]["theta"] == 2
+    else:
+        assert written["p"]["Q"]["a"] == pytest.approx(one["gains"][gain], rel=1e-5)
