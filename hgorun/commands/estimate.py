@@ -30,7 +30,7 @@ from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout, thinned
+from hgorun.estimate.holdout import HoldOut, held_out, number_of, of_one_time, parse_holdout, thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
 from hgorun.files import RESULT_SUFFIXES, real_path, remove_leftovers, write_text
@@ -140,6 +140,7 @@ def one_run(source: Source, config: Path, run: str | None) -> tuple[Source, str]
 
 
 def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Recording, dict[str, Signal]]:
+    whole = recording
     recording, between = thinned(recording, log.block.period)
     chosen: list[HoldOut] = []
     aside: dict[str, Signal] = {}
@@ -156,6 +157,7 @@ def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Record
         else:
             chosen.append(every)
     recording, found = held_out(recording, chosen)
+    recording = replace(recording, notes=(*recording.notes, *of_one_time(whole, recording)))
     return recording, {**between, **aside, **found}
 
 

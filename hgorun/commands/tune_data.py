@@ -20,7 +20,7 @@ from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.cases import Case
 from hgorun.estimate.completed import completed
 from hgorun.estimate.goal import ALL, Goal, Split, read_goal, split
-from hgorun.estimate.holdout import thinned
+from hgorun.estimate.holdout import of_one_time, thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.estimate.samples import stated
 from hgorun.estimate.tuning import Trials, reported, search
@@ -100,12 +100,16 @@ def _with_overrides(text: str, overrides: Sequence[str]) -> str:
 
 def _samples(log: Log, goal: Goal, name: str) -> Split:
     """A recording, what the observers get of it, and what they do not get; a reference that they get is told of."""
-    recording, between = thinned(log.read(), log.block.period)
+    whole = log.read()
+    recording, between = thinned(whole, log.block.period)
     if goal.score == "reference_rmse":
         for note in (*(one for one in recording.notes if one.kind == "used"), *of_references(recording)):
             if note.signal == f"reference.{goal.name}":
                 say(f"hgorun: {of_run(name, str(note))}")
-    return split(recording, goal, between)
+    found = split(recording, goal, between)
+    for note in of_one_time(whole, found.given):
+        say(f"hgorun: {of_run(name, str(note))}")
+    return found
 
 
 def _check_deviations(goal: Goal, experiment: Experiment) -> None:

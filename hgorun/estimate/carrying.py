@@ -18,6 +18,7 @@ from hgorun.simulation.steps import part_of_difference, steps_between
 from hgorun.symbolic.evaluate import Floats
 
 UNEVEN = 1.62  # steps of the second pass, for each of the first
+_RESTS = 1e-9  # of the largest state of an estimate: one that is smaller all along rests at zero
 ORDER = 2  # as which errors fall at least
 HALVINGS = 12
 LOST_HALVINGS = 6  # of them for observers that are lost alone: some are with any step
@@ -216,6 +217,8 @@ def note_difference(sizes: Floats, gaps: Floats, own: Floats, other: Floats) -> 
 def relative_error(part: float, sizes: Floats, gaps: Floats) -> Floats:
     """Of every observer: a part of the difference to other steps, over the size; zero where that is not finite.
 
+    A state that rests at zero has no size but rounding: its differences are relative to 1e-9 of the largest state.
+
     Parameters
     ----------
     part : float
@@ -224,7 +227,8 @@ def relative_error(part: float, sizes: Floats, gaps: Floats) -> Floats:
         The largest estimates, and differences.
     """
     with np.errstate(invalid="ignore", divide="ignore"):
-        errors = part * np.max(gaps / np.where(sizes > 0, sizes, 1.0), axis=1, initial=0.0)
+        least = _RESTS * np.max(sizes, axis=1, keepdims=True, initial=0.0)
+        errors = part * np.max(gaps / np.where(sizes > 0, np.maximum(sizes, least), 1.0), axis=1, initial=0.0)
     return np.where(np.all(np.isfinite(sizes), axis=1), errors, 0.0)
 
 

@@ -72,7 +72,7 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     experiment = Experiment(whole, name=name, text=text).with_intervals(intervals)
     with experiment.located():
         _check_names(experiment, recording)
-    first = first_values(experiment, recording)
+    first = measured = first_values(experiment, recording)
     changes = {}
     if not given["plant"].get("initial") and first:
         changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
@@ -85,7 +85,9 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     changes |= _begin(experiment, first)
     if not changes:
         return experiment
-    return Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
+    found = Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
+    same = {state for state, value in first.items() if value == measured.get(state)}
+    return found.with_sampled({label: same - set(one.initial) for label, one in experiment.observers.items()})
 
 
 def _begin(experiment: Experiment, first: dict[str, float]) -> dict[str, Any]:

@@ -21,8 +21,8 @@ def first_values(experiment: Experiment, recording: Recording) -> dict[str, floa
 def known_later(experiment: Experiment, recording: Recording) -> Iterator[str]:
     """Where an estimate starts from a sample that became known after it was taken: who estimates live lacks it."""
     for state, (signal, k) in _first_samples(experiment, recording).items():
-        value, taken, known = (float(numbers[k]) for numbers in (signal.values, signal.taken, signal.available))
-        labels = [label for label, one in experiment.observers.items() if one.initial.get(state) == value]
+        taken, known = (float(numbers[k]) for numbers in (signal.taken, signal.available))
+        labels = [label for label in experiment.observers if experiment.starts_from_sample(label, state)]
         if known > taken and labels:
             yield (
                 f"{', '.join(labels)}: {state} starts from the first sample, taken at {taken:g} and known at {known:g} "

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hgorun.config.nearest import among
-from hgorun.data.recording import Recording, Signal
+from hgorun.data.recording import Note, Recording, Signal
 from hgorun.errors import ConfigError
 
 
@@ -85,6 +85,16 @@ def thinned(recording: Recording, period: float | None) -> tuple[Recording, Mapp
         if not given.all():
             outputs[name], between[name] = part(signal, given), part(signal, ~given)
     return replace(recording, outputs=outputs), between
+
+
+def of_one_time(whole: Recording, left: Recording) -> Iterator[Note]:
+    """What is told where nothing but samples of one time is left of a recording with more."""
+    start, end = left.span
+    first, last = whole.span
+    if start == end and first < last:
+        told = f"all samples but those at {start:g} are held out, of a log from {first:g} to {last:g}"
+        one = next(iter(left.outputs.values()))
+        yield Note(kind="used", signal=", ".join(left.outputs), file=str(one.source), message=told)
 
 
 def _apart(taken: np.ndarray, period: float) -> np.ndarray:

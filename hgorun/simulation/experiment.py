@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Set
 from functools import cached_property, partial
 from typing import Any
 
@@ -26,7 +26,7 @@ from hgorun.symbolic.sensors import Sensor
 _DESIGNS: Memo[Design] = Memo(256)  # what the runs of a family share
 
 # in a copy; all else follows from these
-_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known", "_intervals")
+_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known", "_intervals", "_sampled")
 
 
 class Experiment(Observed):
@@ -224,6 +224,21 @@ class Experiment(Observed):
         new = self._anew()
         new._intervals = {i: intervals[name] for i, name in enumerate(self.plant.model.outputs) if name in intervals}
         return new
+
+    @cached_property
+    def _sampled(self) -> Mapping[str, Set[str]]:
+        """See :meth:`with_sampled`; without it nothing."""
+        return {}
+
+    def with_sampled(self, states: Mapping[str, Set[str]]) -> Experiment:
+        """The same, where observers start some states, by label, with a first sample: nothing else is said of them."""
+        new = self._anew()
+        new._sampled = states
+        return new
+
+    def starts_from_sample(self, label: str, state: str) -> bool:
+        """Whether an observer starts a state with the first sample of it."""
+        return state in self._sampled.get(label, ())
 
     def informed_by(self, other: Experiment) -> Experiment:
         """The same with observers that are designed for the noise of another's sensors."""

@@ -230,3 +230,26 @@ def test_what_is_held_out_need_not_say_when_it_was_known(column: str, shell: She
     held = scores_of(shell, *given, "--holdout", "a=held.csv")["holdout_rmse"]["a"]
     reference = "data.reference.a={column: angle, file: held.csv, faults: {backwards: sort}}"
     assert held == scores_of(shell, *given, "--set", reference)["reference_rmse"]["a"]
+
+
+def test_where_a_hold_out_leaves_samples_of_one_time_it_is_said(shell: Shell) -> None:
+    """The log has samples of two: that these are of one time is no fault of it. A run that goes on is made."""
+    (shell.folder / "two.csv").write_text("t,angle\n1,0.3\n1.1,0.35\n")
+    words = ("estimate", "pendulum.yaml", "two.csv", "--holdout", "a=2", *QUIET)
+    told = "two.csv: a: all samples but those at 1 are held out, of a log from 1 to 1.1"
+    code, _, err = shell(*words)
+    assert code == 2
+    assert told in err
+    assert err.index(told) < err.index("all samples are of one time, 1")
+    code, _, err = shell(*words, "--set", "time.end=1.5")
+    assert (code, told in err) == (0, True)
+    code, _, err = shell("estimate", "pendulum.yaml", "two.csv", *QUIET)
+    assert (code, err) == (0, "")
+
+
+def test_where_period_leaves_samples_of_one_time_tune_says_it(shell: Shell) -> None:
+    (shell.folder / "two.csv").write_text("t,angle\n1,0.3\n1.1,0.35\n1.2,0.4\n")
+    tune = "tune={gains: {observers.o.theta: {log: [1, 4]}}, minimise: 'holdout_rmse(o, a)'}"
+    code, _, err = shell("tune", "pendulum.yaml", "two.csv", "--set", tune, "--set", "data.period=10")
+    assert code == 2
+    assert "two.csv: a: all samples but those at 1 are held out, of a log from 1 to 1.2" in err

@@ -175,7 +175,9 @@ def test_a_model_that_leaves_all_bounds_is_refused(count: FirstSamples) -> None:
     ("known", "given", "told"),
     [
         ([1.5, 2.0, 3.0], {}, ["o: a starts from the first sample, taken at 0 and known at 1.5 only"]),
+        ([1.5, 2.0, 3.0], {"b": 0.7}, ["o: a starts from the first sample, taken at 0 and known at 1.5 only"]),
         ([1.5, 2.0, 3.0], {"a": 0.4}, []),
+        ([1.5, 2.0, 3.0], {"a": 0.7}, []),  # which is the number of that sample
         ([0.0, 1.0, 2.0], {}, []),
     ],
 )
