@@ -107,7 +107,7 @@ def _samples(log: Log, goal: Goal, name: str) -> Split:
             if note.signal == f"reference.{goal.name}":
                 say(f"hgorun: {of_run(name, str(note))}")
     found = split(recording, goal, between)
-    for note in of_one_time(whole, found.given):
+    for note in (*found.given.notes[len(whole.notes) :], *of_one_time(whole, found.given)):
         say(f"hgorun: {of_run(name, str(note))}")
     return found
 

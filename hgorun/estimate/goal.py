@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hgorun.data.recording import Recording, Signal
+from hgorun.data.recording import Note, Recording, Signal
 from hgorun.errors import Problem
-from hgorun.estimate.holdout import part
+from hgorun.estimate.holdout import given_of, part
 
 SCORES = ("holdout_rmse", "innovation_rms", "reference_rmse")
 _CALL = re.compile(r"\s*(\w+)\s*\(\s*['\"]?([^'\",()]+?)['\"]?\s*,\s*['\"]?([^'\",()]+?)['\"]?\s*\)\s*")
@@ -85,7 +85,7 @@ def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None
         search, report = _halves(signal, np.arange(signal.taken.size))
         return Split(replace(recording, reference={}), {goal.name: search}, {goal.name: report})
     names = tuple(recording.outputs) if goal.name == ALL else (goal.name,)
-    outputs, searched, reported = dict(recording.outputs), {}, {}
+    outputs, searched, reported, notes = dict(recording.outputs), {}, {}, list[Note]()
     for name in names:
         if name not in recording.outputs:
             raise Problem(("tune", "minimise"), f"{goal}: the output {name} is not in data.outputs")
@@ -93,8 +93,10 @@ def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None
             gaps = np.searchsorted(recording.outputs[name].taken, between[name].taken)
             searched[name], reported[name] = _halves(between[name], gaps)
         else:
-            outputs[name], searched[name], reported[name] = _fifths(recording.outputs[name], goal)
-    return Split(replace(recording, outputs=outputs, reference={}), searched, reported)
+            (outputs[name], told), searched[name], reported[name] = _fifths(recording.outputs[name], goal)
+            notes += told
+    given = replace(recording, outputs=outputs, reference={}, notes=(*recording.notes, *notes))
+    return Split(given, searched, reported)
 
 
 def _halves(signal: Signal, numbers: np.ndarray) -> tuple[Signal, Signal]:
@@ -103,10 +105,11 @@ def _halves(signal: Signal, numbers: np.ndarray) -> tuple[Signal, Signal]:
     return part(signal, ~odd), part(signal, odd)
 
 
-def _fifths(signal: Signal, goal: Goal) -> tuple[Signal, Signal, Signal]:
-    """Three fifths of the samples of an output, a fifth, and another."""
+def _fifths(signal: Signal, goal: Goal) -> tuple[tuple[Signal, list[Note]], Signal, Signal]:
+    """Three fifths of the samples of an output, and what is told of them; a fifth, and another."""
     place = np.arange(signal.taken.size) % _EVERY
     search, report = place == 1, place == _EVERY - 2
-    if not (search.any() and report.any()):
+    given, told = given_of(signal, ~(search | report))
+    if not (search.any() and report.any() and given.taken.size):
         raise Problem(("tune", "minimise"), f"{goal}: {signal.taken.size} samples are too few")
-    return part(signal, ~(search | report)), part(signal, search), part(signal, report)
+    return (given, told), part(signal, search), part(signal, report)

@@ -57,7 +57,7 @@ def held_out(recording: Recording, chosen: list[HoldOut]) -> tuple[Recording, Ma
     ConfigError
         For an output that is not recorded, or has too few samples.
     """
-    outputs, aside = dict(recording.outputs), {}
+    outputs, aside, notes = dict(recording.outputs), {}, list[Note]()
     for one in chosen:
         if one.output not in outputs:
             known = among(one.output, recording.outputs)
@@ -67,8 +67,44 @@ def held_out(recording: Recording, chosen: list[HoldOut]) -> tuple[Recording, Ma
         out[one.every // 2 :: one.every] = True
         if not out.any() or out.all():
             raise ConfigError(f"--holdout {one.output}={one.every}: there are {out.size} samples only")
-        aside[one.output], outputs[one.output] = part(signal, out), part(signal, ~out)
-    return replace(recording, outputs=outputs), aside
+        given, told = given_of(signal, ~out)
+        if not given.taken.size:
+            raise ConfigError(f"--holdout {one.output}={one.every}: no sample is left that is not held out")
+        aside[one.output], outputs[one.output] = part(signal, out), given
+        notes += told
+    return replace(recording, outputs=outputs, notes=(*recording.notes, *notes)), aside
+
+
+def given_of(signal: Signal, given: np.ndarray) -> tuple[Signal, list[Note]]:
+    """The samples of a signal that observers get where the others are held out, and what is told.
+
+    A sample that stands in the log twice, ``repeated: keep``, is not given if it is held out once.
+    """
+    again = given & _equal(signal, ~given)
+    return part(signal, given & ~again), list(given_to_none(signal, again))
+
+
+def given_to_none(signal: Signal, which: np.ndarray) -> Iterator[Note]:
+    """What is told of samples that observers do not get, as the same ones are held out."""
+    if count := int(np.count_nonzero(which)):
+        samples = "1 sample of this output has" if count == 1 else f"{count} samples of this output have"
+        told = f"{samples} the time and the value of one that is held out: not given to observers either"
+        yield note_of(f"outputs.{signal.name}", signal, which, told)
+
+
+def note_of(key: str, signal: Signal, which: np.ndarray, told: str) -> Note:
+    """What is told of some samples, at the first of them."""
+    k, count = int(which.argmax()), int(np.count_nonzero(which))
+    source = signal.sources[signal.part[k]] if signal.part.size else signal.source
+    return Note(kind="used", signal=key, file=str(source), line=int(signal.lines[k]), count=count, message=told)
+
+
+def _equal(signal: Signal, some: np.ndarray) -> np.ndarray:
+    """Which samples of a signal have the time and the value of one of some; none where no time is repeated."""
+    if not np.any(signal.taken[1:] == signal.taken[:-1]):
+        return np.zeros(signal.taken.size, dtype=bool)
+    both = signal.taken + 1j * signal.values
+    return np.isin(both, both[some])
 
 
 def thinned(recording: Recording, period: float | None) -> tuple[Recording, Mapping[str, Signal]]:
@@ -83,7 +119,10 @@ def thinned(recording: Recording, period: float | None) -> tuple[Recording, Mapp
     for name, signal in recording.outputs.items():
         given = _apart(signal.taken, period)
         if not given.all():
-            outputs[name], between[name] = part(signal, given), part(signal, ~given)
+            outputs[name] = part(signal, given)
+            unseen = ~given & ~_equal(signal, given)
+            if unseen.any():
+                between[name] = part(signal, unseen)
     return replace(recording, outputs=outputs), between
 
 

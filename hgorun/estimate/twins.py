@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.data.recording import Note, Recording, Signal
 from hgorun.data.time_steps import median_step
 from hgorun.errors import ConfigError
-from hgorun.estimate.holdout import part
+from hgorun.estimate.holdout import given_to_none, note_of, part
 
 _SAME_TIME = 1e-3  # of the median step: stamps are rounded and converted otherwise in another file
 _SAME_VALUE = 1e-7  # of a value: single precision
@@ -79,15 +79,12 @@ def without_twins(given: Signal, held: Signal, words: str) -> tuple[Signal, list
             f"{words}: all samples of the output {held.name} stand there, if under another name, and observers would "
             f"get none: hold out some of them, --holdout {held.name}=5"
         )
-    if count := int(np.count_nonzero(twins.given)):
-        samples = "1 sample of this output has" if count == 1 else f"{count} samples of this output have"
-        told = f"{samples} the time and the value of one that is held out: not given to observers either"
-        notes.append(_note(f"outputs.{given.name}", given, twins.given, count, told))
+    notes += given_to_none(given, twins.given)
     if other := int(np.count_nonzero(twins.otherwise)):
         samples = "1 sample that is held out has" if other == 1 else f"{other} samples that are held out have"
         told = f"{samples} the time of one in the log, but not its value: observers get the one in the log"
-        notes.append(_note(held.name, held, twins.otherwise, other, told))
-    return (part(given, ~twins.given) if count else given), notes
+        notes.append(note_of(held.name, held, twins.otherwise, told))
+    return (part(given, ~twins.given) if twins.given.any() else given), notes
 
 
 def used_nevertheless(recording: Recording, compared: Signal, key: str, what: str) -> Iterator[Note]:
@@ -107,7 +104,7 @@ def used_nevertheless(recording: Recording, compared: Signal, key: str, what: st
         if 2 * count > twins.size and (moves or name == compared.name):
             which = "the only sample" if twins.size == 1 else f"{count} of {twins.size} samples"
             told = f"observers get {which} {what} as the output {name}: estimates are compared with what they use"
-            yield _note(key, compared, twins, count, told)
+            yield note_of(key, compared, twins, told)
 
 
 def of_references(recording: Recording) -> Iterator[Note]:
@@ -116,10 +113,3 @@ def of_references(recording: Recording) -> Iterator[Note]:
     for name, signal in recording.reference.items():
         if (key := f"reference.{name}") not in known:
             yield from used_nevertheless(recording, signal, key, "of the reference")
-
-
-def _note(key: str, signal: Signal, which: np.ndarray, count: int, told: str) -> Note:
-    """What is told of some samples, at the first of them."""
-    k = int(which.argmax())
-    source = signal.sources[signal.part[k]] if signal.part.size else signal.source
-    return Note(kind="used", signal=key, file=str(source), line=int(signal.lines[k]), count=count, message=told)

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from shell import Shell
 
+from hgorun.result.reading import read
+
 CONFIG = """
 plant: {states: [a, b], dynamics: {a: b, b: -a}, output: a, units: {a: rad, b: rad/s}}
 solver: {step: 0.02}
@@ -131,3 +133,38 @@ def test_tune_tells_it_too(shell: Shell) -> None:
     code, _, err = shell(*words, "-q")
     assert code == 0, err
     assert "part.csv:2: reference.a: observers get 10 of 10 samples of the reference as the output a" in err
+
+
+@pytest.mark.parametrize("words", [("--holdout", "a=5"), ("--set", "data.period=0.3")])
+def test_a_log_that_stands_in_its_files_twice_gives_the_same_residuals(shell: Shell, words: tuple[str, ...]) -> None:
+    """With ``repeated: keep`` each sample has a twin: that of one that is held out is not given, nor compared if it is.
+
+    Of every fifth of 120 rows 24 are held out, from the third on: each of another time.
+    """
+    write(shell.folder / "twice.csv", [k for k in range(60) for _ in range(2)])
+    kept = ("--set", "data.faults.repeated=keep")
+    _, err = scores(shell, "twice.csv", *kept, *words)
+    found = read(shell.folder / "results" / "pendulum.h5").recorded
+    assert found is not None
+    given, held = found.outputs["a"].taken, found.held_out["a"].taken
+    assert not set(given) & set(held)
+    if words[0] == "--holdout":
+        assert held.size == 24
+        assert given.size == 72
+        assert (
+            "twice.csv:5: outputs.a: 24 samples of this output have the time and the value of one that is held" in err
+        )
+    tune = TUNE.replace("reference_rmse", "holdout_rmse")
+    code, _, err = shell("tune", "pendulum.yaml", "twice.csv", *kept, "--set", tune, "-q")
+    assert code == 0
+    assert "of this output have the time and the value of one that is held out" in err
+
+
+@pytest.mark.parametrize("command", ["estimate", "tune"])
+def test_where_each_sample_has_a_twin_that_is_held_out_nothing_is_left(shell: Shell, command: str) -> None:
+    write(shell.folder / "twice.csv", [0, 0, 1, 1] if command == "tune" else [0, 0])
+    tune = TUNE.replace("reference_rmse", "holdout_rmse")
+    more = ("--holdout", "a=2") if command == "estimate" else ("--set", tune)
+    code, _, err = shell(command, "pendulum.yaml", "twice.csv", "--set", "data.faults.repeated=keep", *more)
+    assert code == 2
+    assert ("no sample is left that is not held out" if command == "estimate" else "4 samples are too few") in err
