@@ -6,7 +6,7 @@ import json
 import math
 import re
 import unicodedata
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TypeAlias
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from hgorun.config.types import describe
 from hgorun.data.date_forms import patterns_of
-from hgorun.data.date_hints import clock_key, form_hint, other_hint
+from hgorun.data.date_hints import clock_key, form_hint, other_hint, reader, times_in
 from hgorun.data.date_texts import iso_stamp, looks_like_iso, stamp_of
 from hgorun.data.dates import NAT
 
@@ -89,7 +89,7 @@ def _no_number(text: str, decimal: str, thousands: str | None, cells: Numbers) -
     other = "," if decimal == "." else "."
     said = f"expected a number, found {describe(text)}"
     if key and "Y" in "".join(patterns_of(text)):  # 20240131,134510
-        return said + form_hint(text, key, column, beside)
+        return said + form_hint(text, key, column, beside, _plain)
     if _NUMBER[other].fullmatch(text):
         taken, found = ("point", "comma") if other == "," else ("comma", "point")
         grouped = thousands is None and _grouped(other, decimal).fullmatch(text)
@@ -108,11 +108,23 @@ def _no_number(text: str, decimal: str, thousands: str | None, cells: Numbers) -
         return f"{said}; a cell holds the number alone, and {behind[1]} is the unit of its column"
     if text.lower() in _TRUTH:
         return f"{said}; write 1 for true and 0 for false"
-    if hint := other_hint(text, key, column, beside):
+    if hint := other_hint(text, key, column, beside, _plain):
         return said + hint
     if key != "time" and is_word(text):
         return f"{said}; if it means a missing value: csv: {{missing: [{json.dumps(text, ensure_ascii=False)}]}}"
     return said
+
+
+def _plain(text: str) -> float:
+    """A number as cells have it, with either sign of decimals.
+
+    Raises
+    ------
+    ValueError
+    """
+    if not any(form.fullmatch(text) for form in _NUMBER.values()):
+        raise ValueError(text)
+    return float(text.replace(",", "."))
 
 
 def _as_ascii(char: str) -> str:
@@ -183,8 +195,9 @@ class Stamps:
 
     def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
         def hint(text: str) -> str:
-            of = other_hint if self.pattern is None else _as_written
-            return of(text, self.key, self.column, self.beside)
+            if self.pattern is not None:
+                return _as_written(text, self, self.pattern)
+            return other_hint(text, self.key, self.column, self.beside, lambda other: iso_stamp(other)[0])
 
         def read(cell: str) -> int:
             text = cell.strip()
@@ -194,8 +207,6 @@ class Stamps:
             self.zoned.add(zoned)
             if len(self.zoned) > 1:
                 raise ValueError("dates with and without a time zone in one column")
-            if not self.beside:
-                self.beside.append(text)
             return stamp
 
         return read
@@ -204,10 +215,10 @@ class Stamps:
 Cells: TypeAlias = Numbers | Flags | Stamps
 
 
-def _as_written(text: str, key: str, column: str, beside: Sequence[str]) -> str:
+def _as_written(text: str, cells: Stamps, pattern: str) -> str:
     """What is said of a text that has not the form that is given: how it is read, where that is known."""
     if looks_like_iso(text):
-        return f"; this one is read with {clock_key(key, column, 'iso')}"
-    if _NUMBER["."].fullmatch(text):
+        return f"; this one is read with {clock_key(cells.key, cells.column, 'iso')}"
+    if _NUMBER["."].fullmatch(text) and not times_in(cells.beside, reader(pattern)):
         return "; leave out format where stamps are numbers"
-    return form_hint(text, key, column, beside)
+    return form_hint(text, cells.key, cells.column, cells.beside, reader(pattern))

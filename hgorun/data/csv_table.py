@@ -63,7 +63,7 @@ class CsvFile:
         """The first value of a column that is not missing; empty where there is none among the first million rows."""
         place = self.dialect.names.index(column)
         rows = _all_cells(_from_line(blocks(self._path, self._told.encoding), self.dialect.first), self.dialect)
-        found = (row[place] for row in islice(chain([self.dialect.sample], rows), _SEARCHED) if place < len(row))
+        found = (row[place] for row in islice(chain([self.dialect.rows[0][1]], rows), _SEARCHED) if place < len(row))
         return next((text for text in found if text.strip().lower() not in self.dialect.missing), "")
 
     def unit(self, column: str) -> str:

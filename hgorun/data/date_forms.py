@@ -38,6 +38,10 @@ _ALONE = re.compile(r"%[HI]:%M(?::%S(?:[.,:]%f)?)?\s?(?:%p|uhr)?", re.IGNORECASE
 _SAME_SIGNS = re.compile(
     r"%[dmY](?P<sign>[./_ -]?)%[dmY](?P=sign)%[dmY]|%[dmy](?P<short>[./-]?)%[dmy](?P=short)%[dmy]|%Y年%m月%d|%[bBjV]"
 )
+_JOINED = re.compile(r"[./:-]%[bBdjmuyYMS]%[^pf]")  # 31.12.2016 as a short year and an hour
+_LARGEST = {"m": 12, "d": 31, "j": 366, "H": 23, "I": 12, "M": 59, "S": 59}
+_YEARS = range(1800, 2300)
+_OF_SECONDS = (3, 6, 9)  # digits of a fraction that follow seconds without a sign
 _BETWEEN = re.compile(r"%[dmYy](\W?)%")
 _FRACTION = re.compile(r"%S[.,:]?%f")
 
@@ -112,7 +116,7 @@ def _patterns(text: str) -> dict[str, str]:
     for date in ("", *_DATES):
         for order in _orders(date):
             pattern = _pattern(parts, order)
-            if pattern is not None and date not in found and _is_usual(pattern, date) and reads(text, pattern):
+            if pattern is not None and date not in found and _is_usual(pattern, date) and may_read(text, pattern):
                 found[date] = pattern
     return _likely(found)
 
@@ -154,15 +158,22 @@ def _pattern(parts: Sequence[str], order: Sequence[str]) -> str | None:
 
 
 def _filled(digits: str, signs: Sequence[str]) -> int:
-    """How many parts of a date a number is: one, or several side by side at their full widths; 0 where it is none."""
+    """How many parts of a date a number is: one, or several side by side at their full widths; 0 where it is none.
+
+    Each of several is what its part may be: strptime would take a shorter one.
+    """
     least, most = _WIDTHS.get(signs[0], (1, 0)) if signs else (1, 0)
     if least <= len(digits) <= most:
         return 1
     left = len(digits)
     for count, sign in enumerate(signs, 1):
         if sign == "f":
-            return count if left <= _WIDTHS["f"][1] else 0
-        left -= _WIDTHS.get(sign, (0, left + 1))[1]
+            return count if left in _OF_SECONDS else 0
+        width = _WIDTHS.get(sign, (0, left + 1))[1]
+        start = len(digits) - left
+        left -= width
+        if int(digits[start : start + width]) > _LARGEST.get(sign, 9999):
+            return 0
         if left <= 0:
             return 0 if left else count
     return 0
@@ -171,12 +182,20 @@ def _filled(digits: str, signs: Sequence[str]) -> int:
 def _is_usual(pattern: str, date: str) -> bool:
     """Whether signs stand between the parts as people write them: a time by its colons, a date by the same one."""
     found = _SAME_SIGNS.search(pattern) if date else _ALONE.fullmatch(pattern)
-    return found is not None and _has_fraction(pattern)
+    return found is not None and _has_fraction(pattern) and not _JOINED.search(pattern)
 
 
 def _has_fraction(pattern: str) -> bool:
     """Whether digits of a fraction, if there are such, stand behind seconds."""
     return "%f" not in pattern or _FRACTION.search(pattern) is not None
+
+
+def may_read(text: str, pattern: str) -> bool:
+    """Whether a text is a date of a pattern, and of centuries that logs may be of: digits side by side are of any."""
+    try:
+        return date_of(text, pattern).year in _YEARS
+    except ValueError:
+        return False
 
 
 def reads(text: str, pattern: str) -> bool:

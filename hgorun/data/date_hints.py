@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from datetime import datetime, timedelta
+from itertools import pairwise
 
 import yaml
 
-from hgorun.data.date_forms import foreign_month, lacks_year, longest_part, patterns_of, reads
+from hgorun.data.date_forms import foreign_month, lacks_year, longest_part, may_read, patterns_of
+from hgorun.data.zones import date_of
 
 _EXAMPLE = "%d.%m.%Y %H:%M:%S"
 _READ = "31.05.2024 13:45:10"
+_NUMERIC = re.compile(
+    r"[0-9]{1,4}([./-])[0-9]{1,2}\1[0-9]{1,4}(?:[ T,]+[0-9]{1,2}:[0-9]{2}(?::[0-9]{2}(?:[.,][0-9]+)?)?)?"
+)
+_EPOCH = datetime(1970, 1, 1)
 _FIRST = {"d": "day", "m": "month", "y": "year"}
 _LIKE_DATES = re.compile(
     r"[0-9]{1,4}([./-])[0-9]{1,2}\1[0-9]{1,4}(?:[ T].*)?|[0-9]{1,2}:[0-9]{2}(?::[0-9]{2})?.*|[0-9]{8}T[0-9]{4,6}.*"
@@ -33,7 +41,13 @@ def clock_key(key: str, column: str, form: str) -> str:
     return f"{key or 'time'}: {{column: {as_yaml(column)}, format: {as_yaml(form)}}}"
 
 
-def form_hint(text: str, key: str, column: str, beside: Sequence[str] = ()) -> str:
+def _of_no_form(text: str) -> float:
+    raise ValueError(text)
+
+
+def form_hint(
+    text: str, key: str, column: str, beside: Sequence[str] = (), taken: Callable[[str], float] = _of_no_form
+) -> str:
     """How a date that is not one of ISO 8601 is read, as far as that is known: each pattern that is said reads it.
 
     Parameters
@@ -42,17 +56,26 @@ def form_hint(text: str, key: str, column: str, beside: Sequence[str] = ()) -> s
     key, column : str
         As of :func:`clock_key`.
     beside : sequence of str, optional
-        Others of its column. Those that are no dates decide nothing.
+        Others of its column, in their order. Those that are no dates decide nothing, unless the first is of the form
+        in which the column is read.
+    taken : callable, optional
+        The time of a text in that form. Patterns in which the others run backwards are not said where they do not
+        in that form. A ValueError says that a text is none of it.
     """
     found = patterns_of(text)
-    for other in filter(None, beside if found else ()):
-        both = {order: form for order, form in found.items() if reads(other, form)}
-        if not both and patterns_of(other):
+    others = [*filter(None, beside)] if found else []
+    for other in others:
+        both = {order: form for order, form in found.items() if may_read(other, form)}
+        if not both and (patterns_of(other) or (other is others[0] and times_in([other], taken))):
             one = next(iter(found.values()))
             return f"; this one is of the form {one}, and {other!r} is not: a column has one form"
         if not both:
             break
         found = both
+    if len(times := times_in(others, taken)) > 1 and _in_order(times):
+        found = {order: form for order, form in found.items() if _in_order(times_in(others, reader(form)))}
+        if not found:
+            return ""
     if len(found) > 1:
         first, *others = (
             f"{clock_key(key, column, form)} where the {_FIRST[order[0]]} is" for order, form in found.items()
@@ -63,11 +86,33 @@ def form_hint(text: str, key: str, column: str, beside: Sequence[str] = ()) -> s
     return _hint_of_parts(text) if key else ""  # without one it is most likely no date
 
 
-def other_hint(text: str, key: str, column: str, beside: Sequence[str] = ()) -> str:
+def times_in(texts: Sequence[str], taken: Callable[[str], float]) -> list[float]:
+    """The times of those texts that are of a form."""
+    found = []
+    for text in texts:
+        with suppress(ValueError):
+            found.append(taken(text))
+    return found
+
+
+def _in_order(times: Sequence[float]) -> bool:
+    return all(first <= second for first, second in pairwise(times))
+
+
+def reader(form: str) -> Callable[[str], float]:
+    """The times of texts of a pattern, in seconds by the clock on the wall."""
+    return lambda text: (date_of(text, form).replace(tzinfo=None) - _EPOCH) / timedelta(seconds=1)
+
+
+def other_hint(
+    text: str, key: str, column: str, beside: Sequence[str] = (), taken: Callable[[str], float] = _of_no_form
+) -> str:
     """How a text that may be a date is read; empty where it is most likely none. Parameters as above."""
-    hint = form_hint(text, key, column, beside)
+    hint = form_hint(text, key, column, beside, taken)
     if hint or not key or not may_be_date(text):
         return hint
+    if times_in(beside, taken):
+        return ""  # a pattern would not read the others
     return f"; a date of another form needs its pattern: {clock_key(key, column, _EXAMPLE)} reads {_READ}"
 
 
@@ -78,6 +123,8 @@ def may_be_date(text: str) -> bool:
 
 def _hint_of_parts(text: str) -> str:
     """What is said of a text of which no pattern is known: what its parts are."""
+    if _NUMERIC.fullmatch(text) and not patterns_of(text):
+        return "; it is no date and time in any order of day, month and year"
     if lacks_year(text):
         return "; it has no year: write dates with it, or the time since the start, into the file"
     if month := foreign_month(text):

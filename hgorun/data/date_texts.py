@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from calendar import monthrange
 from collections.abc import Callable
+from contextlib import suppress
 from datetime import datetime, timedelta
 
 from hgorun.config.types import describe
@@ -45,9 +46,7 @@ def iso_stamp(text: str, hint: Callable[[str], str] = lambda _: "") -> tuple[int
         raise ValueError(said + hint(text) if may_be_date(text) else said)
     year, month, day, hour, minute, second, digits, zone = match.groups()
     if second == "60":
-        raise ValueError(
-            f"{describe(text)} is a leap second, which dates here do not count: write the second before it"
-        )
+        raise _leap_second(text)
     midnight = hour == "24" and not int(minute or 0) and not int(second or 0) and not int(digits or 0)
     clock = 0 if midnight else int(hour or 0), int(minute or 0), int(second or 0)
     if wrong := _impossible((int(year), int(month), int(day)), clock):
@@ -58,6 +57,10 @@ def iso_stamp(text: str, hint: Callable[[str], str] = lambda _: "") -> tuple[int
     return _in_range(seconds * 10**9 + int((digits or "0").ljust(9, "0")), text), zone is not None
 
 
+def _leap_second(text: str) -> ValueError:
+    return ValueError(f"{describe(text)} is a leap second, which dates here do not count: write the second before it")
+
+
 def _impossible(date: tuple[int, int, int], clock: tuple[int, int, int]) -> str:
     """What is not in the calendar, or on a clock; empty where all is."""
     year, month, day = date
@@ -65,7 +68,8 @@ def _impossible(date: tuple[int, int, int], clock: tuple[int, int, int]) -> str:
         return f"there is no month {month}"
     if year == 0:
         return "there is no year 0"
-    if not 1 <= day <= (days := monthrange(year, month)[1]):
+    days = monthrange(year, month)[1]
+    if not 1 <= day <= days:
         return f"there is no day {day} in a month of {days} days"
     for name, value, most in zip(("hour", "minute", "second"), clock, (23, 59, 59), strict=True):
         if value > most:
@@ -94,6 +98,8 @@ def stamp_of(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, 
     try:
         read = date_of(text, pattern)
     except ValueError:
+        if _has_leap_second(text, pattern):
+            raise _leap_second(text) from None
         said = f"expected a date of the form {pattern}, found {describe(text)}"
         if names_zone(pattern):
             raise ValueError(
@@ -104,6 +110,16 @@ def stamp_of(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, 
     past = read.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
     stamp = past // timedelta(microseconds=1) * 1000 + nanoseconds_beyond(text, pattern)
     return _in_range(stamp, text), offset is not None
+
+
+def _has_leap_second(text: str, pattern: str) -> bool:
+    """Whether a text that is no date of a pattern is one with another second in the place of its 60."""
+    for sixty in re.finditer("(?=60)", text):
+        begin, end = text[: sixty.start()], text[sixty.start() + 2 :]
+        with suppress(ValueError):
+            if [date_of(f"{begin}{second}{end}", pattern).second for second in (58, 59)] == [58, 59]:
+                return True
+    return False
 
 
 def _in_range(stamp: int, text: str) -> int:

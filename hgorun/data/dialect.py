@@ -55,8 +55,8 @@ class Dialect:
         What stands between thousands; None where nothing does.
     units : tuple of str
         The row of units; empty without one.
-    sample : tuple of str
-        The first row of values.
+    rows : sequence of (int, sequence of str)
+        The first rows of values, with their lines.
     doubtful : int
         How many rows, from that one on, have neither numbers nor dates, as lines of a header have; 0 where it is told
         that no row of units follows the header.
@@ -72,7 +72,7 @@ class Dialect:
     first: int
     missing: frozenset[str]
     units: tuple[str, ...]
-    sample: tuple[str, ...]
+    rows: Sequence[tuple[int, Sequence[str]]]
     missing_numbers: tuple[float, ...] = ()
     thousands: str | None = None
     doubtful: int = 0
@@ -160,7 +160,7 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
         first=first.number,
         missing=missing,
         units=tuple(text.strip() for text in units),
-        sample=tuple(sample),
+        rows=[(line.number, row) for line, row in body],
         missing_numbers=missing_numbers(told, decimal),
         thousands=told.thousands,
         doubtful=0 if told.units_row is False else sum(1 for _ in takewhile(of_header, body)),

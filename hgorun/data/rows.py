@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from itertools import islice
+from itertools import chain, islice
 from pathlib import Path
 
 import numpy as np
@@ -100,12 +100,18 @@ class Rows:
         return f"; a line that is no sample, such as a total, is removed, or begins with {self._dialect.comment}"
 
     def _first_wrong(self, line: int, row: Sequence[str], rest: Iterator[tuple[int, list[str]]]) -> ConfigError:
-        """What is wrong in a row, with the name of its column; rows below it show which patterns read their dates."""
-        with suppress(ConfigError):  # of a row below
-            for (_, below), _ in zip(rest, range(_BELOW), strict=False):
-                for cells, place in zip(self._wanted, self._places, strict=True):
-                    if not isinstance(cells, Flags) and cells.key and place < len(below):
-                        cells.beside.append(below[place].strip())
+        """What is wrong in a row, with the name of its column; other rows show which patterns read their dates."""
+        of_dates = [
+            (cells.beside, place)
+            for cells, place in zip(self._wanted, self._places, strict=True)
+            if not isinstance(cells, Flags) and cells.key
+        ]
+        above = [(number, cells) for number, cells in self._dialect.rows if number < line]
+        with suppress(ConfigError):  # of one below
+            for _, other in chain(above, islice(rest, _BELOW)):
+                for beside, place in of_dates:
+                    if place < len(other):
+                        beside.append(other[place].strip())
         for cells, place, read in zip(self._wanted, self._places, self._readers, strict=True):
             try:
                 read(row[place])

@@ -156,6 +156,9 @@ def test_all_that_may_be_meant_is_said(tmp_path: Path, stamp: str, forms: list[s
     assert told.count(" is first, ") == 1
 
 
+NO_DATE = "; it is no date and time in any order of day, month and year"
+
+
 @pytest.mark.parametrize(
     ("stamp", "told"),
     [
@@ -182,10 +185,13 @@ def test_all_that_may_be_meant_is_said(tmp_path: Path, stamp: str, forms: list[s
             "; names of months are English, and 'marzo' is none: write the month as a number into the file",
         ),
         (
-            "31.31.2024 13:45",
+            "13:45 foo bar and more of it than half",
             '; a date of another form needs its pattern: time: {column: t, format: "%d.%m.%Y %H:%M:%S"} reads '
             "31.05.2024 13:45:10",
         ),
+        ("31.31.2024 13:45", NO_DATE),
+        ("31.12.2024 25:61:00", NO_DATE),
+        ("31.12.2024 24:00:00", NO_DATE),
         ("10 20 30", ""),
         ("Total 12:30", "; a line that is no sample, such as a total, is removed, or begins with #"),
         ("1:2:3:4:5:6:7:8:9:10:11:12:13:14:15:16:17 x", ""),
@@ -225,6 +231,32 @@ def test_a_pattern_that_is_said_reads_what_stands_above(tmp_path: Path) -> None:
     assert told.endswith('such as time: {column: t, format: "%m/%d/%Y"}')
     told = message_of(tmp_path, {"t": ["13/02/2024", "01/13/2024"], "y": ["1", "2"]}, block)
     assert told.endswith("; this one is of the form %m/%d/%Y, and '13/02/2024' is not: a column has one form")
+
+
+@pytest.mark.parametrize(
+    ("form", "stamps", "told"),
+    [
+        ("iso", ["2024-03-01T10:00", "2024-03-02T10:00", "31.02.2024 25:61:00"], NO_DATE),
+        ("iso", ["31.02.2024 25:61:00", "2024-03-01T10:00"], NO_DATE),
+        ("iso", ["13:45 foo bar and more of it than half", "2024-03-01T10:00"], "than half'"),
+        ("", ["0.5", "1.5", "31.02.2024 25:61:00"], NO_DATE),
+        (
+            "",
+            ["0.5", "1.5", "29.02.2024 13:45"],
+            "; this one is of the form %d.%m.%Y %H:%M, and '0.5' is not: a column has one form",
+        ),
+        ("%d.%m.%Y", ["05.02.2024", "06.02.2024", "05.03.2024", "03.31.2024"], "found '03.31.2024'"),
+        ("%d.%m.%Y %H:%M:%S", ["31.12.2016 16:31:00", "31.12.2016 24:00:00"], NO_DATE),
+        ("%Y%m%d%H%M%S", ["20160504223253", "20160509223263"], "found '20160509223263'"),  # 22:32:53 as a year
+        ("%Y%m%d%H%M%S", ["20161231235959", "20161231236060"], "found '20161231236060'"),
+    ],
+)
+def test_no_pattern_is_said_that_does_not_read_the_others_as_well(
+    tmp_path: Path, form: str, stamps: list[str], told: str
+) -> None:
+    clock = {"column": "t", "format": form} if form else "t"
+    columns = {"t": [f'"{stamp}"' for stamp in stamps], "y": [f"{k}.5" for k in range(len(stamps))]}
+    assert message_of(tmp_path, columns, {"time": clock, "outputs": {"y": "y"}}).endswith(told)
 
 
 def test_where_day_and_month_may_be_either_both_are_said(tmp_path: Path) -> None:
@@ -299,8 +331,8 @@ def test_of_a_file_that_no_key_names_the_block_is_told_that_does(tmp_path: Path)
             "14.03.2026 10:01",
             "; this one is of the form %d.%m.%Y %H:%M, and '14.03.2026 10:01:30' is not: a column has one form",
         ),
-        ("12.5", "; leave out format where stamps are numbers"),
-        ("31.02.2026 10:01:30", ""),
+        ("12.5", ""),
+        ("31.02.2026 10:01:30", NO_DATE),
     ],
 )
 def test_a_date_that_the_pattern_does_not_read(tmp_path: Path, text: str, told: str) -> None:

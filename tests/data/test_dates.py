@@ -152,6 +152,24 @@ def test_midnight_ends_the_day_and_leap_seconds_are_told() -> None:
 
 
 @pytest.mark.parametrize(
+    ("pattern", "stamp"),
+    [
+        ("%d.%m.%Y %H:%M:%S", "31.12.2016 23:59:60"),
+        ("%d.%m.%y %H:%M:%S.%f", "31.12.16 23:59:60.60"),
+        ("%Y%m%d%H%M%S", "20161231235960"),
+        ("%I:%M:%S %p %d-%b-%Y", "11:59:60 p.m. 31-Dec-2016"),
+        ("%Y-%m-%dT%H:%M:%S%Z", "2016-12-31T23:59:60CET"),
+    ],
+)
+def test_leap_seconds_of_a_pattern_are_told_too(pattern: str, stamp: str) -> None:
+    read = Stamps("t", pattern).reader(".", frozenset())
+    with pytest.raises(ValueError, match=re.escape(f"'{stamp}' is a leap second, which dates here do not count")):
+        read(stamp)
+    with pytest.raises(ValueError, match="expected a date of the form"):
+        read(stamp.replace("59:60", "60:59").replace("5960", "6059"))
+
+
+@pytest.mark.parametrize(
     ("date", "told"),
     [
         (
@@ -164,6 +182,13 @@ def test_midnight_ends_the_day_and_leap_seconds_are_told() -> None:
         ("2024-05-31T25:00", "there is no hour 25: the last is 23"),
         ("2024-05-31T13:60", "there is no minute 60: the last is 59"),
         ("0000-05-31", "there is no year 0"),
+        ("2024-03-00", "there is no day 0 in a month of 31 days"),
+        ("2024-02-00T10:00Z", "there is no day 0 in a month of 29 days"),
+        ("2024-00-10", "there is no month 0"),
+        ("2024-00-00", "there is no month 0"),
+        ("2024-02-30 10:00:00.5", "there is no day 30 in a month of 29 days"),
+        ("2024-05-31T24:00:01", "there is no hour 24: the last is 23"),
+        ("2024-05-31T23:59:61", "there is no second 61: the last is 59"),
     ],
 )
 def test_what_is_not_in_the_calendar_is_named(date: str, told: str) -> None:
