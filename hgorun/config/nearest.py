@@ -93,6 +93,8 @@ def meant(name: str, candidates: Iterable[str]) -> str:
 
 LISTED = 12
 """Names in a message, of which there may be more."""
+COMPARED = 10_000
+"""Names whose likeness is looked at."""
 
 
 def listed(names: Iterable[object], wanted: str = "", see: str = "") -> str:
@@ -109,7 +111,7 @@ def listed(names: Iterable[object], wanted: str = "", see: str = "") -> str:
     known = list(map(str, names))
     if len(known) <= LISTED:
         return ", ".join(known) or "none"
-    shown = islice(_by_likeness(wanted, known) if wanted else known, LISTED)
+    shown = islice(_by_likeness(wanted, known[:COMPARED]) if wanted else known, LISTED)
     return f"{', '.join(shown)} and {len(known) - LISTED} more{see and f', see `{see}`'}"
 
 

@@ -80,7 +80,7 @@ class CsvFile:
         """How many lines stand above the header, where a line below that which was taken for it has the column."""
         lines = next(blocks(self._path, self._told.encoding)).text.split(b"\n", _ABOVE)[:_ABOVE]
         found = (skip for skip, line in enumerate(lines) if column.strip() and column.strip().encode() in line)
-        header = [name.encode() for name in self.dialect.names]
+        header = [name.encode() for name in dict.fromkeys(self.dialect.names)]
         below = (skip for skip in found if skip > self._told.skip and not all(name in lines[skip] for name in header))
         above = next(below, None)
         return "" if above is None else f" Line {above + 1} has it: if that is the header, csv: {{skip: {above}}}."

@@ -147,7 +147,10 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
 
     first, sample = body[0]
     ends = len(sample) == len(names) + 1 and not sample[-1].strip()
-    shown = [(line.number, ["" if text.strip().lower() in missing else text for text in row]) for line, row in body]
+    shown = [  # cells beyond those of the header are refused where rows are read
+        (line.number, ["" if text.strip().lower() in missing else text for text in row[: len(names) + 1]])
+        for line, row in body
+    ]
     decimal = told.decimal or _OTHER.get(told.thousands or "") or decimal_sign(shown, path)
     untold = told.decimal is None and told.thousands is None and decimal == "."
     grouped = may_be_grouped([row for _, row in shown], separator) if untold else ()

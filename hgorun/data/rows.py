@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from hgorun.config.types import describe
 from hgorun.data.cells import IF_MISSING, Cells, Flags, is_word
 from hgorun.data.comments import is_comment
 from hgorun.data.date_hints import may_be_date
@@ -68,8 +69,10 @@ class Rows:
         rows = self._cells(blocks)
         for line, cells in rows:
             if len(cells) != width or (width > names and cells[-1].strip()):
+                self._refuse_header(line, cells)
                 what = self._commas(cells) or (self._no_sample(cells[0]) if len(cells) < names else "")
                 what += self._name_of_row(cells) if line == self._dialect.first else ""
+                what += self._without_last(cells)
                 raise self._error(line, f"{_cells(len(cells))}, where the header has {names}{what}")
             try:
                 yield (line, *(read(cells[place]) for place, read in plan))
@@ -93,6 +96,30 @@ class Rows:
             "for that column, too (col.names = NA)"
         )
 
+    def _without_last(self, cells: Sequence[str]) -> str:
+        """What to do where rows have no cell of the last column, as those of LabVIEW have none of their comments."""
+        names, sign = self._dialect.names, self._dialect.separator
+        if len(cells) != len(names) - 1 or is_word(cells[0].strip()) or len(names) - 1 in self._places:
+            return ""
+        if all(len(row) == len(cells) for _, row in self._dialect.rows):
+            return f"; where no row has a cell of the last column, take its name, {names[-1]!r}, out of the header"
+        return f"; a row without a value of the last column, {names[-1]!r}, ends with {describe(sign)}"
+
+    def _refuse_header(self, line: int, cells: Sequence[str]) -> None:
+        """Refuse a row that is the header once more.
+
+        Raises
+        ------
+        ConfigError
+        """
+        names = self._dialect.names
+        if tuple(cell.strip() for cell in cells[: len(names)]) == names:
+            message = (
+                "this line repeats the header: cut it out, with what belongs to it, where the log goes on below; where "
+                "another one begins, cut the file in two"
+            )
+            raise self._error(line, message)
+
     def _no_sample(self, cell: str) -> str:
         """What to do with a line that begins with a word, as one of totals below a table does."""
         if not is_word(cell.strip()):
@@ -101,6 +128,7 @@ class Rows:
 
     def _first_wrong(self, line: int, row: Sequence[str], rest: Iterator[tuple[int, list[str]]]) -> ConfigError:
         """What is wrong in a row, with the name of its column; other rows show which patterns read their dates."""
+        self._refuse_header(line, row)
         of_dates = [
             (cells.beside, place)
             for cells, place in zip(self._wanted, self._places, strict=True)
@@ -147,13 +175,20 @@ class Rows:
                     self._inside.append((lines.begin, lines.end, lines.inside))
                 yield lines.taken(), row
         except csv.Error as error:
-            # what the reader takes in is a quote that is not closed, if it comes to no end of the row
-            unclosed = any(words in str(error) for words in ("unexpected end", "field limit"))
-            said = "a quote that is not closed" if unclosed else f"not CSV: {error}"
-            raise self._error(lines.begin, said) from None
+            raise self._error(lines.begin, _not_csv(str(error), lines)) from None
 
     def _error(self, line: int, message: str, column: str | None = None) -> ConfigError:
         return ConfigError(message, file=str(self._path), line=line, key=column)
+
+
+def _not_csv(error: str, lines: _Lines) -> str:
+    """What is wrong with the row at which the reader of CSV has stopped."""
+    too_long = "field limit" in error
+    if too_long and lines.end == lines.begin and lines.text.count('"') % 2 == 0:
+        wide = f"a cell of more than {csv.field_size_limit():,} characters: this is no table of numbers separated by "
+        return wide + describe(lines.separator)
+    # what the reader takes in is a quote that is not closed, if it comes to no end of the row
+    return "a quote that is not closed" if too_long or "unexpected end" in error else f"not CSV: {error}"
 
 
 def _cells(count: int) -> str:
@@ -169,14 +204,17 @@ class _Lines:
         The line on which the present row began, and the last one so far.
     inside : int
         How many of its lines, behind the first, look like rows.
+    separator, text : str
+        Between cells, and the last line so far.
     """
 
     def __init__(self, blocks: Iterator[Block], dialect: Dialect) -> None:
         self._lines = _numbered(blocks)
         self._dialect = dialect
+        self.separator = dialect.separator
         self._open = False
         self.begin = self.end = dialect.first
-        self.inside = 0
+        self.inside, self.text = 0, ""
 
     def taken(self) -> int:
         """Where the row began that has ended now."""
@@ -192,7 +230,7 @@ class _Lines:
                 self._open, self.begin = True, number
             else:
                 self.inside += self._looks_like_a_row(text)
-            self.end = number
+            self.end, self.text = number, text
             yield f"{text}\n"  # inside quotes it belongs to the cell
 
     def _looks_like_a_row(self, text: str) -> bool:

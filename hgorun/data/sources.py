@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hgorun.config.data import Clock, Column, Csv, Data, Judged, Measured
-from hgorun.config.nearest import LISTED, listed, nearest, nearest_name
+from hgorun.config.nearest import COMPARED, LISTED, listed, nearest, nearest_name
 from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, beside, clock_column
@@ -267,7 +267,7 @@ def _visible(name: str) -> str:
 def column_meant(column: str, known: Sequence[str]) -> str:
     """The column whose name without its unit is most similar: units that are alike make no two columns so."""
     named: dict[str, list[str]] = {}
-    for name in known:
+    for name in known[:COMPARED]:
         named.setdefault(without_any_unit(name).lower(), []).append(name)
     near = nearest_name(without_any_unit(column), named)
     alike = named.get(near, [])

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import datetime
+import time
 from decimal import Decimal
 from pathlib import Path
 from typing import Any
@@ -80,12 +81,41 @@ def test_many_lines_above_the_header(tmp_path: Path) -> None:
     [
         ("t,glucose," + "c" * (5 << 18) + "\n1,2,3\n", r"log\.csv:1: a line of more than 1 MiB"),
         (TEXT + '99,"1\n' + "1,2\n" * 40_000, r"log\.csv:14: a quote that is not closed"),
+        (TEXT + '99,"1' + "x" * 140_000 + "\n", r"log\.csv:14: a quote that is not closed"),
+        (TEXT + ";" * 140_000 + "\n", r"log\.csv:14: a cell of more than 131,072 characters: this is no table of num"),
+        (TEXT + '"0",' + "(" * 140_000 + "\n", r"log\.csv:14: a cell of more than .* separated by ','$"),
         (TEXT + "2024-05-31T12:00:00+99:99,1\n", r"log\.csv:14: t: expected a number"),
+        (TEXT + "99\n", r"log\.csv:14: 1 cell, where the header has 2$"),
+        (TEXT + "t, glucose\n" + TEXT, r"log\.csv:14: this line repeats the header: cut it out, with what belongs"),
+        (TEXT + "t,glucose,\n", r"log\.csv:14: this line repeats the header: .*, cut the file in two$"),
+        (
+            TEXT.replace("glucose", "glucose,note"),
+            r":2: 2 cells, .* 3; where no row has a cell of .*, 'note', out of the",
+        ),
+        (
+            "t,glucose,note\n0,1,\n1,2\n",
+            r":3: 2 cells, .*; a row without a value of the last column, 'note', ends with ','",
+        ),
     ],
 )
 def test_what_is_wrong_is_said(tmp_path: Path, content: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
         recorded(tmp_path, content)
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (TEXT + "," * 1_000_000 + "\n", ":14: 1000001 cells, where the header has 2"),
+        ("," + TEXT.replace("\n", "," * 250_000 + "\n", 1), "has no column 't ': "),
+    ],
+)
+def test_very_many_cells_are_refused_in_a_moment(tmp_path: Path, content: str, message: str) -> None:
+    started = time.process_time()
+    with pytest.raises((ConfigError, Problem)) as caught:
+        recorded(tmp_path, content, {"outputs": {"S": "t "}} if "column" in message else {})
+    assert time.process_time() - started < 2
+    assert message.rstrip(": ") in str(caught.value)
 
 
 @pytest.mark.parametrize(
