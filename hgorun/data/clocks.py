@@ -14,10 +14,19 @@ from hgorun.data.cells import Cells, Numbers, Stamps
 from hgorun.data.date_hints import clock_key
 from hgorun.data.date_texts import iso_stamp, looks_like_iso
 from hgorun.data.dates import NAT, counted
-from hgorun.data.day_counts import DAY, WORKBOOKS, Span, dates_in_digits, odd_days, odd_seconds, out_of_range
+from hgorun.data.day_counts import (
+    DAY,
+    WORKBOOKS,
+    Span,
+    dates_in_digits,
+    odd_days,
+    odd_seconds,
+    other_starts,
+    out_of_range,
+)
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile
-from hgorun.data.undeclared_dates import first_day, unix_unit
+from hgorun.data.undeclared_dates import first_day, is_too_long, unix_unit
 from hgorun.data.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.pieces import present
@@ -117,7 +126,7 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
         told = odd_days(form, span, time.time_ns())
     elif form == "unix":
         unit = column.clock.unit
-        told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, said=unit is not None)
+        told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, time.time_ns(), said=unit is not None)
     elif form is not None and not has_date(form) and not column.clock.next_day:
         told = f"the pattern {form} has no date: all times are taken to be of one day"
     else:
@@ -138,7 +147,7 @@ def odd_numbers(column: ClockColumn, table: Table, unit: str = "") -> Iterator[s
     if not isinstance(column.cells, Numbers):
         return
     name, values = column.cells.column, present(table.columns[column.cells])
-    pattern = dates_in_digits(values) if not column.absolute and column.clock.unit is None else None
+    pattern = dates_in_digits(values, time.time_ns()) if not column.absolute and column.clock.unit is None else None
     if pattern is not None:
         yield (
             f"column {name!r}: its numbers look like dates, and are taken as numbers: if they are dates, "
@@ -160,19 +169,21 @@ def _undeclared(column: ClockColumn, values: np.ndarray, unit: str) -> Iterator[
     if not taken or not values.size:
         return
     size = float(seconds(taken, ("time", "unit") if column.clock.unit is None else (*column.path, "unit"))) * 1e9
-    if (found := unix_unit(float(values[0]), size)) is not None:
+    first, now = float(values[0]), time.time_ns()
+    begins = f"column {name!r}: its numbers are taken in {taken} and begin at {first:.10g}, which would be the date"
+    too_long = is_too_long(first, size)
+    if too_long and (found := unix_unit(first, now)) is not None:
         since, date = found
         right = clock_key(key, name, "unix")
         if since != "s":
             right = f"{right[:-1]}, unit: {since}}}"
-    elif column.clock.unit is None and (day := first_day(values, size, time.time_ns())) is not None:
+    elif column.clock.unit is None and (day := first_day(values, size, now)) is not None:
         date, right = day, clock_key(key, name, "excel")
     else:
+        for date, of, how in other_starts(first, now) if too_long else ():
+            yield f"{begins} {date}, {of[:-1]}: if they are dates, {how}, with {clock_key(key, name, 'unix')}"
         return
-    yield (
-        f"column {name!r}: its numbers are taken in {taken} and begin at {values[0]:.10g}, which would be the date "
-        f"{date}: if they are dates, {right}"
-    )
+    yield f"{begins} {date}: if they are dates, {right}"
 
 
 def rounding(cells: Cells, table: Table) -> tuple[float, float]:

@@ -16,23 +16,28 @@ _OF_A_MINUTE, _OF_A_SECOND = 0.01, 0.05
 _ROUND = (1 / 0.005, 60)  # steps of clocks that count in seconds or hours: decimals, and pictures of a camera
 
 
-def unix_unit(first: float, unit: float) -> tuple[str, str] | None:
-    """In which unit a first number would be a date of our days, where in its own it is centuries.
+def is_too_long(first: float, unit: float) -> bool:
+    """Whether nothing has counted for so long as a first number says in its unit, in nanoseconds."""
+    return first * unit > _LONGEST * _YEAR
+
+
+def unix_unit(first: float, now: int) -> tuple[str, str] | None:
+    """In which unit a first number would be a date of our days that is not after today.
 
     Parameters
     ----------
     first : float
-    unit : float
-        Nanoseconds.
+    now : int
+        In nanoseconds since 1970.
 
     Returns
     -------
     (str, str) or None
         The unit, and the date.
     """
-    if not first * unit > _LONGEST * _YEAR:
-        return None
-    return next(((name, day_of(first * size)) for name, size in UNITS.items() if of_our_days(first * size)), None)
+    dates = {name: first * size for name, size in UNITS.items()}
+    usual = (name for name, date in dates.items() if of_our_days(date) and date <= now + 2 * DAY)
+    return next(((name, day_of(dates[name])) for name in usual), None)
 
 
 def first_day(values: np.ndarray, unit: float, now: int) -> str | None:

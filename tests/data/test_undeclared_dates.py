@@ -73,3 +73,77 @@ def test_large_times_are_not_taken_for_dates(tmp_path: Path, stamps: list[str], 
 
 def test_days_in_a_unit_that_is_stated_are_times(tmp_path: Path) -> None:
     assert not told(tmp_path, days(0, 60, 120, 180), "h", {"column": "t", "unit": "h"})
+
+
+EVERY = [START + timedelta(minutes=7 * k) for k in range(8)]
+TAKEN = [420.0 * k for k in range(8)]
+
+
+@pytest.mark.parametrize("unit", ["s", "h"])
+@pytest.mark.parametrize("pattern", ["%Y%m%d%H%M%S", "%Y%m%d%H%M%S.%f", "%y%m%d%H%M%S", "%y%m%d%H%M"])
+def test_dates_written_as_digits_are_told_with_their_pattern(tmp_path: Path, pattern: str, unit: str) -> None:
+    stamps = [(moment + timedelta(microseconds=500_000)).strftime(pattern) for moment in EVERY]
+    said = [one for one in told(tmp_path, stamps, unit) if "rounded" not in one]
+    assert said == [
+        f"column 't': its numbers look like dates, and are taken as numbers: if they are dates, "
+        f'time: {{column: t, format: "{pattern}"}}'
+    ]
+    found = recorded(tmp_path, (tmp_path / "log.csv").read_text(), {"time": {"column": "t", "format": pattern}})
+    assert found.outputs["S"].taken.tolist() == TAKEN
+    assert found.origin.epoch == np.datetime64(START) + np.timedelta64(500 if "%f" in pattern else 0, "ms")
+
+
+@pytest.mark.parametrize(
+    "stamps",
+    [
+        [f"{1709301600 + k}" for k in range(60)],  # 2017-09-30 16:00 by digits
+        ["2403011400", "2403011360", "2403011500"],
+        ["2403011400", "2403011400", "2403011500"],
+        ["9903011400", "9903011401", "9903011402"],
+        ["3003011400", "3003011401", "3003011402"],
+        ["2403011400.5", "2403011401.5", "2403011402.5"],
+        ["240301140000", "2403011401", "2403011402"],
+    ],
+)
+def test_other_numbers_are_no_digits_of_dates(tmp_path: Path, stamps: list[str]) -> None:
+    content = "t,glucose\n" + "".join(f"{stamp},{k % 2}\n" for k, stamp in enumerate(stamps))
+    found = recorded(tmp_path, content, {"faults": {"backwards": "sort", "repeated": "mean", "gaps": "report"}})
+    assert not any("dates" in note.message for note in found.notes if note.kind == "clock")
+
+
+@pytest.mark.parametrize(
+    ("start", "size", "sum_", "by"),
+    [
+        (datetime(1904, 1, 1), 1, "n - 2082844800", "in s from 1904-01-01, as LabVIEW counts"),
+        (datetime(1601, 1, 1), 10**7, "n / 10000000 - 11644473600", "in 100 ns from 1601-01-01, as Windows counts"),
+    ],
+)
+def test_what_counts_from_another_day_is_told_with_how_it_is_made_unix_time(
+    tmp_path: Path, start: datetime, size: int, sum_: str, by: str
+) -> None:
+    numbers = [(moment - start) // timedelta(seconds=1) * size for moment in EVERY]
+    (message,) = told(tmp_path, [str(number) for number in numbers], "h")
+    assert message.endswith(
+        f", which would be the date 2024-03-01, {by}: if they are dates, write {sum_} in place of each number n into "
+        "the file, with time: {column: t, format: unix}"
+    )
+    unix = [str(eval(sum_, {"n": number})) for number in numbers]
+    assert not told(tmp_path, unix, "h", {"column": "t", "format": "unix"})
+    assert [float(one) for one in unix] == [(moment - datetime(1970, 1, 1)).total_seconds() for moment in EVERY]
+
+
+def test_dates_after_today_are_not_advised_and_told_where_they_are_declared(tmp_path: Path) -> None:
+    now = int(time.time())
+    clock = {"column": "t", "format": "unix"}
+    later = [f"{now + 86_400 * (365 + k)}" for k in range(4)]
+    assert not told(tmp_path, later, "h")
+    (message,) = told(tmp_path, later, "h", clock)
+    assert message.startswith("column 't': the last date is ")
+    assert message.endswith(", after today")
+    assert not told(tmp_path, [f"{now + 3600 * k}" for k in range(4)], "h", clock)
+    labview = [f"{(moment - datetime(1904, 1, 1)).total_seconds():.0f}" for moment in EVERY]
+    (message,) = told(tmp_path, labview, "h", clock)
+    assert message == (
+        "column 't': the last date is 2090-03-02, after today; in s from 1904-01-01, as LabVIEW counts, it would be "
+        "2024-03-01: write n - 2082844800 in place of each number n into the file"
+    )
