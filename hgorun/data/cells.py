@@ -84,6 +84,12 @@ def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
     return re.compile(rf"([-+]?[0-9]{{1,3}}(?:{between}[0-9]{{3}})+)((?:{sign}[0-9]*)?)")
 
 
+def _many_groups(sign: str) -> re.Pattern[str]:
+    """A number with a sign more than once, between its thousands."""
+    other = "," if sign == "." else "."
+    return re.compile(rf"[-+]?[0-9]{{1,3}}(?:{re.escape(sign)}[0-9]{{3}}){{2,}}(?:{re.escape(other)}[0-9]*)?")
+
+
 def _no_number(text: str, decimal: str, thousands: str | None, cells: Numbers) -> str:
     key, column, beside = cells.key, cells.column, cells.beside
     other = "," if decimal == "." else "."
@@ -98,6 +104,8 @@ def _no_number(text: str, decimal: str, thousands: str | None, cells: Numbers) -
     signs = [sign for sign in _BETWEEN if sign != decimal and _grouped(sign, decimal).fullmatch(text)]
     if signs and thousands is None:
         return f'{said}; for signs between thousands: csv: {{thousands: "{signs[0]}"}}'
+    if thousands is None and _many_groups(decimal).fullmatch(text):
+        return f'{said}; for signs between thousands: csv: {{thousands: "{decimal}"}}'
     plain = "".join(map(_as_ascii, text))
     if _NUMBER[decimal].fullmatch(plain):
         odd = next(char for char in text if not char.isascii())

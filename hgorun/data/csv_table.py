@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
 from itertools import accumulate, chain, islice
@@ -110,9 +110,11 @@ class CsvFile:
         for cells, values in table.columns.items():
             if isinstance(cells, Numbers):
                 leave_out(dialect.missing_numbers, values)
-        return replace(table, remarks=[*rows.remarks(), *self._points(table)])
+        points = {cells: (line, said) for cells, line, said in self._points(table)}
+        doubts = {cells: said for cells, (_, said) in points.items()}
+        return replace(table, remarks=[*rows.remarks(), *points.values()], doubts=doubts)
 
-    def _points(self, table: Table) -> Iterator[tuple[int, str]]:
+    def _points(self, table: Table) -> Iterator[tuple[Cells, int, str]]:
         """What is told of points that may stand between thousands."""
         told = self._told
         untold = told.decimal is None and told.thousands is None and self.dialect.decimal == "."
@@ -121,10 +123,20 @@ class CsvFile:
                 continue
             sample = self.dialect.grouped.get(cells.column)
             if sample is not None and grouped.still_may_be(values):
-                yield 0, grouped.told(cells.column, sample)
-            elif sample is None and (found := grouped.first_fall(values)):
+                yield cells, 0, grouped.told(cells.column, sample)
+            elif sample is None and (found := grouped.first_fall(values, self._texts(table, cells.column))):
                 place, sample, beside = found
-                yield int(table.lines[place]), grouped.told(cells.column, sample, beside)
+                yield cells, int(table.lines[place]), grouped.told(cells.column, sample, beside)
+
+    def _texts(self, table: Table, column: str) -> Callable[[int], str]:
+        """Reads a cell of a column once more, as text; empty where its row has several lines."""
+
+        def text_of(row: int) -> str:
+            block = next(_from_line(blocks(self._path, self._told.encoding), int(table.lines[row])))
+            cells = cells_of(block.text.partition(b"\n")[0].decode(), self.dialect.separator)
+            return dict(zip(self.dialect.names, cells, strict=False)).get(column, "").strip()
+
+        return text_of
 
 
 class _Reading:

@@ -8,11 +8,12 @@ would jump.
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import zip_longest
 
 import numpy as np
 
+from hgorun.data.sentinels import are_usual, sentinels
 from hgorun.data.units_row import NUMBER
 from hgorun.pieces import everywhere, extremes
 
@@ -35,12 +36,20 @@ def may_be_grouped(rows: Sequence[Sequence[str]], separator: str) -> frozenset[i
         The first ones, with empty texts for missing values.
     separator : str
     """
-    columns = [[text.strip() for text in column if text.strip()] for column in zip_longest(*rows, fillvalue="")]
+    columns = [
+        [text.strip() for text in column if text.strip() and not _may_be_missing(text.strip())]
+        for column in zip_longest(*rows, fillvalue="")
+    ]
     texts = {text for column in columns for text in column}
     commas = any(map(_COMMA.fullmatch, texts))
     decimals = any("." in text and NUMBER.fullmatch(text) and not _GROUPED.fullmatch(text) for text in texts)
     untold = separator in _OF_SHEETS and not decimals and not any(map(_LARGE.fullmatch, texts))
     return frozenset(k for k, column in enumerate(columns) if _is_doubtful(column, commas=commas, untold=untold))
+
+
+def _may_be_missing(text: str) -> bool:
+    """Whether a text is a number of four digits or more that may stand for a missing value, such as -9999."""
+    return _LARGE.fullmatch(text) is not None and bool(are_usual(np.array(float(text))))
 
 
 def _is_doubtful(column: Sequence[str], *, commas: bool, untold: bool) -> bool:
@@ -53,23 +62,30 @@ def _is_doubtful(column: Sequence[str], *, commas: bool, untold: bool) -> bool:
 
 
 def still_may_be(values: np.ndarray) -> bool:
-    """Whether all numbers of a column can be groups of three digits, as the first ones can."""
+    """Whether all numbers of a column can be groups of three digits, as the first ones can, or be none of it."""
     return everywhere(_may_be, values)  # most columns show within a few numbers that they are none
 
 
 def _may_be(values: np.ndarray) -> np.ndarray:
     sizes = np.abs(values)
-    fits: np.ndarray = ((sizes < 1000) & ((sizes >= 1) | (sizes == 0))) | ~np.isfinite(sizes)
+    large = sizes >= 1000
+    fits: np.ndarray = (~large & ((sizes >= 1) | (sizes == 0))) | ~np.isfinite(sizes)
+    if large.any():
+        fits[large] |= are_usual(sizes[large])
     return fits
 
 
-def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
+def first_fall(values: np.ndarray, text_of: Callable[[int], str]) -> tuple[int, str, str] | None:
     """Where a column of whole numbers goes on with numbers of three decimals, some hundred times less, or ends them.
+
+    Numbers that stand for a missing value are left out: see :func:`hgorun.data.sentinels.sentinels`.
 
     Parameters
     ----------
     values : ndarray of float, shape (n,)
         Of the whole column, NaN where missing.
+    text_of : callable
+        The cell of a place, as the file writes it: a last zero is not in its number.
 
     Returns
     -------
@@ -79,6 +95,8 @@ def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
     """
     if not still_may_be(values):
         return None
+    for number, _, _ in sentinels(values):
+        values = np.where(values == number, np.nan, values)
     least, largest = extremes(values)
     if not _FALL <= max(largest, -least) < 1000:
         return None
@@ -87,7 +105,7 @@ def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
     whole = sizes == np.floor(sizes)
     pointed = sizes[~whole]
     written = np.round(pointed, 3) == pointed
-    if pointed.size < _FEWEST or not written.all() or np.all(np.round(pointed, 2) == pointed):
+    if pointed.size < _FEWEST or not written.all():
         return None
     large, small = whole & (sizes >= _FALL), sizes >= 1  # 1.000 is a whole one, too
     falls = large[:-1] & small[1:] & (sizes[:-1] >= _FALL * sizes[1:])
@@ -96,6 +114,8 @@ def first_fall(values: np.ndarray) -> tuple[int, str, str] | None:
         return None
     first = int(found[0])
     point, other = (first + 1, first) if falls[first] else (first, first + 1)
+    if np.all(np.round(pointed, 2) == pointed) and not _GROUPED.fullmatch(text_of(int(places[point]))):
+        return None
     return int(places[point]), f"{values[places[point]]:.3f}", f"{values[places[other]]:.0f}"
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -141,6 +141,7 @@ class _Making:
         ]
         counts = [table.lines.size for table in tables]
         self.notes += self.units.told(signal)
+        doubts = [remark for table, part in zip(tables, parts, strict=True) for remark in _doubts(table, part)]
         return Samples(
             key=signal.key,
             taken=taken,
@@ -153,6 +154,7 @@ class _Making:
             good=_joined(good) if good else None,
             sources=tuple(part.file.path for part in parts),
             time_unit=self._unit_of_times(parts),
+            doubt="".join(f"; {told}" for told in doubts[:1]),
             coarse=max(rounding(part.time.cells, table)[0] for part, table in zip(parts, tables, strict=True)),
         )
 
@@ -218,6 +220,12 @@ class _Making:
             lines=samples.lines,
             source=samples.sources[0],
         )
+
+
+def _doubts(table: Table, part: Part) -> Iterator[str]:
+    """What is told of how the numbers of a part of a signal are written."""
+    if part.value in table.doubts:
+        yield f"{table.doubts[part.value]}; csv goes below {part.file.owner}"
 
 
 def _joined(parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -27,6 +27,8 @@ class Samples:
         In which messages say times: that of the files where their times are numbers, else that of the run.
     coarse : float
         How far apart doubles are where the stamps are so large that different ones may be the same one; else 0.
+    doubt : str
+        What is added where values are refused: that the file may mean other numbers.
     """
 
     key: str
@@ -39,6 +41,7 @@ class Samples:
     sources: tuple[Path, ...]
     time_unit: str
     coarse: float = 0.0
+    doubt: str = ""
 
     @property
     def late(self) -> bool:

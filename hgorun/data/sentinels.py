@@ -11,8 +11,12 @@ from hgorun.data.recording import Note
 from hgorun.data.samples import Samples
 from hgorun.pieces import all_true, extremes
 
-_USUAL = (99, 99.9, 99.99, 999, 999.9, 999.99, 6999, 7999, 9998, 9999, 9999.9, 99999, 999999, 9999999, 32767, 32768,
-          65535, 2147483647, 2147483648, 1e20, 1e30, 9.96921e36, 9.969209968386869e36, 1e37)  # fmt: skip
+_USUAL = np.array(
+    [99, 99.9, 99.99, 999, 999.9, 999.99, 999.25, 6999, 7999, 9998, 9999, 9999.9, 99999, 99999.9, 999999, 9999999,
+     32767, 32768, 65535, 2147483647, 2147483648, 4294967295, 1e20, 1e30, 1e31, 9.96921e36, 9.969209968386869e36, 1e37,
+     9.9e37, 1e38, 3.4028235e38]
+)  # fmt: skip
+_ALIKE = 1e-6  # of it: doubles of single precision are as well
 _FEWEST = 3  # other values that show where a column lies
 _BELOW, _BEYOND = 0.5, 2.0  # of the span of the others: so far off a negative one beside none is, and any
 _MOST = 8  # different ones of a column
@@ -47,11 +51,16 @@ def sentinels(values: np.ndarray) -> Iterator[tuple[float, float, float]]:
 
 def _usual_end(values: np.ndarray) -> float | None:
     """The least or the largest value if it is a usual one and is not switched to its negative and back."""
-    return next((end for end in extremes(values) if _is_usual(end) and not _is_half_of_two(end, values)), None)
+    return next(
+        (end for end in extremes(values) if are_usual(np.array(end)) and not _is_half_of_two(end, values)), None
+    )
 
 
-def _is_usual(number: float) -> bool:
-    return any(abs(abs(number) - usual) <= 1e-6 * usual for usual in _USUAL)
+def are_usual(numbers: np.ndarray) -> np.ndarray:
+    """Which numbers, or their negatives, are in the list of usual ones."""
+    sizes = np.abs(numbers)[..., None]
+    found: np.ndarray = np.any(np.abs(sizes - _USUAL) <= _ALIKE * _USUAL, axis=-1)
+    return found
 
 
 def _is_half_of_two(number: float, values: np.ndarray) -> bool:

@@ -17,6 +17,7 @@ from hgorun.errors import ConfigError
 
 _ALL_DIGITS = 17  # that tell two doubles apart
 _SHOWN = 5  # places of a fault whose lines are named
+_AS_MEASURED = "faults: {slips: report} if this was measured so"
 _HELD = "an input's last value is held meanwhile, or with hold: linear a straight line goes to the next"
 _LATEST = 1e8  # steps between samples
 
@@ -215,7 +216,7 @@ class Sorting:
             "as if the unit had changed"
         )
         if self._told.slips != "report":
-            raise self._refused(samples, k, what, "faults: {slips: report} if this was measured so")
+            raise self._refused(samples, k, what, f"{_AS_MEASURED}{samples.doubt}")
         places = [faults.Stretch(k, k + 1) for k, _ in found]
         self._note("slips", samples, k, len(found), f"{what}{_where(samples, places)}")
 
@@ -258,7 +259,7 @@ class Sorting:
         first, count = found[0], int(np.count_nonzero(~keep))
         message = f"{_samples(count)} {what}{_where(samples, found)}"
         if told == "refuse":
-            raise self._refused(samples, first.start, message, hint)
+            raise self._refused(samples, first.start, message, f"{hint}{samples.doubt}")
         if told == "report":
             self._note(kind, samples, first.start, count, message)
             return samples

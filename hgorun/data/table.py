@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
 
@@ -26,12 +26,15 @@ class Table:
         Numbers as floats, dates as nanoseconds since 1970, whether a flag is good as 1 or 0.
     remarks : sequence of (int, str)
         What is to be told of the file: a line, 0 where it is about none, and a sentence.
+    doubts : mapping of Cells to str
+        Those of the remarks that say that the numbers of a column may be others than were read.
     """
 
     path: Path
     lines: np.ndarray
     columns: Mapping[Cells, np.ndarray]
     remarks: Sequence[tuple[int, str]] = ()
+    doubts: Mapping[Cells, str] = field(default_factory=dict)
 
 
 class TableFile(Protocol):

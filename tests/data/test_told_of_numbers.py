@@ -99,6 +99,55 @@ def test_so_are_those_that_begin_or_end_far_down_with_the_line(
     assert of_kind(whole, "format") == of_kind(as_read, "format") == []
 
 
+@pytest.mark.parametrize("separator", [",", ";"])
+@pytest.mark.parametrize("unit", [10, 50, 100])
+def test_so_are_multiples_of_ten_whose_last_digit_is_always_zero(tmp_path: Path, unit: int, separator: str) -> None:
+    random = np.random.default_rng(2)
+    numbers = (random.integers(5, 10, 220) * 100).tolist() + (
+        random.integers(900 // unit, 1200 // unit, 40) * unit
+    ).tolist()
+    content = rows(tuple(map(pointed, numbers)), separator)
+    faults: dict[str, Any] = {"faults": {"slips": "report"}}
+    (said,) = of_kind(recorded(tmp_path, content, faults), "format")
+    first = next(k for k, number in enumerate(numbers) if number >= 1000)
+    assert said.startswith(f":{first + 2}: column 'glucose': the point in {pointed(numbers[first])} beside ")
+    shorter = content.replace(f"{pointed(numbers[first])}\n", f"{pointed(numbers[first])[:-1]}\n")
+    assert of_kind(recorded(tmp_path, shorter, faults), "format") == []
+
+
+@pytest.mark.parametrize("hole", ["-9999", "9999", "99999.9"])
+@pytest.mark.parametrize("place", [2, 300])
+def test_a_number_for_no_value_hides_no_thousands(tmp_path: Path, place: int, hole: str) -> None:
+    numbers = [pointed(number) for number in (RISING if place > 200 else RISING[400:])]
+    numbers[place] = hole
+    found = recorded(tmp_path, rows(tuple(numbers), ","), {"faults": {"slips": "report"}})
+    assert len(of_kind(found, "format")) == 1
+    assert len(of_kind(found, "sentinel")) == 1
+
+
+def test_a_slip_of_a_thousand_may_be_a_point_between_thousands(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    rising = [int(800 + 5 * k + step) for k, step in enumerate(random.integers(0, 5, 100))]
+    for some in (rising, random.integers(600, 990, 250).tolist() + rising):
+        content = rows(tuple(map(pointed, some)), ";")
+        with pytest.raises(
+            ConfigError, match=r"a factor 1/1000 .*\{slips: report\} .*; column 'glucose': the point in "
+        ):
+            recorded(tmp_path, content)
+        assert recorded(tmp_path, content, {"csv": {"thousands": "."}}).outputs["S"].values.tolist() == some
+
+
+@pytest.mark.parametrize(
+    ("csv", "cell", "sign"),
+    [({}, "1.001.101", "."), ({}, "-12.001.101,25", "."), ({"decimal": ","}, "1,001,101.5", ",")],
+)
+def test_a_number_with_several_signs_between_thousands_is_told(
+    tmp_path: Path, csv: dict[str, str], cell: str, sign: str
+) -> None:
+    with pytest.raises(ConfigError, match=rf'; for signs between thousands: csv: {{thousands: "\{sign}"}}; csv goes'):
+        recorded(tmp_path, f"t;glucose\n0;1\n1;{cell}\n", {"csv": csv})
+
+
 @pytest.mark.parametrize(
     "falls",
     [
@@ -142,6 +191,9 @@ def test_it_is_compared_as_the_file_writes_it_and_only_where_it_is_used(tmp_path
         assert of_kind(found, "sentinel") == []
 
 
+OTHERS = [3.4028234663852886e38, -3.4028235e38, 1e31, 1e38, 9.9e37, -999.25, 4294967295, 99999.9]
+
+
 @pytest.mark.parametrize(
     ("values", "found"),
     [
@@ -165,6 +217,8 @@ def test_it_is_compared_as_the_file_writes_it_and_only_where_it_is_used(tmp_path
         ([10, *[99] * 5, 11, *[99] * 5, 12, *[99] * 5], [99]),  # a slower rate
         ([*[10, 11, 12] * 20, *[99] * 5], [99]),  # seldom
         ([2, -1, 1, -2, *[-99] * 5], []),
+        *(([1, 1.1, number, 1.2, 0.9], [number]) for number in OTHERS),
+        *(([number, 2 * number, 1.5 * number, 1.6 * number], []) for number in OTHERS),
         ([1, 2, -9999], []),
         ([-9999, -9999], []),
         ([np.nan, np.nan], []),
