@@ -81,6 +81,7 @@ class Sources:
     """
 
     def __init__(self, block: Data, folder: Path, files: Sequence[Path], reference: str = "") -> None:
+        self._reference = reference
         self._unnamed = f"{reference}, ...}}}}" if reference else ""
         self._block, self._folder = block, folder
         self._key: KeyPath | None = None if files else ("data", "file")  # that names the files of all signals
@@ -192,7 +193,11 @@ class Sources:
         header = " in its header" if len(known) > LISTED else ""
         shown = f": {listed(map(_visible, known), column)}{header}" if known else " none"
         hint = file.table.hint(column) or column_meant(column, known)
-        raise Problem(path, f"{file.path} has no column {column!r}.{hint} It has{shown}")
+        told = f"{file.path} has no column {column!r}.{hint} It has{shown}"
+        if self._reference:  # the keys are those of the log, which stay as they are
+            of_its_own = f"{self._reference}, column: COLUMN, time: COLUMN}}}}"
+            path, told = ("data", "reference"), f"{told}; {of_its_own} reads a file with other names than the log"
+        raise Problem(path, told)
 
     def tables(self) -> dict[LogFile, Table]:
         """What is wanted of every file.

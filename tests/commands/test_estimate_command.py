@@ -179,7 +179,8 @@ def test_a_file_that_is_held_out_has_the_columns_that_the_reference_names_there(
     assert scores["holdout_rmse"] == scores["reference_rmse"]
     code, _, err = shell("estimate", "pendulum.yaml", "--holdout", "a=laboratory.csv", "--no-plots")
     assert code == 2
-    assert "angle" in err
+    assert "has no column 'angle'" in err
+    assert 'data.reference: {a: {file: "laboratory.csv", column: COLUMN, time: COLUMN}} reads a file' in err
 
 
 def test_dates_of_a_file_that_is_held_out_count_from_the_start_of_the_log(shell: Shell) -> None:

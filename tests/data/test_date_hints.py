@@ -11,7 +11,7 @@ import yaml
 
 from hgorun.config.data import Data
 from hgorun.data.reading import read
-from hgorun.errors import HgorunError
+from hgorun.errors import HgorunError, Problem
 
 BEGIN = datetime(2026, 3, 14, 10, 1, 30)
 EARLY = datetime(2026, 3, 1, 10, 1, 30)  # day and month may be exchanged
@@ -321,6 +321,22 @@ def test_of_a_file_that_no_key_names_the_block_is_told_that_does(tmp_path: Path)
     told = r'; data\.reference: {y: {file: "lab\.csv", \.\.\.}} may have such a time of its own$'
     with pytest.raises(HgorunError, match=told):
         read(Data.model_validate(said), tmp_path, reference='data.reference: {y: {file: "lab.csv"')
+
+
+@pytest.mark.parametrize(("names", "missing"), [("t;x [g/L]", "y"), ("Zeit;y", "t")])
+def test_of_a_file_that_no_key_names_no_key_of_the_log_is_to_be_changed(
+    tmp_path: Path, names: str, missing: str
+) -> None:
+    (tmp_path / "lab.csv").write_text(f"{names}\n0;1.5\n1;2\n")
+    said = {"time": "t", "outputs": {"y": {"column": "y", "file": "lab.csv"}}}
+    with pytest.raises(Problem, match=f"has no column '{missing}'") as caught:
+        read(Data.model_validate(said), tmp_path, reference='data.reference: {y: {file: "lab.csv"')
+    assert caught.value.path == ("data", "reference")
+    advised = 'data.reference: {y: {file: "lab.csv", column: COLUMN, time: COLUMN}}'
+    assert caught.value.message.endswith(f"; {advised} reads a file with other names than the log")
+    with pytest.raises(Problem) as caught:
+        read(Data.model_validate(said), tmp_path)
+    assert (caught.value.path[1], "COLUMN" in caught.value.message) != ("reference", True)
 
 
 @pytest.mark.parametrize(
