@@ -56,14 +56,14 @@ def form_hint(
     key, column : str
         As of :func:`clock_key`.
     beside : sequence of str, optional
-        Others of its column, in their order. Those that are no dates decide nothing, unless the first is of the form
-        in which the column is read.
+        Others of its column, in their order, and it may stand among them. Those that are no dates decide nothing,
+        unless the first is of the form in which the column is read.
     taken : callable, optional
         The time of a text in that form. Patterns in which the others run backwards are not said where they do not
         in that form. A ValueError says that a text is none of it.
     """
     found = patterns_of(text)
-    others = [*filter(None, beside)] if found else []
+    others = [other for other in beside if other not in ("", text)] if found else []
     for other in others:
         both = {order: form for order, form in found.items() if may_read(other, form)}
         if not both and (patterns_of(other) or (other is others[0] and times_in([other], taken))):
@@ -73,7 +73,7 @@ def form_hint(
             break
         found = both
     if len(times := times_in(others, taken)) > 1 and _in_order(times):
-        found = {order: form for order, form in found.items() if _in_order(times_in(others, reader(form)))}
+        found = {order: form for order, form in found.items() if _in_order(times_in(beside, reader(form)))}
         if not found:
             return ""
     if len(found) > 1:

@@ -101,8 +101,11 @@ class Rows:
         names, sign = self._dialect.names, self._dialect.separator
         if len(cells) != len(names) - 1 or is_word(cells[0].strip()) or len(names) - 1 in self._places:
             return ""
-        if all(len(row) == len(cells) for _, row in self._dialect.rows):
+        fewer = [len(row) == len(cells) for _, row in self._dialect.rows]
+        if all(fewer):
             return f"; where no row has a cell of the last column, take its name, {names[-1]!r}, out of the header"
+        if 2 * sum(fewer) < len(fewer):  # what is missing here may be any cell
+            return ""
         return f"; a row without a value of the last column, {names[-1]!r}, ends with {describe(sign)}"
 
     def _refuse_header(self, line: int, cells: Sequence[str]) -> None:
@@ -136,7 +139,7 @@ class Rows:
         ]
         above = [(number, cells) for number, cells in self._dialect.rows if number < line]
         with suppress(ConfigError):  # of one below
-            for _, other in chain(above, islice(rest, _BELOW)):
+            for _, other in chain(above, [(line, row)], islice(rest, _BELOW)):
                 for beside, place in of_dates:
                     if place < len(other):
                         beside.append(other[place].strip())

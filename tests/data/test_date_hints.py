@@ -245,6 +245,7 @@ def test_a_pattern_that_is_said_reads_what_stands_above(tmp_path: Path) -> None:
             ["0.5", "1.5", "29.02.2024 13:45"],
             "; this one is of the form %d.%m.%Y %H:%M, and '0.5' is not: a column has one form",
         ),
+        ("%d.%m.%y", ["02.10.16", "03.10.16", "02.16.13", "04.10.16"], "found '02.16.13'"),
         ("%d.%m.%Y", ["05.02.2024", "06.02.2024", "05.03.2024", "03.31.2024"], "found '03.31.2024'"),
         ("%d.%m.%Y %H:%M:%S", ["31.12.2016 16:31:00", "31.12.2016 24:00:00"], NO_DATE),
         ("%Y%m%d%H%M%S", ["20160504223253", "20160509223263"], "found '20160509223263'"),  # 22:32:53 as a year
@@ -348,6 +349,10 @@ def test_of_a_file_that_no_key_names_no_key_of_the_log_is_to_be_changed(
             "; this one is of the form %d.%m.%Y %H:%M, and '14.03.2026 10:01:30' is not: a column has one form",
         ),
         ("12.5", ""),
+        (
+            "14.03.202610:01:30",
+            "; this one is of the form %d.%m.%Y%H:%M:%S, and '14.03.2026 10:01:30' is not: a column has one form",
+        ),
         ("31.02.2026 10:01:30", NO_DATE),
     ],
 )

@@ -85,6 +85,7 @@ def test_many_lines_above_the_header(tmp_path: Path) -> None:
         (TEXT + ";" * 140_000 + "\n", r"log\.csv:14: a cell of more than 131,072 characters: this is no table of num"),
         (TEXT + '"0",' + "(" * 140_000 + "\n", r"log\.csv:14: a cell of more than .* separated by ','$"),
         (TEXT + "2024-05-31T12:00:00+99:99,1\n", r"log\.csv:14: t: expected a number"),
+        ("t,glucose,note\n0,1,\n1,2\n2,3,\n3,4,x\n", r"log\.csv:3: 2 cells, where the header has 3$"),
         (TEXT + "99\n", r"log\.csv:14: 1 cell, where the header has 2$"),
         (TEXT + "t, glucose\n" + TEXT, r"log\.csv:14: this line repeats the header: cut it out, with what belongs"),
         (TEXT + "t,glucose,\n", r"log\.csv:14: this line repeats the header: .*, cut the file in two$"),
