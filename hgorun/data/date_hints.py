@@ -41,13 +41,7 @@ def clock_key(key: str, column: str, form: str) -> str:
     return f"{key or 'time'}: {{column: {as_yaml(column)}, format: {as_yaml(form)}}}"
 
 
-def _of_no_form(text: str) -> float:
-    raise ValueError(text)
-
-
-def form_hint(
-    text: str, key: str, column: str, beside: Sequence[str] = (), taken: Callable[[str], float] = _of_no_form
-) -> str:
+def form_hint(text: str, key: str, column: str, beside: Sequence[str], taken: Callable[[str], float]) -> str:
     """How a date that is not one of ISO 8601 is read, as far as that is known: each pattern that is said reads it.
 
     Parameters
@@ -55,10 +49,10 @@ def form_hint(
     text : str
     key, column : str
         As of :func:`clock_key`.
-    beside : sequence of str, optional
+    beside : sequence of str
         Others of its column, in their order, and it may stand among them. Those that are no dates decide nothing,
         unless the first is of the form in which the column is read.
-    taken : callable, optional
+    taken : callable
         The time of a text in that form. Patterns in which the others run backwards are not said where they do not
         in that form. A ValueError says that a text is none of it.
     """
@@ -104,9 +98,7 @@ def reader(form: str) -> Callable[[str], float]:
     return lambda text: (date_of(text, form).replace(tzinfo=None) - _EPOCH) / timedelta(seconds=1)
 
 
-def other_hint(
-    text: str, key: str, column: str, beside: Sequence[str] = (), taken: Callable[[str], float] = _of_no_form
-) -> str:
+def other_hint(text: str, key: str, column: str, beside: Sequence[str], taken: Callable[[str], float]) -> str:
     """How a text that may be a date is read; empty where it is most likely none. Parameters as above."""
     hint = form_hint(text, key, column, beside, taken)
     if hint or not key or not may_be_date(text):
