@@ -22,7 +22,7 @@ from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.lateness import why_refused
-from hgorun.estimate.shut_out import too_many
+from hgorun.estimate.shut_out import told_row, too_many
 from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.observers.treatment import treatment_of
 from hgorun.process import say, uninterrupted
@@ -152,8 +152,15 @@ class OneByOne:
     @property
     def all_ok(self) -> bool:
         """Whether all that has been told is as it should be; as of a file, a gate may leave out some samples."""
-        counts = [pair for of_outputs in self.estimator.gated.values() for pair in of_outputs.values()]
-        return self.writer.all_ok and not self.estimator.any_lost and not any(too_many(*pair) for pair in counts)
+        many = any(too_many(*counts) for _, _, counts in self.judged())
+        return self.writer.all_ok and not self.estimator.any_lost and not many
+
+    def judged(self) -> Iterator[tuple[str, str, tuple[int, int, int]]]:
+        """By observer and output with a gate: how many samples were left out, of how many, and most one by one."""
+        rows = self.estimator.gated_in_a_row
+        for label, of_outputs in self.estimator.gated.items():
+            for output, (left_out, offered) in of_outputs.items():
+                yield label, output, (left_out, offered, rows[label][output])
 
     def take(self, sample: Sample) -> None:
         """Take a sample, and write what is known then."""
@@ -191,14 +198,13 @@ def tell_left_out(one_by_one: OneByOne, stream: Stream) -> None:
         for output, count in one_by_one.progress.late.items():
             left_out = f"{count} samples of {output} were left out since they were late (late: drop)"
             say(f"hgorun: {experiment.name}: {left_out}")
-    for label, of_outputs in one_by_one.estimator.gated.items():
-        for output, (count, offered) in of_outputs.items():
-            if count:
-                why = ""
-                if too_many(count, offered):
-                    small = f"whether std or the gate of {stream.said.gates[output]:g} is too small"
-                    why = f", too many for outliers: look at their unit, the model, and {small}"
-                say(f"hgorun: {label}: the gate of {output} left out {count} of {offered} samples{why}")
+    for label, output, (count, offered, row) in one_by_one.judged():
+        if count:
+            why = told_row(row)
+            if too_many(count, offered, row):
+                small = f"whether std or the gate of {stream.said.gates[output]:g} is too small"
+                why += f", too many for outliers: look at their unit, the model, and {small}"
+            say(f"hgorun: {label}: the gate of {output} left out {count} of {offered} samples{why}")
 
 
 class Grid:

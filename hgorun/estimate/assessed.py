@@ -10,6 +10,7 @@ import numpy as np
 from hgorun.estimate.bands import FEWEST, Band, band_of
 from hgorun.estimate.evaluated import Evaluated
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.row_left_out import in_a_row
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores import scores_of, settled, settled_from, since
 from hgorun.pieces import all_true
@@ -29,10 +30,10 @@ def assess(prepared: PreparedEstimate, found: Evaluated, j: int) -> Assessed:
             sound = settled(nis[found.carried.used[prepared.slots[i], j]])
             if sound.size:
                 scores.setdefault("nis", {})[one.output] = float(np.mean(sound))
-        return Assessed(xhat - width, xhat + width, {}, scores)
+        return Assessed(xhat - width, xhat + width, {}, scores, in_a_row(prepared, found.carried, j))
     widths = widths_of(prepared, found, j)
     width = widths.at(found.grid)
-    return Assessed(xhat - width, xhat + width, widths.reasons, scores)
+    return Assessed(xhat - width, xhat + width, widths.reasons, scores, in_a_row(prepared, found.carried, j))
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -17,7 +17,7 @@ from hgorun.estimate.far_off import far_off
 from hgorun.estimate.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.left_at_start import told_of_first
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
-from hgorun.estimate.shut_out import shut_out
+from hgorun.estimate.shut_out import shut_out, told_row
 from hgorun.estimate.twins import of_references
 from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
@@ -215,11 +215,12 @@ def _shut_out(prepared: PreparedEstimate, recording: Recording, result: Result) 
     gates = {one.output: one.gate for one in prepared.samples}
     without = [name for name in prepared.experiment.plant.model.inputs if name not in recording.inputs]
     inputs = f", whether data.inputs should name columns of {', '.join(without)}" if without else ""
-    for label, output, left_out, count in shut_out(result):
+    for one in shut_out(result):
+        row = "" if one.row is None else told_row(one.row.count, f" (t = {one.row.first:g} to {one.row.last:g})")
         yield (
-            f"{label}: the gate of {output} left out {left_out} of {count} samples, too many for "
+            f"{one.label}: the gate of {one.output} left out {one.left_out} of {one.count} samples{row}, too many for "
             f"outliers: look at the unit of the column, the model{inputs}, and whether std or the gate of "
-            f"{gates[output]:g} is too small"
+            f"{gates[one.output]:g} is too small"
         )
 
 

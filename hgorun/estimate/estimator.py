@@ -18,6 +18,7 @@ from hgorun.estimate.arriving import Arriving
 from hgorun.estimate.checkpoint import Checkpoint, Settings, damaged
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.following import Following
+from hgorun.estimate.gate_counts import by_gate
 from hgorun.estimate.given import as_number, positive_by_name, require_names
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.estimate.remembered import Remembered
@@ -137,15 +138,12 @@ class Estimator:
 
         As they are judged now: where a late sample is gone back to, those behind it are judged anew.
         """
-        run = self._run
-        limited = {name: i for name, i in self._system.outputs.items() if run.limited[i]}
-        counts = [
-            {name: (run.outliers[i][j], run.offered[i][j]) for name, i in limited.items()}
-            for j in range(len(self.labels))
-        ]
-        return Named(
-            {one: Named(of, "output with a gate") for one, of in zip(self.labels, counts, strict=True)}, "observer"
-        )
+        return by_gate(self._run, lambda i, j: (self._run.outliers[i][j], self._run.offered[i][j]))
+
+    @property
+    def gated_in_a_row(self) -> dict[str, dict[str, int]]:
+        """By observer and output with a gate: how many samples, at most, were left out one after the other."""
+        return by_gate(self._run, lambda i, j: self._run.in_a_row[i][j][1])
 
     def estimate(self) -> dict[str, Floats]:
         """xhat of every observer at the last event, by label, shape (n,) each."""

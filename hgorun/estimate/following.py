@@ -19,7 +19,7 @@ from hgorun.estimate.gate import Gate
 from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
 from hgorun.estimate.live_system import LATE, LiveSystem, slot_of
-from hgorun.estimate.notes import Notes, increased
+from hgorun.estimate.notes import InARow, Notes, gone_on, increased
 from hgorun.estimate.own_steps import OwnSteps, stepping
 from hgorun.estimate.stepping import keep_inputs, require_times, require_whole
 
@@ -50,6 +50,8 @@ class Following:
         Whether time has not gone on yet, so that the start may still depend on inputs that come with samples.
     offered, outliers : list of tuple of int
         How many samples of each output with a gate each observer has judged, and how many of them it has left out.
+    in_a_row : sequence of tuple of (int, int)
+        How many of them it has left out one after the other, now and at most.
     """
 
     def __init__(self, system: LiveSystem, gates: Mapping[str, float]) -> None:
@@ -65,6 +67,7 @@ class Following:
         self.newest = [(-math.inf,) * self._count] * len(limits)
         self.offered = [(0,) * self._count] * len(limits)
         self.outliers = [(0,) * self._count] * len(limits)
+        self.in_a_row: InARow = [((0, 0),) * self._count] * len(limits)
         self._pending = [0] * len(limits)
         self._last_sample = math.nan
         self._told: dict[int, float] = {}
@@ -141,7 +144,7 @@ class Following:
         before = self._last_sample
         jumps = self._jumps(event) if True in used else ()
         gated = self.gate is not None and any([self.limited[i] and taking[i] for i in taking])
-        w = live.w.copy() if gated else live.w
+        w, judged = (live.w.copy(), (self.offered.copy(), self.outliers.copy())) if gated else (live.w, None)
         actions = self._rows.of(event, used, jumps, gated=gated)
         live.happen_at(event.t, actions, self._regime)
         z = live.before if gated else live.z
@@ -157,6 +160,8 @@ class Following:
             self._jump_without(event, j, samples, actions, z, w)
         if jumps and self._stepping and len(event.samples) == len(self.heard):
             self._step_apart(event, out, before, actions, z, w)
+        if judged is not None:
+            self.in_a_row = gone_on(self.in_a_row, judged, (self.offered, self.outliers))
         if system.steps:
             keep_inputs(system, live.w)
 
@@ -255,11 +260,12 @@ class Following:
         gate = None if self.gate is None else self.gate.state()
         known = self.heard, (*self.newest,), (*self._pending,), self._last_sample, gate
         own = tuple(self._own.last.items())
-        return self.live.state(), (*known, (*self.offered,), (*self.outliers,), self._told, own, self._taken)
+        counts = (*self.offered,), (*self.outliers,)
+        return self.live.state(), (*known, *counts, self._told, own, self._taken, self.in_a_row)
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
-        numbers, (*known, self._told, own, self._taken) = state
+        numbers, (*known, self._told, own, self._taken, self.in_a_row) = state
         self.heard, newest, pending, self._last_sample, gate, offered, outliers = known
         self._own.last = dict(own)
         self.newest, self._pending, self.offered, self.outliers = map(list, (newest, pending, offered, outliers))

@@ -3,27 +3,58 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.result.recorded import InARow
 from hgorun.result.result import Result
 
 _OUTLIERS = 0.2  # of the samples: more are none
+_IN_A_ROW = 20  # one after the other: as many are none, however long the log is
 
 
-def too_many(left_out: int, count: int) -> bool:
-    """Whether a gate has left out more of ``count`` samples than can be outliers."""
-    return left_out > _OUTLIERS * count
+@dataclass(frozen=True)
+class ShutOut:
+    """What a gate has left out of an output.
+
+    Attributes
+    ----------
+    label, output : str
+    left_out, count : int
+        How many samples were left out, and of how many.
+    row : InARow or None
+        Those one after the other, where these alone are too many.
+    """
+
+    label: str
+    output: str
+    left_out: int
+    count: int
+    row: InARow | None
 
 
-def shut_out(result: Result) -> Iterator[tuple[str, str, int, int]]:
-    """Of such gates the observer, the output, how many samples were left out, and of how many."""
+def too_many(left_out: int, count: int, in_a_row: int = 0) -> bool:
+    """Whether a gate has left out more of ``count`` samples, or more one after the other, than can be outliers."""
+    return left_out > _OUTLIERS * count or in_a_row >= _IN_A_ROW
+
+
+def told_row(in_a_row: int, when: str = "") -> str:
+    """What is told of samples that were left out one after the other; nothing of a few."""
+    return f", {in_a_row} of them one after the other{when}" if too_many(0, 0, in_a_row) else ""
+
+
+def shut_out(result: Result) -> Iterator[ShutOut]:
+    """Of such gates."""
     if result.recorded is None:
         return
     for j, (label, observer) in enumerate(result.observers.items()):
-        gated = {} if observer.assessed is None else observer.assessed.scores.get("gated", {})
+        assessed = observer.assessed
+        gated = {} if assessed is None else assessed.scores.get("gated", {})
         for output, score in gated.items():
             left_out = round(score)
             count = left_out + int(np.count_nonzero(result.recorded.outputs[output].used[:, j]))
-            if too_many(left_out, count):
-                yield label, output, left_out, count
+            row = None if assessed is None else assessed.in_a_row.get(output)
+            many = row is not None and too_many(0, count, row.count)
+            if many or too_many(left_out, count):
+                yield ShutOut(label, output, left_out, count, row if many else None)

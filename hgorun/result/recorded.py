@@ -75,6 +75,22 @@ class Recorded:
         )
 
 
+@dataclass(frozen=True)
+class InARow:
+    """The most samples of an output that a gate has left out one after the other, in the order of its judgements.
+
+    Attributes
+    ----------
+    count : int
+    first, last : float
+        When the first and the last of them were taken.
+    """
+
+    count: int
+    first: float
+    last: float
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Assessed:
     """What is said of an estimate where no truth is known.
@@ -88,12 +104,15 @@ class Assessed:
         By state, why it has none.
     scores : mapping of str to mapping
         By score, then by output, state or gain.
+    in_a_row : mapping of str to InARow
+        By output of which a gate has left samples out; a file has none.
     """
 
     lower: np.ndarray
     upper: np.ndarray
     no_band: Mapping[str, str]
     scores: Mapping[str, Mapping[str, float]]
+    in_a_row: Mapping[str, InARow] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         scores = {score: Named(of, f"entry of {score}") for score, of in self.scores.items()}

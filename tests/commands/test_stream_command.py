@@ -120,6 +120,19 @@ def test_the_exit_code_says_whether_a_gate_leaves_out_too_many_samples(
         assert f"hgorun: K: the gate of a left out {bad} of {end} samples{told}" in err
 
 
+@pytest.mark.parametrize(("bad", "wanted"), [(19, 0), (20, 3)])
+def test_samples_that_are_left_out_one_after_the_other_are_told(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, bad: int, wanted: int
+) -> None:
+    """Also where they are no more than a fifth of all."""
+    kalman = ("--set", "observers={K: {type: ekf, Q: {b: 0.01}, R: 0.01}}", "--strict")
+    lines = [f"{0.1 * k:.1f},a,{np.sin(0.1 * k) + 20 * (60 <= k < 60 + bad):.4f}" for k in range(1, 121)]
+    code, _, err = piped(shell, monkeypatch, "\n".join(["t,signal,y", *lines]), *kalman)
+    assert code == wanted
+    assert f"K: the gate of a left out {bad} of 120 samples" in err
+    assert ("20 of them one after the other, too many for outliers: look at" in err) == (bad == 20)
+
+
 def test_a_stream_on_a_grid_of_its_own(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     _, out, _ = piped(
         shell, monkeypatch, "\n".join(["t,signal,y,available", "0.1,a,0.1,0.3", "1.0,a,0.8,"]), "--every", "0.25"

@@ -127,6 +127,10 @@ def test_a_stream_judges_alike_and_counts(block: Block) -> None:
     whole = found(block, DELAYS)
     np.testing.assert_allclose(estimator.predict(END)["O"], whole.observers["O"].xhat[-1], atol=1e-8)
     assert estimator.gated == {"O": {"a": (TAKEN.size - used(whole).size, TAKEN.size)}}
+    row = assessed_of(whole, "O").in_a_row["a"]
+    assert estimator.gated_in_a_row == {"O": {"a": row.count}}
+    left_out = np.isin(TAKEN, used(whole), invert=True)
+    assert left_out[np.isclose(TAKEN, row.first).argmax() :][: row.count].all()
 
 
 def test_samples_that_are_left_out_when_late_are_not_judged() -> None:

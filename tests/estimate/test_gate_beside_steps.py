@@ -115,6 +115,8 @@ def test_the_estimate_is_that_of_the_log_without_outliers(
         np.testing.assert_array_equal(found, expected)
         counts = dict.fromkeys(gated, (len(out), TAKEN.size))
         assert estimator.gated == dict.fromkeys(blocks, counts)
+        assert estimator.gated_in_a_row == dict.fromkeys(blocks, dict.fromkeys(gated, 1 + (len(gated) > 1)))
+        assert {assessed_of(whole, label).in_a_row[gated[0]].count for label in blocks} == {1 + (len(gated) > 1)}
 
 
 def test_it_is_that_of_an_independent_observer() -> None:
