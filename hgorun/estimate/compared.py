@@ -11,6 +11,7 @@ from hgorun.data.recording import Signal
 from hgorun.estimate.lag import Instrument, felt_of, just_before, points_between
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.observers.base import CorrectedObserver, SampledObserver
+from hgorun.result.recorded import Unseen
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 
@@ -40,9 +41,19 @@ class Compared:
 
 def inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
     """Times and values of a signal in a run."""
-    taken = signal.taken - origin
-    inside = (taken >= 0.0) & (taken <= end)
+    taken, inside = signal.taken - origin, _inside(signal, origin, end)
     return taken[inside], signal.values[inside]
+
+
+def unseen(signals: Mapping[str, Signal], origin: float, end: float) -> dict[str, Unseen]:
+    """What of some signals lies in a run, for its result: with the times that stand in the log."""
+    chosen = {name: _inside(signal, origin, end) for name, signal in signals.items()}
+    return {name: Unseen(signals[name].taken[which], signals[name].values[which]) for name, which in chosen.items()}
+
+
+def _inside(signal: Signal, origin: float, end: float) -> np.ndarray:
+    taken = signal.taken - origin
+    return np.asarray((taken >= 0.0) & (taken <= end))
 
 
 def compared_with(

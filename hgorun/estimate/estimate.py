@@ -10,13 +10,14 @@ import numpy as np
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.estimate.assessed import assess
-from hgorun.estimate.compared import Compared
+from hgorun.estimate.compared import unseen
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.far_off import far_off
 from hgorun.estimate.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.left_at_start import told_of_first
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.estimate.samples import stamps
 from hgorun.estimate.shut_out import shut_out, told_row
 from hgorun.estimate.twins import of_references
 from hgorun.estimate.why_left import why_left
@@ -24,7 +25,7 @@ from hgorun.observers.treatment import treatment_of
 from hgorun.pieces import all_true
 from hgorun.result.data import Integration, IntegrationError, Measurements
 from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
+from hgorun.result.recorded import Assessed, Recorded, RecordedOutput
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.experiment import Experiment
@@ -83,7 +84,7 @@ def estimate_prepared(
     found = evaluate_run(prepared, held_out, recording.reference, with_error=with_error)
     assessed = [assess(prepared, found, j) for j in range(len(prepared.run.observers))]
     counts = {name: one.values.size for name, one in held_out.items()}
-    result = result_of(prepared, recording, found, assessed, _recorded(prepared, found), counts)
+    result = result_of(prepared, recording, found, assessed, _recorded(prepared, recording, held_out, found), counts)
     if not sensitivity:
         return result
     count = sum(one.values.size for one in prepared.samples)
@@ -261,24 +262,21 @@ def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
     return OK
 
 
-def _recorded(prepared: PreparedEstimate, found: Evaluated) -> Recorded:
-    origin = prepared.run.origin
-    outputs = {}
+def _recorded(
+    prepared: PreparedEstimate, recording: Recording, held_out: Mapping[str, Signal], found: Evaluated
+) -> Recorded:
+    experiment = prepared.experiment
+    span, outputs = (experiment.origin, experiment.time.end), {}
     place = {block.label: j for j, block in enumerate(prepared.run.observers)}  # those that replay come last in a run
     own = [place[label] for label in prepared.experiment.observers]
     for i, (one, slots) in enumerate(zip(prepared.samples, prepared.slots, strict=True)):
         nothing = np.full(one.values.size, np.nan)
         nis = [nothing if (normal := found.normal[j]) is None else normal.nis[i] for j in own]
         outputs[one.output] = RecordedOutput(
-            origin + one.taken,
-            origin + one.available,
+            *stamps(recording.outputs[one.output], *span),
             one.values,
             found.carried.used[slots][:, own],
             np.column_stack([found.predicted[i].of(j) for j in own]),
             np.column_stack(nis),
         )
-    return Recorded(outputs, unseen(found.held_out, origin), unseen(found.reference, origin))
-
-
-def unseen(compared: Mapping[str, Compared], origin: float) -> dict[str, Unseen]:
-    return {name: Unseen(origin + one.taken, one.values) for name, one in compared.items()}
+    return Recorded(outputs, unseen(held_out, *span), unseen(recording.reference, *span))

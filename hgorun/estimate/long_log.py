@@ -23,9 +23,9 @@ from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
 from hgorun.estimate.assessed import Widths, widths_of
 from hgorun.estimate.carrying import HALVINGS, LOST_HALVINGS, Carried, estimates, lost_apart
-from hgorun.estimate.compared import between_shown, compared_with, inside, instruments_of, see, with_lag
+from hgorun.estimate.compared import between_shown, compared_with, inside, instruments_of, see, unseen, with_lag
 from hgorun.estimate.completed import completed
-from hgorun.estimate.estimate import result_of, unseen, without_sensitivity
+from hgorun.estimate.estimate import result_of, without_sensitivity
 from hgorun.estimate.evaluated import Evaluated, first_undefined, innovations_of
 from hgorun.estimate.innovations import WrittenInnovations
 from hgorun.estimate.long_found import Found, Sweep, together
@@ -105,6 +105,7 @@ class LongLog:
         origin, end = experiment.origin, experiment.time.end
         self._signals = signals
         self._asked = {key: inside(signal, origin, end) for key, signal in signals.items()}
+        self._held_out = held_out
         self._set_aside = {name: one.values.size for name, one in held_out.items()}
 
     def written(self, path: Path) -> Result:
@@ -229,16 +230,17 @@ class LongLog:
 
     def _of_output(self, i: int, one: Sampled, first: int, predicted: Floats) -> Iterator[tuple[str, np.ndarray]]:
         """What is written of the samples of output i, the first of which has a number."""
-        base, taken = f"measurement/{one.output}", self._prepared.run.origin + one.taken
+        base, some = f"measurement/{one.output}", slice(first, first + one.taken.size)
         if self._clock(i) == i:
-            yield f"{base}/number", np.arange(first, first + taken.size)
-            yield f"{base}/time", taken
+            yield f"{base}/number", np.arange(some.start, some.stop)
+            yield f"{base}/time", self._stretches.stamps[i][some]
         yield f"{base}/y", one.values
         yield f"{base}/innovation", predicted.T
 
     def _finish(self, file: ResultInParts, own: Sweep, found: Found, step: float, spent: int) -> Result:
         """What is told at the end, and the bands."""
-        prepared, origin = self._prepared, self._prepared.run.origin
+        prepared, experiment = self._prepared, self._prepared.experiment
+        span = experiment.origin, experiment.time.end
         m = len(prepared.run.observers)
         nothing, count = np.zeros((0, 1)), sum(one.values.size for one in prepared.samples)
         raw = Raw(np.zeros((0, own.z.size, 1)), nothing, own.diverged[:, None], nothing, nothing)
@@ -265,7 +267,7 @@ class LongLog:
             one.output: found.samples(one.output, prepared.samples[self._clock(i)].output)
             for i, one in enumerate(prepared.samples)
         }
-        recorded = Recorded(outputs, unseen(evaluated.held_out, origin), unseen(evaluated.reference, origin))
+        recorded = Recorded(outputs, unseen(self._held_out, *span), unseen(self._recording.reference, *span))
         result = result_of(prepared, self._recording, evaluated, assessed, recorded, self._set_aside)
         result = replace(result, time=shown("time"), u=shown("plant/u") if result.inputs else result.u)
         if self._sensitivity:

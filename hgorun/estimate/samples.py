@@ -66,17 +66,29 @@ def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
     origin, end : float
         The start of the run on the clock of the data, and how long it lasts.
     """
-    taken, available = signal.taken - origin, signal.available - origin
-    slack = rounding_of(origin, end)
-    inside = (taken >= -slack) & (available <= end + slack)
-    # those known together in the order in which they were taken, so that the newest is what is held
-    order = np.lexsort((taken[inside], available[inside]))
+    which = _in_order(signal, origin, end)
+    taken = np.clip(signal.taken[which] - origin, 0.0, end)
     same = signal.available is signal.taken
-    taken = np.clip(taken[inside], 0.0, end)[order]
-    available = taken if same else np.clip(available[inside], 0.0, end)[order]
+    available = taken if same else np.clip(signal.available[which] - origin, 0.0, end)
     newest = np.maximum.accumulate(np.concatenate([[-np.inf], taken]))[:-1]
     used = taken >= newest - same_time(origin, end)
-    return Sampled(output, taken, available, signal.values[inside][order], used, signal.std, signal.gate)
+    return Sampled(output, taken, available, signal.values[which], used, signal.std, signal.gate)
+
+
+def stamps(signal: Signal, origin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
+    """When the samples of :func:`sampled` were taken, and known, on the clock of the data: with all bits of the log."""
+    which = _in_order(signal, origin, end)
+    taken = signal.taken[which]
+    return taken, taken if signal.available is signal.taken else signal.available[which]
+
+
+def _in_order(signal: Signal, origin: float, end: float) -> np.ndarray:
+    """The samples of a signal that were taken and known in a run, in the order of their arrival."""
+    taken, available = signal.taken - origin, signal.available - origin
+    slack = rounding_of(origin, end)
+    inside = np.flatnonzero((taken >= -slack) & (available <= end + slack))
+    # those known together in the order in which they were taken, so that the newest is what is held
+    return np.asarray(inside[np.lexsort((taken[inside], available[inside]))])
 
 
 def same_time(origin: float, end: float) -> float:

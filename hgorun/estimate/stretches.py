@@ -64,6 +64,8 @@ class Stretches:
     ----------
     samples : list of Sampled
         All of every output.
+    stamps : list of ndarray
+        When they were taken, on the clock of the data.
     first : PreparedEstimate
         The first stretch, of which all checks are made.
     """
@@ -71,7 +73,7 @@ class Stretches:
     def __init__(self, experiment: Experiment, recording: Recording) -> None:
         self._experiment, self._recording = experiment, recording
         self._end = experiment.time.end
-        self.samples = _all_samples(experiment, recording)
+        self.samples, self.stamps = _all_samples(experiment, recording)
         self._kinks = plant_kinks(experiment.plant, experiment.time, experiment.origin).times
         self._ends = self._find_ends()
         cut = _first_part(experiment, recording, self._ends[0])
@@ -216,12 +218,15 @@ def _free_before(times: Floats, t: float, margin: float, origin: float = 0.0) ->
     return len({bisect_left(times, at, key=lambda time: time - origin) for at in (t, t - margin)}) == 1
 
 
-def _all_samples(experiment: Experiment, recording: Recording) -> list[Sampled]:
-    """As :func:`hgorun.estimate.samples.all_sampled`, of samples that are in order: few copies are made."""
+def _all_samples(experiment: Experiment, recording: Recording) -> tuple[list[Sampled], list[np.ndarray]]:
+    """As :func:`hgorun.estimate.samples.all_sampled`, of samples that are in order; and the times in the log.
+
+    Few copies are made.
+    """
     origin, end = experiment.origin, experiment.time.end
     slack = rounding_of(origin, end)
     known: dict[int, tuple[slice, Floats]] = {}
-    found = []
+    found, stamps = [], []
     for name in experiment.plant.model.outputs:
         signal = recording.outputs[name]
         if id(signal.taken) not in known:
@@ -235,7 +240,8 @@ def _all_samples(experiment: Experiment, recording: Recording) -> list[Sampled]:
         inside, taken = known[id(signal.taken)]
         used = np.broadcast_to(np.True_, taken.shape)
         found.append(Sampled(name, taken, taken, signal.values[inside], used, signal.std, signal.gate))
-    return found
+        stamps.append(signal.taken[inside])
+    return found, stamps
 
 
 def _first_part(experiment: Experiment, recording: Recording, end: float) -> Recording:
