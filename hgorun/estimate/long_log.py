@@ -102,9 +102,9 @@ class LongLog:
         self._grid = EvenPoints(-(-points.size // every), points.step, every)
         signals = {(0, name): one for name, one in held_out.items()}
         signals |= {(1, name): one for name, one in recording.reference.items()}
-        origin, end = experiment.origin, experiment.time.end
+        self._span = experiment.origin, experiment.time.end
         self._signals = signals
-        self._asked = {key: inside(signal, origin, end) for key, signal in signals.items()}
+        self._asked = {key: inside(signal, *self._span) for key, signal in signals.items()}
         self._held_out = held_out
         self._set_aside = {name: one.values.size for name, one in held_out.items()}
 
@@ -239,8 +239,7 @@ class LongLog:
 
     def _finish(self, file: ResultInParts, own: Sweep, found: Found, step: float, spent: int) -> Result:
         """What is told at the end, and the bands."""
-        prepared, experiment = self._prepared, self._prepared.experiment
-        span = experiment.origin, experiment.time.end
+        prepared, span = self._prepared, self._span
         m = len(prepared.run.observers)
         nothing, count = np.zeros((0, 1)), sum(one.values.size for one in prepared.samples)
         raw = Raw(np.zeros((0, own.z.size, 1)), nothing, own.diverged[:, None], nothing, nothing)
