@@ -42,10 +42,10 @@ class CarefulSession(Session):
 
     def _go_on_together(self, stop: int) -> None:
         """Go on to the start of a segment; what loses an observer is gone through again, flow by flow."""
-        before, mark = self._again.lost(self.z), self.mark(stop)
+        before, mark = self._lost(), self.mark(stop)
         snapshots = self._memory.arrays["snapshots"].copy()
         self._go_on(stop)
-        if self._again.lost(self.z) <= before:
+        if self._lost() <= before:
             return
         self._memory.arrays["snapshots"][...] = snapshots
         self.go_back(mark)
@@ -55,9 +55,9 @@ class CarefulSession(Session):
     def _flow(self, stop: int) -> None:
         """Go on by one flow; each observer that it loses becomes what shorter steps give, if they do not lose it."""
         again, memory = self._again, self._memory
-        before, mark, row = again.lost(self.z), self.mark(stop), memory["row"]
+        before, mark, row = self._lost(), self.mark(stop), memory["row"]
         self._go_on(stop)
-        lost = again.lost(self.z) - before
+        lost = self._lost() - before
         if not lost:
             return
         after, rows, diverged = self.mark(stop), memory.arrays["rows"][row : memory["row"]], memory.arrays["diverged"]
@@ -70,7 +70,7 @@ class CarefulSession(Session):
                 steps[...] = times * kept
                 self._go_on(stop)
                 self._more += int(np.sum(steps[:, 2] - steps[:, 1]))
-                for j in lost - again.lost(self.z):
+                for j in lost - self._lost():
                     start, _, end = again.blocks[j]
                     found[j] = self.z[start:end].copy(), rows[:, start:end].copy(), diverged[j].copy()
                 lost -= found.keys()
@@ -83,6 +83,9 @@ class CarefulSession(Session):
         for j, (z, seen, when) in found.items():
             start, _, end = again.blocks[j]
             self.z[start:end], rows[:, start:end], diverged[j] = z, seen, when
+
+    def _lost(self) -> frozenset[int]:
+        return self._again.lost(self.z, self._again.bound(self._memory))
 
     def finish(self) -> Raw:
         """The rest of the run, and what it has given."""

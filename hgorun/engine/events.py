@@ -68,7 +68,7 @@ def add_actions(m: Module) -> None:
     (output, first, last): count alpha from zero again, also in the slots that are still on their way. JUMP
     (number): a part of the state becomes what its jump says. SAVE, RESTORE (-, number): keep a part of all states
     and go back to it; RETAKE (output, slot): as TAKE, of every observer's s alone. SHOW (-, row): the states become a
-    row of output; where innovations are kept.
+    row of output; where innovations are kept. Where no plant is simulated, the bound grows with what arrives.
     """
     s, lanes = m.system, m.lanes
     f = m.function("act", "ptr %ctx, i64 %segment", attributes="nounwind noinline")
@@ -112,6 +112,8 @@ def add_actions(m: Module) -> None:
             if s.innovations:
                 _keep_innovations(m, f, output, slot, here, measured, t)
             with f.when(arrives):
+                if not s.plant_states:
+                    _grow(f, measured)
                 copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), 1)
                 copy(f, measured, f.at(held, Held.OUTPUT * lanes), 1)
                 copy(f, f.at(here, lanes), f.at(held, Held.S * lanes), s.observers)
@@ -128,6 +130,13 @@ def add_actions(m: Module) -> None:
                 f.store(f.scalar("fadd", f.load(pending_s), alpha), pending_s)
     f.do("ret void")
     m.finish(f)
+
+
+def _grow(f: Function, measured: str) -> None:
+    """The largest sample so far, from which the bound of the observers follows."""
+    place = f.word("%ctx", WORD["largest"], "ptr")
+    largest, size = f.load(place, f.real), f.intrinsic("fabs", f.load(measured, f.real))
+    f.store(f.select(f.compare("ogt", size, largest), size, largest), place, f.real)
 
 
 def _add_snapshots(m: Module, f: Function, op: str, number: str) -> None:

@@ -75,14 +75,11 @@ class Live:
         self.at_once, self.slots = at_once, slots
         self._early, self._settled = early, float(early.times[-1]) if early.times.size else t
         self._memory: Memory = program.memory(plan, start)
-        self._bound = start.bound[0]
-        if again is not None:  # what is beyond it is looked at
-            self._memory.set_real("bound_offset", again.bound)
         arrays, self._kept = self._memory.arrays, dict[str, slice]()
         # Those numbers that a run goes on from lie in one piece, which is copied at once. Of samples that are carried
         # out at once nothing is left, but of those in the first slots.
         end, first = 0, {"slots": slots * program.system.width}
-        for name in ("z", "w", "diverged", "slots"):
+        for name in ("z", "w", "diverged", "largest", "slots"):
             self._kept[name] = slice(end, end + first.get(name, arrays[name].size))
             end += arrays[name].size
         block = np.empty(end)
@@ -97,6 +94,7 @@ class Live:
         self.innovations: Floats = arrays["innovations"][:, :, 0]
         self.samples: Floats = arrays["bias"].reshape(-1)
         self.diverged: Floats = arrays["diverged"].reshape(-1)
+        self._largest: Floats = arrays["largest"]
         self._memory.put("rows", np.empty((1, *arrays["rows"].shape[1:])))
         self.before: Floats = arrays["rows"].reshape(-1)  # all states, where an action has shown them in row 0
         # words are written much faster than rows of arrays
@@ -171,26 +169,20 @@ class Live:
 
         Each that it has lost becomes what shorter steps give, if they do not lose it.
         """
-        assert self._again is not None
-        self._memory.set_real("bound_offset", self._bound)
-        try:
-            self._flow_carefully(self._again, before, t, regime)
-        finally:
-            self._memory.set_real("bound_offset", self._again.bound)
-
-    def _flow_carefully(self, again: Again, before: LiveState, t: float, regime: int) -> None:
-        """Go on to a later time from a state in which a run has been."""
+        again = self._again
+        assert again is not None
         self.restore(before)
-        there = again.lost(self.z)
+        bound = again.bound(self._memory)
+        there = again.lost(self.z, bound)
         self._flow_to(t, regime)
         self._run(0, _ONE)
-        lost = again.lost(self.z) - there
+        lost = again.lost(self.z, bound) - there
         after, found = self.state(), dict[int, tuple[Floats, float]]()
         for times in again.more(self._count_words[_STEPS]) if lost else ():
             self.restore(before)
             self._flow_to(t, regime, times)
             self._run(0, _ONE)
-            for j in lost - again.lost(self.z):
+            for j in lost - again.lost(self.z, bound):
                 start, _, end = again.blocks[j]
                 found[j] = self.z[start:end].copy(), float(self.diverged[j])
             lost -= found.keys()
@@ -266,6 +258,10 @@ class Live:
         if self._go_on(stop) != DONE:
             raise SimulationError(f"the run cannot go on at t = {self.t:.6g}")
 
+    def begin_with(self, z: Floats, largest: float) -> None:
+        """Begin with other states; what the bound follows from is at least that."""
+        self.z[...], self._largest[...] = z, largest
+
     def state(self) -> LiveState:
         """All that the run goes on from, copied."""
         return self.t, self._bytes.tobytes()
@@ -281,7 +277,7 @@ class Live:
         return found | {"t": np.array([[t] for t, _ in states])}
 
     def states(self, told: Mapping[str, Floats]) -> list[LiveState]:
-        """Those of :meth:`told` again.
+        """Those of :meth:`told` again; what older ones do not tell is as it is now.
 
         Raises
         ------
@@ -291,5 +287,5 @@ class Live:
         times = told["t"].reshape(-1).tolist()
         rows = np.empty((len(times), self._numbers.size))
         for name, part in self._kept.items():
-            rows[:, part] = told[name].reshape(len(times), -1)
+            rows[:, part] = told[name].reshape(len(times), -1) if name in told else self._numbers[part]
         return [(t, row.tobytes()) for t, row in zip(times, rows, strict=True)]

@@ -47,20 +47,24 @@ class Start:
     z : ndarray, shape (states, lanes)
     p : ndarray, shape (parameters, lanes)
     bound : (offset, factor)
-        An observer has diverged when one of its states exceeds offset + factor * max |x| so far.
+        An observer has diverged when one of its states exceeds offset + factor * max |x| so far; where no plant is
+        simulated, the largest sample that has arrived in place of max |x|.
     w : ndarray, shape (held numbers, lanes), optional
         What is held, where the run goes on from another one.
+    largest : float
+        What max |x|, or the largest sample, is at least.
     """
 
     z: Floats
     p: Floats
     bound: tuple[float, float] = (1e6, 1e6)
     w: Floats | None = None
+    largest: float = 0.0
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Raw:
-    """The result of a run, one lane after the other in the last axis.
+    """The result of a run, its lanes in the last axis.
 
     Attributes
     ----------
@@ -79,6 +83,8 @@ class Raw:
     innovations : ndarray, shape (slots, noted, lanes)
         Of every sample when it arrived C xhat - y of each observer, where the system keeps them; empty otherwise.
         Behind them the variance of each one's C xhat, where it keeps these as well.
+    largest : float
+        What the bound follows from at the end, of all lanes.
     """
 
     rows: Floats
@@ -88,6 +94,7 @@ class Raw:
     held: Floats
     tries: int = 0
     innovations: Floats = field(default_factory=lambda: np.zeros((0, 0, 1)))
+    largest: float = 0.0
 
 
 def history_pieces(ends: Floats, steps: Integers | None, reach: float) -> int:
@@ -170,7 +177,7 @@ class Memory:
             "diverged": np.full((max(s.observers, 1), lanes), np.inf),
             "lost": np.full(lanes, np.inf),
             "awaited": np.zeros((max(s.observers, 1), lanes)),
-            "largest": np.abs(start.z[: s.plant_states]).max(axis=0, initial=0.0),
+            "largest": np.abs(start.z[: s.plant_states]).max(axis=0, initial=start.largest),
             "ring": ring,
             "initial": np.zeros(max(channels, 1) * lanes),
             "hints": np.zeros(max(s.outputs, 1) * lanes, dtype=np.int64),
@@ -215,9 +222,6 @@ class Memory:
 
     def real(self, word: str) -> float:
         return float(self.context.view(float)[WORD[word]])
-
-    def set_real(self, word: str, value: float) -> None:
-        self.context.view(float)[WORD[word]] = value
 
     def stop_without(self, observers: Sequence[int]) -> None:
         """End the run when nothing is left of some observers; see :meth:`Program.run`."""
@@ -277,6 +281,7 @@ class Memory:
             self.arrays["w"].reshape(-1, self.shape[2]),
             tries,
             self.arrays["innovations"],
+            float(np.max(self.arrays["largest"])),
         )
 
 

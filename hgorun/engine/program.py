@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from hgorun.engine.generate import generate
-from hgorun.engine.layout import DONE, HISTORY_TOO_SHORT, PAUSED, PLANT_DIVERGED, STEP_TOO_SMALL, HybridSystem
+from hgorun.engine.layout import DONE, HISTORY_TOO_SHORT, PAUSED, PLANT_DIVERGED, STEP_TOO_SMALL, WORD, HybridSystem
 from hgorun.engine.memory import ADAPTIVE_HISTORY, Memory, Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.plan import Plan
@@ -130,7 +130,7 @@ class Program:
                     pauses += 1
                     if pauses * _BUDGET >= PATIENCE:
                         if memory.real("now") - reached < _PROGRESS * plan.span:
-                            memory.set_real("hopeless", 2 * memory.real("step"))
+                            memory.context.view(float)[WORD["hopeless"]] = 2 * memory.real("step")
                         pauses, reached = 0, memory.real("now")
                     granted = memory["budget"] = _granted(limit - tries)
                     verdict = self._run(memory.address, stop)

@@ -5,17 +5,10 @@ from __future__ import annotations
 from hgorun.engine.again import Again
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.structure import Structure
-from hgorun.symbolic.evaluate import Floats
 
 
-def again_of(experiment: Experiment, structure: Structure, start: Floats) -> Again | None:
-    """Which observers a flow has lost; None where a given step, or a given bound, is meant as it is.
-
-    Parameters
-    ----------
-    start : ndarray, shape (states,)
-        All states at the start.
-    """
+def again_of(experiment: Experiment, structure: Structure) -> Again | None:
+    """Which observers a flow has lost; None where a given step, or a given bound, is meant as it is."""
     if experiment.given_step is not None or experiment.blocks.solver.divergence is not None:
         return None
-    return Again.of(structure.system, start)
+    return Again.of(structure.system)

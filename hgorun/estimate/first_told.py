@@ -9,6 +9,7 @@ import numpy as np
 from hgorun.config.paths import dotted
 from hgorun.engine.live import Live
 from hgorun.errors import Problem
+from hgorun.estimate.bound import known_at
 from hgorun.estimate.event import Event
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.symbolic.evaluate import Floats
@@ -45,7 +46,8 @@ def begin(system: LiveSystem, live: Live, event: Event, told: dict[int, float], 
         z = system.start_with(known) if event.inputs else live.z
         if event.samples or event.t > 0.0:
             _require_start(system, z, known)
-        live.z[...] = z
+        if event.inputs:
+            live.begin_with(z, known_at(z))
     if event.t > 0.0:
         _check(system, told, known, live.w)
     return known

@@ -10,11 +10,11 @@ import numpy as np
 
 from hgorun.config.nearest import listed
 from hgorun.engine.live import Live
-from hgorun.engine.memory import Start
 from hgorun.engine.plan import Floats
 from hgorun.errors import Problem
 from hgorun.estimate.again import again_of
 from hgorun.estimate.beginning import Begun, numbers_at_start
+from hgorun.estimate.bound import beginning_of
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.first_steps import early
 from hgorun.estimate.refused import refuse, require_used
@@ -36,7 +36,6 @@ from hgorun.symbolic.forms import Driven
 LATE = 8  # samples of one output that may be on their way at once
 TOGETHER = 4096  # samples in one native call
 _MOST_OUTPUTS = 6  # whose every combination of heard and not heard is compiled
-_LARGEST = 1e300
 _ON_TIME = 1e-6  # of a step
 
 
@@ -143,9 +142,12 @@ class LiveSystem:
 
     def live(self) -> Live:
         """A run of it that begins at 0."""
-        program = self.structure.program(self.experiment.blocks.solver.given_method)
-        start = Start(self.start[:, None], self.p[:, None], (_LARGEST, 0.0))
-        first, again = early(self.experiment, self.step), again_of(self.experiment, self.structure, self.start)
+        solver = self.experiment.blocks.solver
+        program, start = (
+            self.structure.program(solver.given_method),
+            beginning_of(self.start, self.p, solver.divergence),
+        )
+        first, again = early(self.experiment, self.step), again_of(self.experiment, self.structure)
         return Live(program, start, 0.0, slot_of(len(self.outputs)), self.step, TOGETHER, first, again)
 
     def begun(self, t: float, z: Floats) -> None:

@@ -28,6 +28,8 @@ class Sweep:
         The states and what is held at the end of the last stretch.
     diverged : ndarray, shape (m,)
         When each observer has.
+    largest : float
+        What the bound follows from there.
     tries : int
         Steps.
     """
@@ -35,6 +37,7 @@ class Sweep:
     z: Floats
     w: Floats | None
     diverged: Floats
+    largest: float = 1.0
     tries: int = 0
 
 

@@ -95,7 +95,7 @@ class LongLog:
     ) -> None:
         self._stretches, self._recording = stretches, recording
         self._prepared = replace(stretches.first, samples=tuple(stretches.samples), inputs=None)
-        self._bound, self._sensitivity = self._prepared.bound, sensitivity
+        self._sensitivity = sensitivity
         self._halvings = 0
         experiment = self._prepared.experiment
         points, every, _ = experiment.even_grid
@@ -139,7 +139,7 @@ class LongLog:
         with (
             ahead(planned(self._stretches, self._grid, self._asked, step, instruments, between)) as stretches,
             # two, since some stretches take longer to tell of than to carry out
-            ahead(passed(stretches, own, self._bound), 2) as passes,
+            ahead(passed(stretches, own), 2) as passes,
         ):
             for one in passes:
                 self._tell(one, step, other, found, file)
@@ -182,8 +182,8 @@ class LongLog:
         prepared, times, grid = stretch.stretch.prepared, stretch.times, stretch.grid
         everywhere = estimates(prepared, times, raw)
         if stretch.beside is not None:
-            other.z, other.w = one.z, one.w
-            beside = carried_on(prepared, stretch.beside, other, self._bound)
+            other.z, other.w, other.largest = one.z, one.w, one.largest
+            beside = carried_on(prepared, stretch.beside, other)
             found.compare(everywhere, estimates(prepared, times, beside))
             if prepared.run.solver.divergence is None:  # a given bound is meant as it is
                 found.by_steps |= lost_apart(raw.diverged[:, 0], beside.diverged[:, 0])

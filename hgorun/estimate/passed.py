@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from hgorun.engine.memory import Raw, Start
+from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
+from hgorun.estimate.bound import beginning_of
 from hgorun.estimate.long_found import Sweep
 from hgorun.estimate.planned import Planned
 from hgorun.estimate.prepared import PreparedEstimate
@@ -22,8 +23,8 @@ class Passed:
     Attributes
     ----------
     planned : Planned
-    z, w : ndarray
-        The states and what was held where it began; w is None at the start of the run.
+    z, w, largest
+        The states, what was held and the largest sample where it began; w is None at the start of the run.
     raw : Raw
     end : ndarray
         The states at its end.
@@ -34,33 +35,33 @@ class Passed:
     planned: Planned
     z: Floats
     w: Floats | None
+    largest: float
     raw: Raw
     end: Floats
     tries: int
 
 
-def passed(stretches: Iterable[tuple[Planned, Plan]], sweep: Sweep, bound: float) -> Iterator[Passed]:
+def passed(stretches: Iterable[tuple[Planned, Plan]], sweep: Sweep) -> Iterator[Passed]:
     """All stretches; what a stretch gives is told by others, since the next one waits for its end alone.
 
     Parameters
     ----------
     stretches : iterable of (Planned, Plan)
     sweep : Sweep
-    bound : float
-        Beyond that an observer is lost.
     """
     for one, plan in stretches:
-        z, w = sweep.z, sweep.w
-        raw = carried_on(one.stretch.prepared, plan, sweep, bound)
+        z, w, largest = sweep.z, sweep.w, sweep.largest
+        raw = carried_on(one.stretch.prepared, plan, sweep)
         del plan  # it is as large as all else
-        yield Passed(planned=one, z=z, w=w, raw=raw, end=sweep.z, tries=sweep.tries)
+        yield Passed(planned=one, z=z, w=w, largest=largest, raw=raw, end=sweep.z, tries=sweep.tries)
 
 
-def carried_on(prepared: PreparedEstimate, plan: Plan, sweep: Sweep, bound: float) -> Raw:
+def carried_on(prepared: PreparedEstimate, plan: Plan, sweep: Sweep) -> Raw:
     """The engine's arrays of a stretch, from where a sweep has come to."""
-    start = Start(sweep.z[:, None], prepared.run.numbers.p[:, None], (bound, 0.0), sweep.w)
+    run = prepared.run
+    start = beginning_of(sweep.z, run.numbers.p, run.solver.divergence, sweep.w, sweep.largest)
     raw = prepared.program().run(plan, start)
-    sweep.z, sweep.w = raw.rows[-1, :, 0].copy(), raw.held.copy()
+    sweep.z, sweep.w, sweep.largest = raw.rows[-1, :, 0].copy(), raw.held.copy(), raw.largest
     sweep.diverged = np.minimum(sweep.diverged, raw.diverged[:, 0])
     sweep.tries += raw.tries
     return replace(raw, rows=raw.rows[:-1])

@@ -19,6 +19,7 @@ from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.again import again_of
+from hgorun.estimate.bound import beginning_of, bound_with, known_at
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.first_steps import first_steps
 from hgorun.estimate.refused import refuse, require_apart, require_used
@@ -26,7 +27,6 @@ from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inpu
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of
-from hgorun.pieces import extremes
 from hgorun.simulation.checks import check_corrections, check_punctual
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.first_step import nominal_step
@@ -44,8 +44,6 @@ from hgorun.simulation.timeline import Stepping
 from hgorun.simulation.treatments import in_groups, treatments_of
 from hgorun.simulation.truth import Recording, SameTruth, Truth
 from hgorun.symbolic.evaluate import Floats, evaluate
-
-_DIVERGED = 1e12  # times all that is known: beyond that an observer is lost, whatever the units
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -129,7 +127,7 @@ class PreparedEstimate:
     @property
     def again(self) -> Again | None:
         """Whether observers that steps lose get shorter ones; None: steps are taken as they are."""
-        return again_of(self.experiment, self.run.structure, self.run.numbers.z0)
+        return again_of(self.experiment, self.run.structure)
 
     def program(self) -> Program:
         """The native code."""
@@ -163,16 +161,13 @@ class PreparedEstimate:
     def start(self) -> Start:
         """Where it begins."""
         numbers = self.run.numbers
-        return Start(numbers.z0[:, None], numbers.p[:, None], (self.bound, 0.0))
+        return beginning_of(numbers.z0, numbers.p, self.run.solver.divergence)
 
-    @property
-    def bound(self) -> float:
-        """Beyond that an observer is lost."""
-        given = self.run.solver.divergence
-        if given is not None:
-            return given
-        ends = map(extremes, [self.run.numbers.z0, *(one.values for one in self.samples)])
-        return _DIVERGED * max(1.0, *(max(-least, largest) for least, largest in ends))
+    def bound(self, t: float) -> float:
+        """Beyond that an observer is lost at a time, with the samples that have arrived before it."""
+        known = [np.abs(one.values[one.available < t]) for one in self.samples]
+        sizes = [float(np.max(part)) for part in known if part.size]
+        return bound_with(self.run.solver.divergence, max(known_at(self.run.numbers.z0), *sizes))
 
     def u(self, times: Floats) -> Floats:
         """The inputs at several times, shape (len(times), m)."""

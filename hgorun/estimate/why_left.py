@@ -62,7 +62,8 @@ def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> st
     step : float
         The longest step of the run.
     """
-    bound = f"{prepared.bound:.3g} (solver.divergence): {_LOOK}"
+    limit = prepared.bound(lost)
+    bound = f"{limit:.3g} (solver.divergence): {_LOOK}"
     too_large = _too_large(prepared, j, lost)
     if too_large is not None:
         bound, said = bound.partition(":")[0], f"{too_large}; "
@@ -79,7 +80,7 @@ def why_left(prepared: PreparedEstimate, j: int, lost: float, step: float) -> st
     closer = _followed(prepared, j, np.linspace(before.times[-1], lost, _CLOSER), step)
     last = closer if closer.times.size else before
     when = f"t = {prepared.run.origin + last.times[-1]:.6g}"
-    return f"{said}{grown(prepared.run.plant.model.states, before, last, when, prepared.bound)}, the bound is {bound}"
+    return f"{said}{grown(prepared.run.plant.model.states, before, last, when, limit)}, the bound is {bound}"
 
 
 def _too_large(prepared: PreparedEstimate, j: int, lost: float) -> str | None:

@@ -203,9 +203,9 @@ def test_a_stream_has_the_bits_of_a_file_with_automatic_steps(block: Block) -> N
 
 
 def test_which_observers_are_lost() -> None:
-    again = Again([(0, 2, 3), (3, 4, 4)], 10.0)
-    assert not again.lost(np.array([1.0, -10.0, 99.0, 5.0]))
-    assert again.lost(np.array([1.0, np.nan, 2.0, -11.0])) == {0, 1}
+    again = Again([(0, 2, 3), (3, 4, 4)])
+    assert not again.lost(np.array([1.0, -10.0, 99.0, 5.0]), 10.0)
+    assert again.lost(np.array([1.0, np.nan, 2.0, -11.0]), 10.0) == {0, 1}
     assert list(again.more(1 << 18)) == [2, 4]
     assert len(list(again.more(3))) == 10
     assert not list(again.more(1 << 20))
