@@ -15,6 +15,7 @@ from hgorun.estimate import notes
 from hgorun.estimate.action_rows import ActionRows
 from hgorun.estimate.event import Event
 from hgorun.estimate.first_told import begin
+from hgorun.estimate.gaps import Gaps
 from hgorun.estimate.gate import Gate
 from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.leaving_out import jumps_by_several, leave_out
@@ -72,6 +73,7 @@ class Following:
         self._last_sample = math.nan
         self._told: dict[int, float] = {}
         self.unchecked = bool(system.inputs)
+        self._gaps, self._instants = Gaps(system.experiment), 0
         self._rows = ActionRows(system)
         self._held = system.structure.system.held
         self._regime = system.regimes[self.heard]
@@ -122,7 +124,7 @@ class Following:
         """As :meth:`carry_out`, of whatever it may be."""
         live, system = self.live, self.system
         if system.steps and event.samples:
-            require_whole(system, event, self.newest)
+            self._instants = require_whole(system, event, self.newest, self._gaps, self._instants)
         if system.timed and event.samples:
             self._taken = require_times(system, event, self._taken)
         if self.unchecked:
@@ -261,11 +263,11 @@ class Following:
         known = self.heard, (*self.newest,), (*self._pending,), self._last_sample, gate
         own = tuple(self._own.last.items())
         counts = (*self.offered,), (*self.outliers,)
-        return self.live.state(), (*known, *counts, self._told, own, self._taken, self.in_a_row)
+        return self.live.state(), (*known, *counts, self._told, own, self._taken, self.in_a_row, self._instants)
 
     def restore(self, state: State) -> None:
         """Go on from what :meth:`state` gave."""
-        numbers, (*known, self._told, own, self._taken, self.in_a_row) = state
+        numbers, (*known, self._told, own, self._taken, self.in_a_row, self._instants) = state
         self.heard, newest, pending, self._last_sample, gate, offered, outliers = known
         self._own.last = dict(own)
         self.newest, self._pending, self.offered, self.outliers = map(list, (newest, pending, offered, outliers))

@@ -17,6 +17,7 @@ from hgorun.estimate.beginning import Begun, numbers_at_start
 from hgorun.estimate.bound import beginning_of
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.first_steps import early
+from hgorun.estimate.gaps import require_stated
 from hgorun.estimate.refused import refuse, require_used
 from hgorun.measurement.late import Treatment
 from hgorun.measurement.variants import HELD, SILENT
@@ -108,6 +109,7 @@ class LiveSystem:
             For what cannot be followed sample by sample.
         """
         _check(experiment, inputs)
+        require_stated(experiment)
         plant = experiment.plant
         model, designs = plant.model, list(experiment.designs.values())
         outputs = {name: i for i, name in enumerate(model.outputs)}

@@ -17,10 +17,10 @@ InARow: TypeAlias = Sequence[tuple[tuple[int, int], ...]]
 
 def told(notes: Notes) -> list[Any]:
     """For a checkpoint."""
-    *known, gate, offered, outliers, inputs, own, taken, rows = notes
+    *known, gate, offered, outliers, inputs, own, taken, rows, instants = notes
     kept = None if gate is None else [[kept_of(one) for one in row] for row in gate]
     left = [(j, last.told()) for j, last in own]
-    return [*known, kept, offered, outliers, list(inputs.items()), left, taken, rows]
+    return [*known, kept, offered, outliers, list(inputs.items()), left, taken, rows, instants]
 
 
 def read(said: Sequence[Any], observers: int, offered: Counts, outliers: Counts) -> Notes:
@@ -51,6 +51,7 @@ def read(said: Sequence[Any], observers: int, offered: Counts, outliers: Counts)
         tuple((j, LastTaken.of(last)) for left in more[3:4] for j, last in left),
         tuple(more[4]) if len(more) > 4 else (-math.inf,) * len(heard),
         tuple(tuple((now, most) for now, most in row) for row in (more[5] if len(more) > 5 else nothing)),
+        more[6] if len(more) > 6 else 0,
     )
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from hgorun.engine.plan import Floats
 from hgorun.errors import Problem
 from hgorun.estimate.event import Event
+from hgorun.estimate.gaps import Gaps
 from hgorun.estimate.live_system import LiveSystem
 from hgorun.observers.base import CorrectedObserver
 from hgorun.observers.sample_times import OnePeriod
@@ -16,13 +17,20 @@ from hgorun.observers.sample_times import OnePeriod
 _UNEVEN = 1e-6  # of a period
 
 
-def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[float]]) -> None:
+def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[float]], gaps: Gaps, number: int) -> int:
     """Refuse the next sample where one of another output is missing.
 
     Parameters
     ----------
+    number : int
+        How many times of samples there have been.
     newest : sequence of sequence of float
         Of every output when the newest sample was taken that each observer has used.
+
+    Returns
+    -------
+    int
+        How many there have been with this one.
 
     Raises
     ------
@@ -37,6 +45,7 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
             )
     if event.t > max(last) > -np.inf:
         _require_period(system, event.t, max(last))
+        gaps.require(event.t - max(last), number - 1, event.t)
     if event.t > max(last) > min(last):
         missing = ", ".join(name for name, i in system.outputs.items() if last[i] < max(last))
         raise ValueError(
@@ -44,6 +53,7 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
             f"t = {system.experiment.origin + max(last):g} is missing: give those of one time together, or one after "
             "the other"
         )
+    return number + int(event.t > max(last))
 
 
 def _require_period(system: LiveSystem, t: float, before: float) -> None:

@@ -91,6 +91,16 @@ class SampledObserver(Observer[FormT, CopyT]):
             The numbers of :meth:`~Observer.design`.
         """
 
+    @property
+    def asks_of_gaps(self) -> bool:
+        """Whether it may refuse the times between samples, each for itself."""
+        return False
+
+    @property
+    def asks_of_numbers(self) -> bool:
+        """Whether that depends on the number of the sample, beside the length of the gap: no longer one is refused."""
+        return False
+
     def check_samples(self, form: FormT, samples: SampleSchedule) -> None:
         """Refuse a schedule that the observer's theorem excludes.
 
@@ -191,6 +201,7 @@ class DecidedObserver(ContinuousObserver[FormT, CopyT]):
 
 # Any observer, where its class of plants does not matter.
 AnyObserver: TypeAlias = "Observer[Any, Any]"
+AnySampled: TypeAlias = "SampledObserver[Any, Any]"
 
 
 def is_observer(thing: object) -> TypeGuard[type[AnyObserver]]:

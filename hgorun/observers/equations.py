@@ -85,12 +85,18 @@ class SampleSchedule:
         Where the sampling stands in the configuration.
     first : float
         When the first sample comes, counted from the start of the run.
+    number : int
+        That of the sample after which the first of the intervals comes.
+    recorded : bool
+        Whether the times are those of samples that were recorded, and no configuration says them.
     """
 
     intervals: np.ndarray
     steps: str | None
     path: KeyPath
     first: float = 0.0
+    number: int = 0
+    recorded: bool = False
 
 
 class PeriodLimit(NamedTuple):

@@ -51,20 +51,31 @@ class StochasticApproximationObserver(ForwardDifferences):
     )
     b: ExpressionText | None = Field(default=None, description="b(k), expression of k, in (0, 1]")
 
+    @property
+    def asks_of_gaps(self) -> bool:
+        return True
+
+    @property
+    def asks_of_numbers(self) -> bool:
+        return self.alpha is not None and self.b is not None
+
     def check_samples(self, form: CanonicalForm, samples: SampleSchedule) -> None:
         steps = samples.intervals
         longest = float(np.max(steps, initial=0.0))
         if samples.steps is not None:
             longest = self._check_steps(samples)
         if self.alpha is not None and self.b is not None and steps.size:
-            expected = self.alpha * self.eps * self._values(self.b, np.arange(steps.size), ("b",))
+            expected = self.alpha * self.eps * self._values(self.b, samples.number + np.arange(steps.size), ("b",))
             wrong = ~(np.abs(steps - expected) <= 1e-6 * np.abs(steps))
             if wrong.any():
-                k = int(np.argmax(wrong))
+                i = int(np.argmax(wrong))
+                k = samples.number + i
+                right = "write sampling: {steps: alpha*eps*b(k)} with these numbers"
+                if samples.recorded:
+                    right = "leave alpha and b out, which are only compared with the times of the samples"
                 raise Problem(
                     ("alpha",),
-                    f"the schedule has a({k}) = {steps[k]:.6g}, but alpha eps b({k}) = {expected[k]:.6g}; "
-                    "write sampling: {steps: alpha*eps*b(k)} with these numbers",
+                    f"the schedule has a({k}) = {steps[i]:.6g}, but alpha eps b({k}) = {expected[i]:.6g}; {right}",
                 )
         poles = eigenvalues(self.H_0(form.plant.n))
         largest = longest / self.eps
@@ -72,7 +83,7 @@ class StochasticApproximationObserver(ForwardDifferences):
         if longest > 0 and not radius < 1 - 1e-12:  # roots are rounded
             bound = np.min(-2 * poles.real / np.abs(poles) ** 2)
             raise Problem(
-                samples.path,
+                ("eps",) if samples.recorded else samples.path,
                 f"I + (a/eps) A_0 has spectral radius {radius:.6g} for the longest step: the estimate would not "
                 f"stay bounded; found a/eps = alpha b = {largest:.6g}, expected less than {bound:.6g}",
             )

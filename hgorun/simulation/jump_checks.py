@@ -9,11 +9,12 @@ import numpy as np
 from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import are_late, stepped_between
-from hgorun.observers.base import SampledObserver, SampleSchedule
+from hgorun.observers.base import AnySampled, SampledObserver, SampleSchedule
 from hgorun.observers.together import not_beside
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.truth import Recording
+from hgorun.symbolic.forms import Form
 
 
 def check_jumps(run: PreparedRun) -> None:
@@ -93,12 +94,24 @@ def _check_schedules(run: PreparedRun, times: np.ndarray) -> None:
     """What each discrete-time observer asks of the times between samples."""
     first, *others = run.channels[0].stretches
     begin = float(times[0]) if times.size else 0.0
-    schedule = SampleSchedule(np.diff(times), None if others else first.steps, first.paths["sampling"], begin)
+    recorded = isinstance(run.structure.groups[0].truth, Recording)
+    steps = None if others else first.steps
+    schedule = SampleSchedule(np.diff(times), steps, first.paths["sampling"], begin, recorded=recorded)
     for b in run.observers:
         if isinstance(b.observer, SampledObserver):
-            try:
-                b.observer.check_samples(b.form, schedule)
-            except Problem as problem:
-                inside = problem.path[:1] != ("measurement",)
-                path = ("observers", b.label, *problem.path) if inside else problem.path
-                raise Problem(path, problem.message) from problem
+            check_schedule(b.label, b.observer, b.form, schedule)
+
+
+def check_schedule(label: str, observer: AnySampled, form: Form, schedule: SampleSchedule) -> None:
+    """Refuse times of samples that are not for an observer.
+
+    Raises
+    ------
+    Problem
+    """
+    try:
+        observer.check_samples(form, schedule)
+    except Problem as problem:
+        inside = problem.path[:1] != ("measurement",)
+        path = ("observers", label, *problem.path) if inside else problem.path
+        raise Problem(path, problem.message) from problem

@@ -18,7 +18,7 @@ from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.result.result import Result
 
 GAP, COUNT, RATE = 0.0625, 33, 30.0
-T: Floats = GAP * np.arange(COUNT)
+T: Floats = np.linspace(0.0, GAP * (COUNT - 1), COUNT)
 STEP = GAP / 4
 PLANT: Block = {"states": ["x", "v"], "dynamics": {"x": "v", "v": f"{RATE}*v"}, "output": "x"}
 # v' = 30 v from 1, next to no correction; and one that follows its samples
