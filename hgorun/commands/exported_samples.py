@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -38,18 +39,22 @@ def lines(recording: Recording) -> Iterator[str]:
     """``t,signal,y``, and ``available`` where samples come late, in the order in which they are known.
 
     Times count from the origin of the recording, values are in the units of the model. At one time inputs
-    stand before outputs.
+    stand before outputs. Of several samples of an output with one time, the second ones stand behind the first ones of
+    all outputs, as observers take them.
     """
-    rows: list[tuple[float, int, float, str, float]] = []
+    rows: list[tuple[float, int, int, float, str, float]] = []
     late = any(signal.late for signal in recording.outputs.values())
     for number, given in enumerate(recording.inputs.values()):
         rows += [
-            (t, number, t, given.name, y) for t, y in zip(given.times.tolist(), given.values.tolist(), strict=True)
+            (t, 0, number, t, given.name, y) for t, y in zip(given.times.tolist(), given.values.tolist(), strict=True)
         ]
     for number, signal in enumerate(recording.outputs.values(), start=len(recording.inputs)):
         times = np.column_stack([signal.available, signal.taken, signal.values]).tolist()
-        rows += [(known, number, t, signal.name, y) for known, t, y in times]
-    rows.sort(key=lambda row: row[:3])
+        before = Counter[tuple[float, float]]()
+        for known, t, y in times:
+            rows.append((known, before[known, t], number, t, signal.name, y))
+            before[known, t] += 1
+    rows.sort(key=lambda row: row[:4])
     yield "t,signal,y,available\n" if late else "t,signal,y\n"
-    for known, _, t, name, y in rows:
+    for known, _, _, t, name, y in rows:
         yield f"{t!r},{name},{y!r},{known!r}\n" if late else f"{t!r},{name},{y!r}\n"
