@@ -10,7 +10,8 @@ from typing import TypeAlias, cast
 import numpy as np
 
 from hgorun.engine.again import Again
-from hgorun.engine.early import NONE, Early
+from hgorun.engine.at_once import segments, steps_of
+from hgorun.engine.early import NONE, Breaks
 from hgorun.engine.layout import ACTION_WORDS, COUNT, DONE, SPAN, WORD
 from hgorun.engine.memory import Memory, Start
 from hgorun.engine.plan import Floats, Integers, Plan
@@ -20,7 +21,6 @@ from hgorun.errors import SimulationError
 LiveState: TypeAlias = tuple[float, bytes]
 """What a run goes on from: its time, and numbers that :meth:`Live.told` names."""
 
-_ROUNDING = 1 - 1e-9
 _SEGMENT = WORD["segment"]
 _STEPS, _LAST, _REGIME, _ACTIONS = (COUNT.index(name) for name in ("steps", "last", "regime", "action_last"))
 # The two segments of the memory: the flow, and what happens then, which takes no time.
@@ -43,7 +43,7 @@ class Live:
         No step is longer.
     at_once : int
         So many events may be carried out at once, see :meth:`go_through`.
-    early : Early, optional
+    breaks : Breaks, optional
         At these times a step ends, too.
     again : Again, optional
         A flow that loses an observer is made again for it.
@@ -57,7 +57,7 @@ class Live:
         slots: int,
         step: float,
         at_once: int = 0,
-        early: Early = NONE,
+        breaks: Breaks = NONE,
         again: Again | None = None,
     ) -> None:
         self._program, self._step, self.t, self._again = program, step, t, again
@@ -73,7 +73,7 @@ class Live:
             holds=np.array([0.0, 1.0]),
         )
         self.at_once, self.slots = at_once, slots
-        self._early, self._settled = early, float(early.times[-1]) if early.times.size else t
+        self._breaks, self._settled, self._clear = breaks, breaks.settled, (t, t)
         self._memory: Memory = program.memory(plan, start)
         arrays, self._kept = self._memory.arrays, dict[str, slice]()
         # Those numbers that a run goes on from lie in one piece, which is copied at once. Of samples that are carried
@@ -114,7 +114,7 @@ class Live:
             The number of what the outputs are meanwhile.
         """
         if t > self.t:
-            if self.begins:
+            if self._broken(self.t, t):
                 self._begin(t, regime)
             self._flow_alone(t, regime)
 
@@ -126,7 +126,7 @@ class Live:
             self._actions = actions
             counts[_EVENT_COUNTS + _ACTIONS] = len(actions)
         if t > self.t:
-            if self.begins:
+            if self._broken(self.t, t):
                 self._begin(t, regime)
             before, lost = self._before()
             self._flow_to(t, regime)
@@ -134,6 +134,8 @@ class Live:
         else:
             t = self.t
         spans[_EVENT] = spans[_EVENT + 1] = spans[_EVENT + 2] = spans[_EVENT + 3] = t
+        if self._broken(t, t):
+            spans[_EVENT + 2] = spans[_EVENT + 3] = t + self._breaks.inward(t)
         counts[_EVENT_COUNTS + _REGIME] = regime
         self._run(first, _TWO)
         if before is not None and self.diverged.tolist() != lost:
@@ -142,13 +144,24 @@ class Live:
         self.t = t
 
     @property
-    def begins(self) -> bool:
-        """Whether steps may still have to end where nothing happens, so that no events are carried out at once."""
-        return self.t < self._settled
+    def free_until(self) -> float:
+        """Up to when no step ends where nothing happens, so that events may be carried out at once."""
+        if self.t >= self._settled:
+            return math.inf
+        return self.t if self._broken(self.t, self.t) else self._clear[1]
+
+    def _broken(self, since: float, t: float) -> bool:
+        """Whether a step ends at one of two times, or between them, where nothing happens."""
+        if self._clear[0] < since and t < self._clear[1]:
+            return False
+        if since >= self._settled:
+            return False
+        self._clear = low, high = self._breaks.clear(since)
+        return not (low < since and t < high)
 
     def _begin(self, end: float, regime: int) -> None:
         """Go through the steps that end early, but for the last one before a time."""
-        for t in self._early.between(self.t, end).tolist():
+        for t in self._breaks.between(self.t, end):
             self._flow_alone(t, regime)
 
     def _flow_alone(self, t: float, regime: int) -> None:
@@ -196,9 +209,11 @@ class Live:
     def _flow_to(self, t: float, regime: int, times: int = 1) -> None:
         """Write the segment from here to a later time, with so many times the steps that it needs."""
         since, spans, counts = self.t, self._span_words, self._count_words
-        steps = times * (math.ceil((t - since) / self._step * _ROUNDING) or 1)
+        steps = times * steps_of(t - since, self._step)
         spans[0] = spans[2] = since
         spans[1] = spans[3] = t
+        if self._broken(since, t):
+            spans[2], spans[3] = since + self._breaks.inward(since), t - self._breaks.inward(t)
         counts[_STEPS] = counts[_LAST] = steps
         counts[_REGIME] = regime
 
@@ -225,25 +240,15 @@ class Live:
         """
         since, alive = self._before()
         count, each = actions.shape[:2]
-        spans, counts = np.empty((2 * count, 4)), np.zeros((2 * count, 7), dtype=np.int64)
-        before = np.append(self.t, times[:-1])
-        gaps = times - before
-        steps = np.maximum(np.ceil(gaps / self._step * _ROUNDING), 1.0).astype(np.int64)
-        spans[::2, ::2], spans[::2, 1::2] = before[:, None], times[:, None]
-        counts[::2, 0], counts[::2, 2], counts[:, 3] = steps, steps, regime
-        spans[1::2], counts[1::2, 0] = times[:, None], 1
-        first = each * np.arange(count)
-        counts[1::2, 4], counts[1::2, 5] = first, first + each
-        happens = np.ones(2 * count, dtype=bool)
-        happens[::2] = gaps > 0
+        spans, counts = segments(self.t, times, self._step, regime, each)
         rows = np.empty((count, self.z.size))
         own = {name: self._memory.arrays[name] for name in ("spans", "counts", "holds", "rows")}
-        for name, array in (("spans", spans[happens]), ("counts", counts[happens]), ("holds", holds), ("rows", rows)):
+        for name, array in (("spans", spans), ("counts", counts), ("holds", holds), ("rows", rows)):
             self._memory.put(name, array)
         self._memory.put("actions", actions.reshape(-1, ACTION_WORDS))
         self._actions = None
         try:
-            self._run(0, ctypes.c_int64(int(np.count_nonzero(happens))))
+            self._run(0, ctypes.c_int64(len(counts)))
         finally:
             for name, array in own.items():
                 self._memory.put(name, array)

@@ -15,8 +15,8 @@ from hgorun.errors import Problem
 from hgorun.estimate.again import again_of
 from hgorun.estimate.beginning import Begun, numbers_at_start
 from hgorun.estimate.bound import beginning_of
+from hgorun.estimate.breaks import breaks_of
 from hgorun.estimate.covariance import Covariance
-from hgorun.estimate.first_steps import early
 from hgorun.estimate.gaps import require_stated
 from hgorun.estimate.refused import refuse, require_used
 from hgorun.measurement.late import Treatment
@@ -149,8 +149,8 @@ class LiveSystem:
             self.structure.program(solver.given_method),
             beginning_of(self.start, self.p, solver.divergence),
         )
-        first, again = early(self.experiment, self.step), again_of(self.experiment, self.structure)
-        return Live(program, start, 0.0, slot_of(len(self.outputs)), self.step, TOGETHER, first, again)
+        breaks, again = breaks_of(self.experiment, self.step), again_of(self.experiment, self.structure)
+        return Live(program, start, 0.0, slot_of(len(self.outputs)), self.step, TOGETHER, breaks, again)
 
     def begun(self, t: float, z: Floats) -> None:
         """Let observers begin with a first sample at t, where it comes at another time than they expect.

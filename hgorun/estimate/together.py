@@ -117,12 +117,13 @@ class Together:
 
     def at_once(self, t: Floats, kinds: Integers) -> int:
         """How many of some samples may be taken together, see :meth:`hgorun.Estimator.at_once`."""
-        if not self._simple or self._run.unchecked or self._live.begins:
+        if not self._simple or self._run.unchecked:
             return 0
         heard = np.array([*self._run.heard, *([True] * len(self._system.inputs))])
         since = t - self._system.experiment.origin
         fits = heard[kinds] & (since >= np.append(self._live.t, since[:-1]))
         gaps = np.diff(since, prepend=self._live.t)
+        fits &= since < self._live.free_until
         fits &= gaps <= self._arriving.reach  # one further off is refused where it is taken alone
         if self._system.joint:
             fits &= (gaps > 0) & np.append(gaps[1:] > 0, False)

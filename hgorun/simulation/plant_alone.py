@@ -40,8 +40,7 @@ def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
     Problem
         Where there are more than fit into memory, and where an expression is not finite at some time.
     """
-    symbolic, model = plant.symbolic, plant.model
-    kinks = _KINKS.get(symbolic, lambda: Kinks.of(_functions(symbolic), model.t, symbolic.everything))
+    kinks = _kinks(plant)
     limit = time.max_memory / EVENT_BYTES
     try:
         found = kinks.between(plant.everything, time.start, time.end, limit)
@@ -50,6 +49,16 @@ def plant_kinks(plant: BuiltPlant, time: Time, origin: float) -> Irregular:
     if found.infinite is not None and not plant.block.discretise:
         _refuse(plant, time, origin)
     return found
+
+
+def _kinks(plant: BuiltPlant) -> Kinks:
+    symbolic, t = plant.symbolic, plant.model.t
+    return _KINKS.get(symbolic, lambda: Kinks.of(_functions(symbolic), t, symbolic.everything))
+
+
+def breaks_in_time(plant: BuiltPlant) -> bool:
+    """Whether there may be such kinks at any time."""
+    return bool(_kinks(plant).pieces.kinks)
 
 
 def plant_extremes(plant: BuiltPlant, time: Time) -> Irregular:

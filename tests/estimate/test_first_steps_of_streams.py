@@ -125,6 +125,9 @@ def test_samples_are_taken_one_by_one_while_steps_are_short(tmp_path: Path) -> N
 
 def test_times_between_two_of_a_flow() -> None:
     early = Early(np.array([1.0, 2.0, 3.0]), 0.1)
-    assert early.between(0.0, 3.5).tolist() == [1.0, 2.0, 3.0]
-    assert early.between(0.95, 3.05).tolist() == [2.0]
-    assert early.between(1.05, 1.99).tolist() == []
+    assert list(early.between(0.0, 3.5)) == [1.0, 2.0, 3.0]
+    assert list(early.between(0.95, 3.05)) == [2.0]
+    assert list(early.between(1.05, 1.99)) == []
+    assert early.clear(0.5) == (-np.inf, 0.9)
+    assert early.clear(1.0) == (np.nextafter(1.0, 0.0), 1.9)
+    assert early.clear(3.5) == (np.nextafter(3.0, 0.0), np.inf)
