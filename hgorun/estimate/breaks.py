@@ -9,6 +9,7 @@ from bisect import bisect_left, bisect_right
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 
@@ -26,10 +27,11 @@ _KEPT = 4  # pieces: late samples go back, and predictions ahead
 
 @dataclass(frozen=True, eq=False, repr=False)
 class _Piece:
-    """What breaks in a piece of time: the kinks, and the events that they are."""
+    """What breaks in a piece of time: the kinks, the events that they are, and the ends of pulses that are shorter."""
 
     sides: list[float]
     times: list[float]
+    pulses: list[float]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -59,13 +61,18 @@ class KinksAhead:
         apart, last = self.first.apart, self._number(end)
         begun, ahead = t >= self.first.settled, list(self.first.between(t, end))
         for number in range(self._number(t), last + 1):
-            times = self._piece(number).times
+            piece = self._piece(number)
+            times = piece.times
             if not begun:
                 until = end if number == last else (number + 1) * self._length
                 own = [one for one in ahead if one <= until]
                 ahead = ahead[len(own) :]
                 times = merge(np.array([*times, *own]), apart).tolist()
-            yield from times[bisect_right(times, t + apart) : bisect_left(times, end - apart)]
+            found = times[bisect_right(times, t + apart) : bisect_left(times, end - apart)]
+            if piece.pulses:
+                ends = [one for one in piece.pulses if t + self._rounding < one < end - self._rounding]
+                found = merge(np.array([*found, *ends]), self._rounding).tolist()
+            yield from found
 
     def clear(self, t: float) -> tuple[float, float]:
         """About a time, as far as its piece reaches."""
@@ -81,10 +88,19 @@ class KinksAhead:
         """How far from there functions of time are evaluated."""
         apart = self.first.apart
         found: list[float] = []
+        events = {t}
         for number in {self._number(max(t - apart, 0.0)), self._number(t + apart)}:
             sides = self._piece(number).sides
             found += sides[bisect_left(sides, t - apart) : bisect_right(sides, t + apart)]
-        return float(inward_of(np.array([t, np.inf]), np.array(found), self.step)[0]) if found else 0.0
+            events |= {one for one in self._piece(number).pulses if self._rounding < abs(one - t) <= 2 * apart}
+        if not found:
+            return 0.0
+        ordered = sorted(events)
+        return float(inward_of(np.array([*ordered, np.inf]), np.array(found), self.step)[ordered.index(t)])
+
+    @cached_property
+    def _rounding(self) -> float:
+        return tolerances_of(self.experiment.stretches, self.step)[0]
 
     @property
     def _length(self) -> float:
@@ -109,11 +125,8 @@ class KinksAhead:
             sides = plant_kinks(experiment.plant, time, experiment.origin).times
         except Problem as problem:
             raise ValueError(f"{'.'.join(map(str, problem.path))}: {problem.message}") from problem
-        rounding, _ = tolerances_of(experiment.stretches, self.step)
-        times = merge(sides, apart)
-        pulses = pulses_of(sides, apart, rounding, self.step)
-        times = merge(np.concatenate([times, pulses]), rounding) if pulses.size else times
-        return _Piece(sides.tolist(), times.tolist())
+        pulses = pulses_of(sides, apart, self._rounding, self.step)
+        return _Piece(sides.tolist(), merge(sides, apart).tolist(), pulses.tolist())
 
 
 def breaks_of(experiment: Experiment, step: float) -> Breaks:

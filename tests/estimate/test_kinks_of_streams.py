@@ -52,6 +52,7 @@ def of_file(text: Block, t: np.ndarray, known: np.ndarray | None = None) -> np.n
         ("sign(sin(9*t))", 0.0, EKF),
         ("max(sin(2*t), 0.1*sin(40*t))", 3.0, SHGO),
         ("floor(2*t + 0.1)", 100.0, EKF),
+        ("1e9*(t > 1.25)*(t < 1.25 + 1e-12) + 1e9*(t > 2.3)*(t < 2.3 + 1e-12)", 0.0, SHGO),
     ],
 )
 def test_a_stream_has_the_bits_of_a_file(
