@@ -47,8 +47,7 @@ class Start:
     z : ndarray, shape (states, lanes)
     p : ndarray, shape (parameters, lanes)
     bound : (offset, factor)
-        An observer has diverged when one of its states exceeds offset + factor * max |x| so far; where no plant is
-        simulated, the largest sample that has arrived in place of max |x|.
+        An observer has diverged beyond offset + factor * max |x| so far; without a plant, of samples that arrived.
     w : ndarray, shape (held numbers, lanes), optional
         What is held, where the run goes on from another one.
     largest : float
