@@ -86,8 +86,8 @@ def test_a_file_of_a_result_has_none(tmp_path: Path) -> None:
 
 def test_checkpoints_of_before_have_no_rows() -> None:
     said = [[True], [[0.5]], [0], 0.5, None, [[4]], [[2]], [], [], [0.5]]
-    assert notes.read(said, 1, [(0,)], [(0,)])[-1] == (((0, 0),),)
-    assert notes.read([*said, [[[1, 2]]]], 1, [(0,)], [(0,)])[-1] == (((1, 2),),)
+    assert notes.read(said, 1, [(0,)], [(0,)])[-2] == (((0, 0),),)
+    assert notes.read([*said, [[[1, 2]]]], 1, [(0,)], [(0,)])[-2:] == ((((1, 2),),), 0)
 
 
 def test_the_longest_of_several() -> None:
