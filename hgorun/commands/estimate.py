@@ -63,9 +63,10 @@ def estimate(options: Estimate) -> int:
         from hgorun.commands.mqtt import follow_topic
 
         return follow_topic(source, name, options)
-    if any(one is not None for one in (options.every, options.checkpoint, options.publish, options.client_id)):
+    of_streams = (options.every, options.checkpoint, options.remembered, options.publish, options.client_id)
+    if any(one is not None for one in of_streams):
         raise ConfigError(
-            "--every, --checkpoint, --publish and --client-id are for streams: "
+            "--every, --checkpoint, --remembered, --publish and --client-id are for streams: "
             "hgorun estimate CONFIG -, or hgorun estimate CONFIG mqtt://HOST/TOPIC"
         )
     log = log_of(source, options.config, tuple(map(Path, options.data)))

@@ -107,8 +107,9 @@ class Follower:
     @classmethod
     def of(cls, stream: Stream, options: Estimate) -> Follower:
         """One that goes on from the checkpoint, if there is one."""
-        estimator, lines = stream.estimator(remembered=REMEMBERED), io.StringIO()
-        progress = Redelivered(estimator, options.checkpoint, 2 * REMEMBERED)
+        remembered = options.remembered or REMEMBERED
+        estimator, lines = stream.estimator(remembered=remembered), io.StringIO()
+        progress = Redelivered(estimator, options.checkpoint, 2 * max(remembered, REMEMBERED))
         grid = Grid(stream.experiment.origin, options.every, progress.t)
         writer = Writer(lines, estimator, as_json=True)
         return cls(OneByOne(estimator, stream.inputs, grid, progress, writer), progress, lines, options.publish, [])

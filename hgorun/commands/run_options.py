@@ -80,6 +80,15 @@ class Estimate(Configured, Drawing):
             "--checkpoint", metavar="FILE", help="With a stream: resume from this file, and keep it up to date."
         ),
     ] = None
+    remembered: Annotated[
+        int | None,
+        typer.Option(
+            "--remembered",
+            parser=whole("--remembered", 1),
+            metavar="N",
+            help="With a stream: late samples may go back by so many samples (default: 1000).",
+        ),
+    ] = None
     publish: Annotated[
         str | None,
         typer.Option("--publish", metavar="TOPIC", help="With mqtt://: publish the estimates there."),

@@ -36,7 +36,7 @@ def _follow_to_end(source: Source, name: str, options: Estimate) -> int:
     form, late, blocks = read(sys.stdin)
     if late:
         stream.check_lateness(told=isinstance(form, CsvForm))  # which has the column then
-    estimator = stream.estimator(remembered=REMEMBERED if late else 0)
+    estimator = stream.estimator(remembered=(options.remembered or REMEMBERED) if late else 0)
     progress = InOrder(estimator, options.checkpoint)
     writer = Writer(sys.stdout, estimator, as_json=isinstance(form, JsonForm))
     grid = Grid(stream.experiment.origin, options.every, progress.t)

@@ -30,7 +30,7 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 REMEMBERED = 1000
-"""Events that late samples may go back to."""
+"""Events that late samples may go back to, if nothing else is said."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)

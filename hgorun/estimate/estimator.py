@@ -93,10 +93,11 @@ class Estimator:
         )
 
     @classmethod
-    def load(cls, path: str | Path, overrides: Sequence[str] = ()) -> Estimator:
+    def load(cls, path: str | Path, overrides: Sequence[str] = (), *, remembered: int = 1000) -> Estimator:
         """The observers of a configuration of recorded data, as ``hgorun estimate CONFIG -`` has them.
 
-        The file needs neither ``time.end`` nor ``plant.initial``; arguments are those of :func:`hgorun.load`.
+        The file needs neither ``time.end`` nor ``plant.initial``; arguments are those of :func:`hgorun.load`, and
+        ``remembered`` as above.
 
         Raises
         ------
@@ -104,7 +105,8 @@ class Estimator:
         """
         _, source = read_source(path, overrides)
         said = StatedOfData.of(source)
-        return cls(streamed(source, said, Path(path).stem), gates=said.gates, std=said.std, inputs=said.inputs)
+        experiment = streamed(source, said, Path(path).stem)
+        return cls(experiment, gates=said.gates, std=said.std, inputs=said.inputs, remembered=remembered)
 
     @property
     def t(self) -> float:

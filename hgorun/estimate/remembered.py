@@ -102,8 +102,7 @@ class Remembered:
             self.go_on(event)
             return
         if event.t < (self.before[0][0][0] if self.before else now):
-            taken = self._run.system.experiment.origin + event.t
-            raise ValueError(f"a sample taken at {taken:g} is older than all that is remembered: increase remembered")
+            raise self._too_old(event.t)
         again = [event, *islice(self.events, place, None)]
         if other is not None:
             again = list(islice(self.events, other, None))
@@ -124,6 +123,17 @@ class Remembered:
                 self.before.append(state)
             run.restore(kept)
             raise
+
+    def _too_old(self, t: float) -> ValueError:
+        origin = self._run.system.experiment.origin
+        if t < 0.0:
+            taken = f"a sample taken at {origin + t:g}"
+            return ValueError(f"{taken} is before {origin:g}, where estimates begin (time.start)")
+        since = f", since {origin + self.before[0][0][0]:g}" if self.before else ""
+        return ValueError(
+            f"a sample taken at {origin + t:g} is older than all that is remembered (events: {self._most}{since}): "
+            "begin anew with a larger --remembered N of the command, or remembered of Estimator"
+        )
 
     def _beside(self, event: Event, place: int) -> int | None:
         """Among the events before ``place`` the first one at the same time with samples of other outputs alone.

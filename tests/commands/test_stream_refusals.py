@@ -90,6 +90,19 @@ def test_options_that_a_stream_has_no_use_for(
     assert not Path("x.csv").exists()
 
 
+def test_late_samples_go_back_as_far_as_is_remembered(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    rows = [f"0.{k},a,0.1," for k in range(1, 8)]
+    late = "\n".join(["t,signal,y,available", *rows, "0.25,a,0.1,0.8", ""])
+    for given, expected in ((["--remembered", "3"], 2), (["--remembered", "6"], 0), ([], 0)):
+        monkeypatch.setattr(sys, "stdin", io.StringIO(late))
+        code, _, err = shell("estimate", "pendulum.yaml", "-", *given)
+        assert code == expected
+        assert ("standard input:9: a sample taken at 0.25 is older than all that is remembered" in err) == bool(code)
+    code, _, err = shell("estimate", "pendulum.yaml", "--remembered", "3")
+    assert code == 2
+    assert "--remembered, --publish and --client-id are for streams" in err
+
+
 @pytest.mark.skipif(os.name != "posix", reason="asks whether a process lives")
 def test_half_of_a_checkpoint_of_a_killed_stream_is_removed(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     ended = subprocess.run([sys.executable, "-c", "import os; print(os.getpid())"], capture_output=True, text=True)

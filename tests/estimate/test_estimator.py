@@ -175,8 +175,10 @@ def test_what_cannot_be_followed_is_said(small: Experiment) -> None:
             call()
     for k in range(5):
         estimator.update(2.0 + k, {"a": 0})
-    with pytest.raises(ValueError, match="increase remembered"):
+    with pytest.raises(ValueError, match=r"is remembered \(events: 3, since 3\): begin anew with a larger"):
         estimator.update(1.5, {"a": 1}, available=7.0)
+    with pytest.raises(ValueError, match=r"taken at -0.5 is before 0, where estimates begin \(time.start\)"):
+        estimator.update(-0.5, {"a": 1}, available=7.0)
     with pytest.raises(ConfigError, match="unknown input 'u'"):
         Estimator(small, inputs=("u",))
     adaptive = small.varied({"solver": {"method": "dopri5", "rtol": 1e-6}})
@@ -344,8 +346,24 @@ def test_late_samples_after_a_checkpoint_are_taken_in_as_without_it(small: Exper
 def test_a_sample_older_than_all_that_is_remembered_is_refused(small: Experiment) -> None:
     estimator = Estimator(small, remembered=0)
     estimator.update(1.0, {"a": 0.5})
-    with pytest.raises(ValueError, match="increase remembered"):
+    with pytest.raises(ValueError, match=r"is remembered \(events: 0\)"):
         estimator.update(0.5, {"a": 0.5}, available=1.2)
+
+
+def test_a_checkpoint_of_fewer_events_goes_on_with_more(small: Experiment) -> None:
+    few, many = Estimator(small, remembered=3), Estimator(small, remembered=50)
+    for k in range(10):
+        few.update(0.1 * k, {"a": 0.5})
+        many.update(0.1 * k, {"a": 0.5})
+    more = Estimator(small, remembered=50)
+    more.restore(few.checkpoint())
+    with pytest.raises(ValueError, match=r"events: 50, since 0.6"):  # what was forgotten stays so
+        more.update(0.45, {"a": 1}, available=1.0)
+    for estimator in (more, many):
+        for k in range(10, 20):
+            estimator.update(0.1 * k, {"a": 0.4})
+        estimator.update(0.95, {"a": 1}, available=2.0)
+    assert np.array_equal(more.estimate()["shgo"], many.estimate()["shgo"])
 
 
 def test_a_stamp_of_another_clock_is_not_taken_with_others(small: Experiment) -> None:
