@@ -63,6 +63,10 @@ def members(source: Source) -> list[Member]:
         found += [Member("double", "sampled", 8, 8, meaning="the time of the last sample, if there was one")]
         found += [Member("uint32_t", "samples", 4, 4)]
         found += [reals("before", m)] if m and not observer.corrected else []
+    if observer.joins:
+        found += [reals("before", observer.size, "z without the samples that were taken last")]
+        found += [Member("double", "joined", 8, 8, meaning="when these were taken")]
+        found += [Member("uint32_t", "which", 4, 4, meaning="a bit for each of their outputs")]
     if observer.pieces:
         found += [Member("uint32_t", "pieces", 4, 4), Member("uint32_t", "newest", 4, 4), reals("first", late)]
         found += [Member(f"{p}piece", "past", _padded(16 + 4 * r * late), 8, observer.pieces)]

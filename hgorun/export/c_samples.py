@@ -128,10 +128,15 @@ class SampleWriter(Part):
         yield f"        {real.name} fresh[{q}];"
         yield f"        {real.name} after[{observer.size}];"
         yield from self._of_jump(m if "u" in jump.arrays else 0)
+        if observer.joins:
+            yield from self._joined()
+        given = "s->which" if observer.joins else "which"
         yield f"        for (i = 0U; i < {q}U; ++i) {{"
         yield f"            fresh[i] = {real.number(0.0)};"
-        yield "            if ((which & ((uint32_t)1U << i)) != 0U) {"
+        yield f"            if (({given} & ((uint32_t)1U << i)) != 0U) {{"
         yield f"                fresh[i] = {real.number(1.0)};"
+        yield "            }"
+        yield "            if ((which & ((uint32_t)1U << i)) != 0U) {"
         yield "                s->y[i] = y[i];"
         yield "                s->taken[i] = s->t;"
         yield "            }"
@@ -143,6 +148,22 @@ class SampleWriter(Part):
             yield "        s->sampled = s->t;"
         yield "        (void)fresh;"
         yield "    }"
+
+    def _joined(self) -> Iterator[str]:
+        """Samples of other outputs that were taken at this time correct anew, with these."""
+        size = self.observer.size
+        yield "        if ((s->joined == s->t) && ((s->which & which) == 0U)) {"
+        yield f"            for (i = 0U; (s->which != 0U) && (i < {size}U); ++i) {{"
+        yield "                s->z[i] = s->before[i];"
+        yield "            }"
+        yield "            s->which |= which;"
+        yield "        } else {"
+        yield "            s->which = which;"
+        yield "        }"
+        yield f"        for (i = 0U; i < {size}U; ++i) {{"
+        yield "            s->before[i] = s->z[i];"
+        yield "        }"
+        yield "        s->joined = s->t;"
 
     def _becomes_after(self, indent: str) -> Iterator[str]:
         """The state becomes what the jump has given."""

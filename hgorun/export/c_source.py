@@ -109,6 +109,12 @@ class Source:
         if observer.continuous:
             yield f"        {self.prefix}hold(&s->line[i], 0.0, {zero});"
         yield "    }"
+        if observer.joins:
+            yield f"    for (i = 0U; i < {observer.size}U; ++i) {{"
+            yield "        s->before[i] = start[i];"
+            yield "    }"
+            yield "    s->joined = 0.0;"
+            yield "    s->which = 0U;"
         if observer.clocks:
             yield "    s->samples = 0U;"
             yield "    s->sampled = 0.0;"

@@ -119,6 +119,11 @@ class Exported:
         """Whether it jumps at samples of any of its outputs; others that jump need all outputs at once."""
         return isinstance(self.block.observer, CorrectedObserver)
 
+    @property
+    def joins(self) -> bool:
+        """Whether samples of several outputs correct it together, also when they are told one after the other."""
+        return self.corrected and sum(output.sampled for output in self.outputs) > 1
+
     @cached_property
     def period(self) -> float | None:
         """The period of which samples have to be whole multiples apart; None where their times do not matter."""

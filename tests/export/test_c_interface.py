@@ -50,6 +50,11 @@ RUNS = {
         {"type": "ekf", "Q": {"a": 0.1, "d": 0.2}, "initial": {"b": 1}},
         {"noise": NOISE, "outputs": {"a": {"sampling": {"period": 0.1}}, "c": {"sampling": {"period": 0.17}}}},
     ),
+    "adapts": run_of(
+        TWO,
+        {"type": "aekf", "theta_1": 2, "update": "jump", "initial": {"b": 1}},
+        {"noise": NOISE, "sampling": {"period": 0.1}},
+    ),
     "phases": run_of(
         CHAIN,
         {"type": "shgo", "theta": 2},
@@ -184,6 +189,28 @@ def test_an_observer_that_jumps_needs_all_outputs_now(compiled: dict[str, Compil
     assert one.update(1.0, [1.0], 0) == INCOMPLETE
     assert one.update(0.5, [1.0], 1) == OLD
     assert one.predict(0.5) == BAD_TIME
+
+
+@pytest.mark.parametrize("order", [(0, 1), (1, 0)])
+def test_samples_of_one_time_correct_together_however_they_are_told(
+    compiled: dict[str, Compiled], order: tuple[int, int]
+) -> None:
+    found = driven(RUNS["adapts"])
+    one, other = started(compiled["adapts"]), started(compiled["adapts"])
+    y = [0.0, 0.0]
+    for t, samples, theirs in zip(found.events, found.samples, found.estimates["O"], strict=True):
+        assert one.predict(t) == other.predict(t) == OK
+        if samples:
+            y = [value for _, _, value, _ in sorted(samples)]
+            assert one.update(t, y, 3) == OK
+            for i in order:
+                wrong = [1e6, 1e6]  # what is not told is not read
+                wrong[i] = y[i]
+                assert other.update(t, wrong, 1 << i) == OK
+        assert np.array_equal(one.estimate, other.estimate)
+        assert np.max(np.abs(other.estimate - theirs)) <= 1e-12
+    assert one.update(t, y, 1) == other.update(t, y, 3) == OK  # sent again: corrected twice
+    assert not np.array_equal(one.estimate, other.estimate)
 
 
 def test_silence(compiled: dict[str, Compiled]) -> None:
