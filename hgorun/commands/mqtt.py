@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import io
+import math
 import os
 import sys
-from collections.abc import Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from importlib.util import find_spec
@@ -32,6 +32,7 @@ from hgorun.files import held_alone
 from hgorun.process import end_with, say
 
 _TOLD = 20  # messages that are left out and told; of more it is known that there are more
+_STEADY, _FAR = 10, 100.0  # steps of time without a jump, and how often the longest of them a jump is at least
 
 
 class Broker(Protocol):
@@ -96,6 +97,8 @@ class Follower:
         Where that is published; None for standard output.
     told : list of str
         What has been said of messages that were left out.
+    pace : _Pace
+        Of the samples.
     """
 
     one_by_one: OneByOne
@@ -103,6 +106,7 @@ class Follower:
     lines: io.StringIO
     topic: str | None
     told: list[str]
+    pace: _Pace
 
     @classmethod
     def of(cls, stream: Stream, options: Estimate) -> Follower:
@@ -112,7 +116,8 @@ class Follower:
         progress = Redelivered(estimator, options.checkpoint, 2 * max(remembered, REMEMBERED))
         grid = Grid(stream.experiment.origin, options.every, progress.t)
         writer = Writer(lines, estimator, as_json=True)
-        return cls(OneByOne(estimator, stream.inputs, grid, progress, writer), progress, lines, options.publish, [])
+        one_by_one = OneByOne(estimator, stream.inputs, grid, progress, writer)
+        return cls(one_by_one, progress, lines, options.publish, [], _Pace())
 
     def take_some(self, broker: Broker) -> None:
         """Take those messages that are there, or the next one."""
@@ -130,14 +135,35 @@ class Follower:
         broker.acknowledge(messages)
 
     def _take(self, message: Message) -> None:
+        """Take all samples of a message, or none where a line cannot be read; one that is refused is left out alone."""
+        what = "a message"
         try:
-            for sample in self._samples(message):
-                self.one_by_one.take(sample)
+            samples = self._samples(message)
+            for sample in samples:
+                if len(samples) > 1:
+                    what = f"the sample in line {sample.line} of a message"
+                try:
+                    self._take_in_time(sample, message.topic)
+                except ConfigError as error:
+                    self._tell(f"{message.topic}: {what} is left out: {error.message}")
         except ConfigError as error:
-            self._leave_out(message.topic, error.message)
+            line = "" if error.line in (None, 1) else f"line {error.line}: "
+            self._tell(f"{message.topic}: a message is left out: {line}{error.message}")
 
-    def _samples(self, message: Message) -> Iterator[Sample]:
-        """The samples of a message that have not been taken, those before the time that has been reached as late ones.
+    def _take_in_time(self, sample: Sample, topic: str) -> None:
+        """Take a sample that has not been taken, as a late one if it is of before the time that has been reached."""
+        if self.progress.knows(sample):
+            return
+        reached, known_at = self.progress.t, sample.t if sample.available is None else sample.available
+        self.one_by_one.take(sample if known_at >= reached else sample._replace(available=reached))
+        if self.pace.jumps(known_at - reached):
+            self._tell(
+                f"{topic}: t = {known_at:g} is far ahead of {reached:g}, the time before: all samples of times between "
+                "them are late from now on"
+            )
+
+    def _samples(self, message: Message) -> list[Sample]:
+        """The samples of a message.
 
         Raises
         ------
@@ -147,21 +173,35 @@ class Follower:
             lines = message.payload.decode("utf-8-sig").splitlines()
         except UnicodeDecodeError as error:
             raise ConfigError(f"not UTF-8: {error.reason}") from None
-        for sample in JsonForm(message.topic.rpartition("/")[2]).samples(Block(1, lines)):
+        samples = list(JsonForm(message.topic.rpartition("/")[2]).samples(Block(1, lines)))
+        for sample in samples:
             if sample.signal not in self.one_by_one.estimator.kinds:
                 known = ", ".join(self.one_by_one.estimator.kinds)
-                raise ConfigError(f"the signal {sample.signal!r:.50} is none of {known}")
-            if not self.progress.knows(sample):
-                known_at = sample.t if sample.available is None else sample.available
-                yield sample if known_at >= self.progress.t else sample._replace(available=self.progress.t)
+                raise ConfigError(f"the signal {sample.signal!r:.50} is none of {known}", line=sample.line)
+        return samples
 
-    def _leave_out(self, topic: str, why: str) -> None:
-        text = f"{topic}: a message is left out: {why}"
+    def _tell(self, text: str) -> None:
         if len(self.told) < _TOLD and text not in self.told:
             self.told.append(text)
             _tell(text)
             if len(self.told) == _TOLD:
                 _tell("further messages that are left out are not told")
+
+
+class _Pace:
+    """How time goes on from sample to sample."""
+
+    def __init__(self) -> None:
+        self._longest, self._count = 0.0, 0
+
+    def jumps(self, step: float) -> bool:
+        """Whether a step of time is far longer than all before it."""
+        if not 0.0 < step < math.inf:
+            return False
+        self._count += 1
+        far = self._count > _STEADY and step > _FAR * self._longest
+        self._longest = max(self._longest, step)
+        return far
 
 
 def _tell(text: str) -> None:

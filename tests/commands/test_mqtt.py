@@ -289,6 +289,48 @@ def test_messages_that_are_wrong_are_told_and_acknowledged(
     broker.wait_until(lambda: not broker.unacknowledged)
 
 
+class Handed:
+    """A broker that has these messages, once."""
+
+    def __init__(self, *payloads: str) -> None:
+        self.left = [Message("plant/a", payload.encode(), 1, 1) for payload in payloads]
+
+    def messages(self) -> list[Message]:
+        return self.left
+
+    def publish(self, topic: str, payloads: list[str]) -> None: ...
+
+    def acknowledge(self, messages: list[Message]) -> None: ...
+
+
+def test_a_message_with_a_wrong_line_is_left_out_as_a_whole(shell: Shell, capsys: pytest.CaptureFixture[str]) -> None:
+    wrong = '{"t": 0.2, "y": 0.2}\n{"t": 0.3, "y": bad}\n{"t": 0.4, "y": 0.4}'
+    unknown = '{"t": 0.2, "y": 0.2}\n\n{"t": 0.3, "y": 1, "signal": "q"}'
+    follower(publish=None).take_some(Handed(wrong, unknown, '{"t": 0.1, "y": 0.1}'))
+    out, err = capsys.readouterr()
+    assert [json.loads(line)["t"] for line in out.splitlines()] == [0.1, 0.1]  # of two observers
+    assert "plant/a: a message is left out: line 2: not JSON" in err
+    assert "plant/a: a message is left out: line 3: the signal 'q' is none of" in err
+
+
+def test_a_sample_that_is_refused_is_left_out_alone(shell: Shell, capsys: pytest.CaptureFixture[str]) -> None:
+    lines = '{"t": 0.1, "y": 0.1}\n{"t": -1, "y": 0.3}\n{"t": 0.2, "y": 0.2}'
+    follower(publish=None).take_some(Handed(lines, '{"t": -2, "y": 1}'))
+    out, err = capsys.readouterr()
+    assert [json.loads(line)["t"] for line in out.splitlines()] == [0.1, 0.1, 0.2, 0.2]
+    assert "plant/a: the sample in line 2 of a message is left out: a sample taken at -1 is before 0" in err
+    assert "plant/a: a message is left out: a sample taken at -2 is before 0" in err
+
+
+@pytest.mark.parametrize(("at", "said"), [(9000.0, True), (30.0, False)])
+def test_a_time_that_is_far_ahead_is_told(
+    shell: Shell, capsys: pytest.CaptureFixture[str], at: float, said: bool
+) -> None:
+    lines = [json.dumps({"t": round(0.5 * k, 1), "y": 0.1}) for k in range(1, 15)]
+    follower(publish=None).take_some(Handed(*lines, json.dumps({"t": at, "y": 0.1}), '{"t": 7.5, "y": 0.1}'))
+    assert (f"plant/a: t = {at:g} is far ahead of 7, the time before" in capsys.readouterr().err) == said
+
+
 def test_samples_that_others_have_overtaken_are_late_ones(
     shell: Shell, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], broker: Broker
 ) -> None:
