@@ -15,7 +15,7 @@ from hgorun.commands.mqtt_address import Address, Credentials, client_id_of, req
 from hgorun.commands.mqtt_session import Message, Session
 from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
-from hgorun.commands.stream_lines import Block, JsonForm, Sample
+from hgorun.commands.stream_lines import INPUT, Block, JsonForm, Sample
 from hgorun.commands.stream_progress import Redelivered
 from hgorun.commands.stream_samples import (
     REMEMBERED,
@@ -145,7 +145,8 @@ class Follower:
                 try:
                     self._take_in_time(sample, message.topic)
                 except ConfigError as error:
-                    self._tell(f"{message.topic}: {what} is left out: {error.message}")
+                    why = error.message if error.file == INPUT else str(error)
+                    self._tell(f"{message.topic}: {what} is left out: {why}")
         except ConfigError as error:
             line = "" if error.line in (None, 1) else f"line {error.line}: "
             self._tell(f"{message.topic}: a message is left out: {line}{error.message}")

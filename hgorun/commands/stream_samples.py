@@ -21,6 +21,7 @@ from hgorun.data.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.first_told import NoStart
 from hgorun.estimate.lateness import why_refused
 from hgorun.estimate.shut_out import told_row, too_many
 from hgorun.estimate.stated_of_data import StatedOfData
@@ -179,6 +180,10 @@ class OneByOne:
                 self.progress.took(sample)
                 if self.grid.step is None:
                     self.writer.write(known, self.estimator.estimate())
+        except NoStart as error:
+            where = error.located
+            message = f"{where.message} (with the inputs that have come by t = {sample.t:g})"
+            raise ConfigError(message, file=where.file, line=where.line, key=where.key) from None
         except ValueError as error:
             raise ConfigError(str(error), file=INPUT, line=sample.line) from None
 

@@ -18,6 +18,7 @@ Settings: TypeAlias = Mapping[str, Mapping[str, float] | list[str]]
 """What an estimator was made with beside its configuration, by the names of its arguments."""
 
 _MAGIC = b"hgorun-estimator-1\n"
+_END = 22  # bytes of the last record of an archive without a comment
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -72,6 +73,8 @@ class Checkpoint:
                     f"{_said(settings[name])}: give it the same {name}, or begin anew"
                     + ("; it is of another configuration" if another else "")
                 )
+            if not rest[-_END:].startswith(b"PK\x05\x06"):  # the archive of the numbers is read without it
+                raise ValueError("it does not end where its numbers end")
             size = int(told["notes"])
             with np.load(io.BytesIO(rest[size:]), allow_pickle=False) as arrays:
                 numbers = {name: np.array(arrays[name], dtype=float) for name in arrays.files}

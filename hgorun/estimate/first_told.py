@@ -8,11 +8,37 @@ import numpy as np
 
 from hgorun.config.paths import dotted
 from hgorun.engine.live import Live
-from hgorun.errors import Problem
+from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.bound import known_at
 from hgorun.estimate.event import Event
 from hgorun.estimate.live_system import LiveSystem
+from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
+
+
+class NoStart(ValueError):
+    """Observers cannot start where the configuration lets them, with the inputs that have come.
+
+    Parameters
+    ----------
+    problem : Problem
+        What is wrong, and at which key.
+    experiment : Experiment
+        Whose start it is.
+
+    Attributes
+    ----------
+    located : ConfigError
+        The same with file and line.
+    """
+
+    def __init__(self, problem: Problem, experiment: Experiment) -> None:
+        super().__init__(f"{dotted(problem.path)}: {problem.message}")
+        try:
+            with experiment.located():
+                raise problem
+        except ConfigError as error:
+            self.located = error
 
 
 def begin(system: LiveSystem, live: Live, event: Event, told: dict[int, float], *, heard: bool) -> dict[int, float]:
@@ -38,12 +64,18 @@ def begin(system: LiveSystem, live: Live, event: Event, told: dict[int, float], 
     Raises
     ------
     ValueError
-        Where observers cannot start and something follows from their states, and where a right-hand side is not a
-        number when time goes on.
+        Where observers cannot start and something follows from their states.
+    NoStart
+        Where their equations have no numbers at their start, or a right-hand side is none when time goes on.
     """
     known = told | {number: value for number, value in event.inputs if event.t <= 0.0 or number not in told}
     if system.driven and not heard:
-        z = system.start_with(known) if event.inputs else live.z
+        z = live.z
+        if event.inputs:
+            try:
+                z = system.start_with(known)
+            except Problem as problem:
+                raise NoStart(problem, system.experiment) from problem
         if event.samples or event.t > 0.0:
             _require_start(system, z, known)
         if event.inputs:
@@ -68,7 +100,7 @@ def _check(system: LiveSystem, told: Mapping[int, float], known: Mapping[int, fl
     except Problem as problem:
         missing = _missing(system, told)
         why = f"; {missing} is not known yet and counts as 0: give it at the start" if missing else ""
-        raise ValueError(f"{dotted(problem.path)}: {problem.message}{why}") from problem
+        raise NoStart(Problem(problem.path, problem.message + why), system.experiment) from problem
 
 
 def _missing(system: LiveSystem, known: Mapping[int, float]) -> str:

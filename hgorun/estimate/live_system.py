@@ -180,12 +180,9 @@ class LiveSystem:
 
         Raises
         ------
-        ValueError
+        Problem
         """
-        try:
-            return numbers_at_start(self.experiment, self.structure, self._recorded, told, self.driven).z0
-        except Problem as problem:
-            raise ValueError(problem.message) from problem
+        return numbers_at_start(self.experiment, self.structure, self._recorded, told, self.driven).z0
 
     def check_start_with(self, told: Mapping[int, float], w: Floats) -> None:
         """Refuse a start at which a right-hand side is not a number, as a file does.

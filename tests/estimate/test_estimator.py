@@ -127,7 +127,7 @@ def test_a_checkpoint_goes_on_with_the_same_bits(small: Experiment) -> None:
             estimator.update(0.1 * k, {"a": np.sin(0.1 * k) + 10 * (k == 20)})
         assert np.array_equal(one.estimate()["shgo"], two.estimate()["shgo"])
     assert one.checkpoint() == two.checkpoint()
-    for wrong, message in ((b"", "not a checkpoint"), (stored[:200], "damaged")):
+    for wrong, message in ((b"", "not a checkpoint"), (stored[:200], "damaged"), (stored + b"0", "not end where")):
         with pytest.raises(ConfigError, match=message):
             two.restore(wrong)
     with pytest.raises(ConfigError, match="another configuration"):

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import io
+import sys
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from examples import CONTOIS, Block, experiment, inline
 from recordings import held_input, recording, signal, source
+from shell import Shell
 
 import hgorun
 from hgorun.errors import ConfigError
@@ -132,6 +136,26 @@ def test_a_stream_waits_for_inputs_that_it_cannot_begin_without() -> None:
         estimator.update(0.0, {}, u={"u": 0.0})
     estimator.update(0.0, {"y": 1.1}, u={"u": 2.0})
     np.testing.assert_allclose(estimator.estimate()["O"], [0.2, -0.4], rtol=1e-9)
+
+
+@pytest.mark.parametrize(("observer", "state"), [("eso", "initial"), ("shgo", "")])
+def test_a_start_where_the_equations_have_no_numbers_is_told_with_its_place(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], observer: str, state: str
+) -> None:
+    gain = "omega_o: 4, b_0: 1" if observer == "eso" else "theta: 2"
+    (tmp_path / "c.yaml").write_text(
+        "plant:\n  states: [a, b]\n  dynamics: {a: b - sqrt(a) + u, b: -a}\n  output: {y: a}\n  inputs: {u: 0}\n"
+        "data: {outputs: {y: y}, inputs: {u: u}}\nsolver: {step: 0.01}\n"
+        f"observers:\n  O: {{type: {observer}, {gain}, initial: {{a: -0.1, b: 0}}}}\n"
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "stdin", io.StringIO("t,signal,y\n0,u,1\n0,y,1\n0.1,y,1\n"))
+    code = Shell(tmp_path, monkeypatch, capsys)("estimate", "c.yaml", "-")
+    place = "c.yaml:9: observers.O" + (f".{state}" if state else "")
+    assert code[0] == 2
+    assert f"{place}: the " in code[2]
+    assert "(with the inputs that have come by t = 0" in code[2]
+    assert "standard input" not in code[2]
 
 
 def test_an_estimate_without_derivatives_is_refused() -> None:
