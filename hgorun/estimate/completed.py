@@ -236,8 +236,11 @@ def _measurement(given: Mapping[str, Any], recording: Recording, start: float) -
         outputs[name] = {key: block[key] for key in _OF_NOISE if key in block}
         signal = recording.outputs.get(name)
         if signal is not None:
-            told = (block.get("sampling") or given.get("sampling")) if signal.taken.size == 1 else None
-            outputs[name]["sampling"] = told or {"period": period_of(signal.taken), **offset_of(signal.taken, start)}
+            told = block.get("sampling") or given.get("sampling")
+            if not (told and signal.taken.size == 1):
+                stated = told.get("period") if isinstance(told, dict) else None
+                told = {"period": period_of(signal.taken, stated), **offset_of(signal.taken, start)}
+            outputs[name]["sampling"] = told
     std = {name: signal.std for name, signal in recording.outputs.items() if signal.std is not None}
     return {**found, "outputs": noisy(outputs, std)}
 

@@ -33,10 +33,20 @@ def mean_intervals(recording: Recording, start: float, end: float) -> dict[str, 
     return found
 
 
-def period_of(taken: np.ndarray) -> float:
-    """About how far apart samples are; any number for a single one."""
+def period_of(taken: np.ndarray, stated: object = None) -> float:
+    """About how far apart samples are; any number for a single one.
+
+    Parameters
+    ----------
+    taken : ndarray
+    stated : object
+        What the configuration says of it: taken if it differs by the rounding of stamps, as a stream takes it.
+    """
     step = median_step(taken)
-    return 1.0 if np.isnan(step) else step
+    if np.isnan(step):
+        return 1.0
+    rounding = 4 * float(np.spacing(np.max(np.abs(taken))))
+    return float(stated) if isinstance(stated, (int, float)) and abs(stated - step) <= rounding else step
 
 
 def offset_of(taken: np.ndarray, start: float) -> dict[str, float]:

@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 from recordings import recording, signal, source
 
-from hgorun.estimate.completed import completed
+from hgorun.estimate.completed import completed, streamed
 from hgorun.estimate.holdout import HoldOut, held_out
+from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.simulation.experiment import Experiment
 
 PLANT = {"states": ["x", "v"], "dynamics": {"x": "v", "v": "-x"}, "output": "x"}
@@ -55,6 +56,19 @@ def intervals(experiment: Experiment) -> dict[str, float]:
 def test_the_mean_time_between_the_samples_that_are_used(taken: Any, every: int, more: Any, mean: float) -> None:
     found = intervals(whole(taken, every=every, **more))
     assert found == pytest.approx(dict.fromkeys(found, mean), rel=1e-12)
+
+
+@pytest.mark.parametrize(("stated", "of_output"), [(0.1, False), (0.1, True), (0.10001, False)])
+def test_a_period_that_is_stated_is_that_of_a_stream(stated: float, of_output: bool) -> None:
+    """Stamps of 7.3, 7.4, ... are 0.1 apart but for their rounding; a period that differs by more is another one."""
+    taken = np.round(7.3 + np.arange(201) / 10, 1)
+    sampling = {"sampling": {"period": stated}}
+    block = {"outputs": {"x": sampling}} if of_output else sampling
+    given = source({"plant": PLANT, "observers": FILTERS, "solver": {"step": 0.01}, "measurement": block})
+    of_stream = streamed(given, StatedOfData(inputs=(), gates={}, std={"x": 0.1}, block=None), "stream")
+    found, wanted = intervals(whole(taken, measurement=block)), intervals(of_stream)
+    assert (found == wanted) == (stated == 0.1)
+    assert intervals(whole(taken)) != intervals(of_stream)
 
 
 def test_as_a_simulation_with_samples_at_these_times() -> None:
