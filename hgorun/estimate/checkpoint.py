@@ -66,7 +66,7 @@ class Checkpoint:
             others = {name: found for name, found in others.items() if found != settings[name]}
             another = told["of"] != identity and others.keys() <= {"gates"}  # it follows from the others
             if another and not others:
-                raise ConfigError("the checkpoint is of another configuration")
+                raise ConfigError("the checkpoint is of another configuration, or one of another version of hgorun")
             for name, found in others.items():
                 raise ConfigError(
                     f"the checkpoint was made with {name} {_said(found)}, and this estimator has "
