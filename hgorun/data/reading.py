@@ -33,6 +33,7 @@ def read(
     *,
     time_unit: str = "s",
     units: Mapping[str, str] | None = None,
+    periods: Mapping[str, float] | None = None,
     files: Sequence[Path] = (),
     beside: Origin | None = None,
     reference: str = "",
@@ -48,6 +49,8 @@ def read(
         Of the run.
     units : mapping of str to str, optional
         Of the model's outputs, states and inputs; columns with a unit of their own are converted to these.
+    periods : mapping of str to float, optional
+        Of the model's outputs that are known up to whole periods, in the unit of the model.
     files : sequence of Path
         In place of those that the block names for all signals.
     beside : Origin, optional
@@ -62,7 +65,7 @@ def read(
     Problem
         When a key names what is not there.
     """
-    return Reader(block, folder, files, reference).recording(time_unit, units or {}, beside)
+    return Reader(block, folder, files, reference).recording(time_unit, units or {}, beside, periods or {})
 
 
 class Reader:
@@ -87,11 +90,13 @@ class Reader:
         self._tables = sources.tables()
         self._found += (note for file, table in self._tables.items() for note in remarks_on(file, table))
 
-    def recording(self, unit: str, units: Mapping[str, str], beside: Origin | None = None) -> Recording:
+    def recording(
+        self, unit: str, units: Mapping[str, str], beside: Origin | None, periods: Mapping[str, float]
+    ) -> Recording:
         """All signals; arguments as of :func:`read`."""
         wanted, signals = self._wanted, [signal for some in self._wanted.values() for signal in some]
         clock = OneClock(self._block, signals, self._tables, unit, beside, self._reference)
-        made = _Making(self._block, self._tables, clock, ModelUnits(units, unit, self._reference))
+        made = _Making(self._block, self._tables, clock, ModelUnits(units, unit, self._reference), periods)
         made.notes += [*self._found, *clock.notes]
         sorted_out = made.all_sorted(signals)
         outputs = {one.name: made.signal(one, sorted_out[one]) for one in wanted["outputs"]}
@@ -120,6 +125,8 @@ class _Making:
     clock : OneClock
         Of all signals.
     units : ModelUnits
+    periods : mapping of str to float
+        Of the outputs that are known up to whole periods.
     notes : list of Note
         What was found so far.
     """
@@ -128,6 +135,7 @@ class _Making:
     tables: Mapping[LogFile, Table]
     clock: OneClock
     units: ModelUnits
+    periods: Mapping[str, float]
     notes: list[Note] = field(default_factory=list)
 
     def samples(self, signal: Wanted) -> Samples:
@@ -185,7 +193,8 @@ class _Making:
         told = block.faults.over(self.block.faults)
         if not isinstance(block, Judged):  # inputs may be written when they change: what all are told is of outputs
             told = told.model_copy(update={"gaps": block.faults.gaps})
-        sorting = Sorting(told, isinstance(block, Judged), self.clock.origin)
+        measured = isinstance(block, Judged)
+        sorting = Sorting(told, measured, self.clock.origin, self.periods.get(signal.name) if measured else None)
         plausible = block.plausible if isinstance(block, Judged) else None
         return sorting.sorted_out(samples, plausible), found + sorting.notes
 

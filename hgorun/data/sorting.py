@@ -11,6 +11,7 @@ from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data import faults
 from hgorun.data.clocks import EXACT, duration_shown, shown
+from hgorun.data.periods import means, unwrapped
 from hgorun.data.recording import Note, Origin
 from hgorun.data.samples import Samples
 from hgorun.errors import ConfigError
@@ -32,10 +33,12 @@ class Sorting:
         Whether a sensor measured them: what a machine was told to do may well be a ramp, a level or a step.
     origin : Origin
         Of their times.
+    period : float, optional
+        Up to which the values are known, as those of an angle.
     """
 
-    def __init__(self, told: Faults, measured: bool, origin: Origin) -> None:
-        self._told, self._measured, self._origin = told, measured, origin
+    def __init__(self, told: Faults, measured: bool, origin: Origin, period: float | None = None) -> None:
+        self._told, self._measured, self._origin, self._period = told, measured, origin, period
         self.notes: list[Note] = []
 
     def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
@@ -190,8 +193,7 @@ class Sorting:
         kept = samples.at(last)  # a mean is known when the last of them is
         if told == "last":
             return kept
-        counts = last - starts + 1
-        return replace(kept, values=np.add.reduceat(samples.values, starts) / counts)
+        return replace(kept, values=means(samples.values, starts, self._period))
 
     def _gaps(self, samples: Samples) -> None:
         found = faults.gaps(samples.taken)
@@ -207,7 +209,7 @@ class Sorting:
         self._note("gaps", samples, k, found.size, f"{what}{_where(samples, places)}", held)
 
     def _slips(self, samples: Samples) -> None:
-        found = faults.slips(samples.values)
+        found = faults.slips(unwrapped(samples.values, self._period))
         if not found:
             return
         k, change = found[0]
@@ -225,7 +227,7 @@ class Sorting:
         what = "on straight lines, as if filled in by interpolation"
         return self._stretches(
             samples,
-            faults.filled(samples.taken, samples.values),
+            faults.filled(samples.taken, unwrapped(samples.values, self._period)),
             "filled",
             what,
             self._told.filled or "refuse",

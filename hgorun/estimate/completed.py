@@ -264,6 +264,12 @@ def plant_units(source: Source) -> dict[str, str]:
     return units_of(plant_of(source)) if isinstance(block, dict) else {}
 
 
+def plant_periods(source: Source) -> dict[str, float]:
+    """Of the plant's outputs that are known up to whole periods."""
+    block = source.data.get("plant")
+    return dict(plant_of(source).periods) if isinstance(block, dict) else {}
+
+
 def _check_outputs(outputs: tuple[str, ...], recording: Recording) -> None:
     """Every output has to be recorded, and nothing else can be."""
     for name in recording.outputs:

@@ -42,11 +42,18 @@ class Log:
 
         return plant_units(with_inputs(self.source, self.block.inputs))
 
+    @cached_property
+    def periods(self) -> Mapping[str, float]:
+        """Of the plant's outputs that are known up to whole periods."""
+        from hgorun.estimate.completed import plant_periods, with_inputs  # as above
+
+        return plant_periods(with_inputs(self.source, self.block.inputs))
+
     def read(self, files: Callable[[], Reader] | None = None) -> Recording:
         """The recording; ``files`` gives what :meth:`open` has, where that was done before."""
         units = self.units  # of a plant that cannot be, before anything is said of files
         reader = self.open() if files is None else files()
-        return reader.recording(self.unit, units)
+        return reader.recording(self.unit, units, None, self.periods)
 
     def open(self) -> Reader:
         """Read the files, for which nothing of the plant is needed."""
@@ -150,6 +157,7 @@ class Log:
             self.folder,
             time_unit=self.unit,
             units=self.units,
+            periods=self.periods,
             beside=origin,
             reference="" if own else f"data.reference: {{{output}: {{file: {self._written(file)}",
         )

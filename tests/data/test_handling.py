@@ -7,9 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from logs import noisy, recorded, table
+from logs import LOG, noisy, recorded, table
 
+from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, Problem
+from hgorun.estimate.log import log_of
 
 TIMES, VALUES = noisy(60)
 
@@ -103,6 +105,35 @@ def test_repeated_stamps_are_averaged(tmp_path: Path) -> None:
     signal = recorded(tmp_path, AGAIN, {"faults": {"repeated": "mean"}}).outputs["S"]
     assert signal.values[10] == pytest.approx(VALUES[10:13].mean(), abs=1e-12)
     np.testing.assert_array_equal(signal.values[11:], VALUES[13:])
+
+
+def test_the_mean_of_angles_is_not_half_a_turn_off(tmp_path: Path) -> None:
+    content = "t,glucose\n0,3.0\n1,3.1\n1,-3.1\n2,-3.0\n2,-3.1\n2,3.1\n3,1.0\n3,2.0\n"
+    block = {"faults": {"repeated": "mean"}}
+    found = recorded(tmp_path, content, block, periods={"S": 2 * np.pi}).outputs["S"].values
+    vectors = [np.mean(np.exp(1j * np.array(some))) for some in ([3.0], [3.1, -3.1], [-3.0, -3.1, 3.1], [1.0, 2.0])]
+    np.testing.assert_allclose(np.exp(1j * found), vectors / np.abs(vectors), atol=5e-4)  # of three only nearly
+    assert found[3] == 1.5
+    assert recorded(tmp_path, content, block, periods={"x": 2 * np.pi}).outputs["S"].values[1] == 0.0
+
+
+def test_the_period_of_a_plant_holds_for_its_log(tmp_path: Path) -> None:
+    (tmp_path / "log.csv").write_text("t,glucose\n0,3.0\n1,3.1\n1,-3.1\n2,-3.0\n")
+    plant = {"states": ["a"], "dynamics": {"a": "0"}, "output": {"S": {"value": "a", "period": "2*pi"}}}
+    source = Source({"plant": plant, "data": LOG | {"faults": {"repeated": "mean"}}}, {})
+    found = log_of(source, tmp_path / "log.yaml").read()
+    assert found.outputs["S"].values[1] == pytest.approx(np.pi, abs=1e-12)
+
+
+TURNING = table(np.arange(60.0), np.arange(60.0) * 0.93 % 8)
+PASSED = table(np.arange(60.0), np.where(np.arange(60) < 30, 7.93, -0.18) + 0.01 * np.arange(60))
+
+
+@pytest.mark.parametrize(("content", "kind"), [(TURNING, "straight lines"), (PASSED, "as if the unit had changed")])
+def test_where_an_angle_passes_a_whole_turn_nothing_has_changed(tmp_path: Path, content: str, kind: str) -> None:
+    with pytest.raises(ConfigError, match=kind):
+        recorded(tmp_path, content)
+    assert not recorded(tmp_path, content, periods={"S": 8.0}).notes
 
 
 def test_a_signal_may_be_treated_otherwise(tmp_path: Path) -> None:
