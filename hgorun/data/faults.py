@@ -18,6 +18,7 @@ GAP = 20.0
 """Median steps that make a gap."""
 STUCK = 20
 """Equal values in a row that may be a stuck sensor, at the least."""
+_RARE, _TWO = 30, 2  # so many stretches beside one that may be stuck: these are few; two are beside as many
 LINE = 10
 """Points on a line that noise does not leave there."""
 _SHORT_LINE = 4
@@ -72,12 +73,21 @@ def usual_step(taken: np.ndarray) -> float:
 
 
 def stuck(values: np.ndarray) -> list[Stretch]:
-    """Stretches of one value that are much longer than this signal's usual ones."""
+    """Stretches of one value that are much longer than this signal's usual ones.
+
+    Usual is the median of those of two or more: sensors that are coarse, or machines that rest between moves, have
+    many. Where those that may be stuck are few among all values, it is the median of all, single values too: two that
+    are stuck would be each other's usual length.
+    """
     runs = equal_runs(values)
     sizes = runs[:, 1] - runs[:, 0]
-    if not np.any(sizes >= STUCK):
+    long = int(np.count_nonzero(sizes >= STUCK))
+    if not long:
         return []
     usual = float(np.median(sizes)) if sizes.size > 1 else 1.0
+    singles = values.size - int(sizes.sum())
+    if (1 if long <= _TWO else long) * _RARE <= sizes.size + singles:
+        usual = min(usual, float(np.median(np.append(sizes, np.ones(min(singles, sizes.size + 1))))))
     return [Stretch(start, stop) for start, stop in runs[sizes >= max(STUCK, 5 * usual)].tolist()]
 
 

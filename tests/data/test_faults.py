@@ -68,6 +68,24 @@ def test_a_stuck_sensor_is_found(digits: int | None) -> None:
     assert found.start <= 900 < 1000 <= found.stop < 1003
 
 
+@pytest.mark.parametrize(("count", "stuck"), [(30, 1), (30, 2), (300, 2), (1500, 5)])
+def test_a_sensor_that_is_stuck_again_is_found_each_time(count: int, stuck: int) -> None:
+    """Neither is the usual length of the other."""
+    starts = count // stuck * np.arange(stuck) + count // 2 // stuck
+    values = np.insert(NOISY[:count], np.repeat(starts + 1, 24 + np.arange(stuck)), 0.0)
+    first = starts + np.cumsum(np.append(0, 24 + np.arange(stuck - 1)))
+    expected = [Stretch(int(k), int(k) + 25 + i) for i, k in enumerate(first)]
+    for one in expected:
+        values[one.start : one.stop] = values[one.start]
+    assert faults.stuck(values) == expected
+
+
+@pytest.mark.parametrize("move", [10, 20])
+def test_a_machine_that_rests_between_short_moves_is_not_stuck(move: int) -> None:
+    ways = np.cumsum(np.tile([*np.linspace(3.0, 4.0, move), *np.zeros(40)], 12))
+    assert not faults.stuck(np.floor(ways))
+
+
 @pytest.mark.parametrize("factor", [1000, 1e-3, 100, 60, 1 / 3600, 1e6])
 @pytest.mark.parametrize("count", [20, 2000])
 def test_a_slip_of_the_unit_is_found(factor: float, count: int) -> None:
