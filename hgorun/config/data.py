@@ -140,8 +140,8 @@ class Clock(Block):
     column: str = Field(description="its name in the file")
     unit: str | None = Field(
         default=None,
-        description="of numbers: ns, us, ms, s, min, h, d (default: the unit of time.unit; unix: s; available: that of "
-        "the time beside it)",
+        description="of numbers: ns, us, ms, s, min, h, d, week (default: the unit of time.unit; unix: s; available: "
+        "that of the time beside it)",
     )
     format: str | None = Field(
         default=None,

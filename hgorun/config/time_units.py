@@ -15,6 +15,7 @@ SECONDS = {
     "min": Fraction(60),
     "h": Fraction(3600),
     "d": Fraction(86400),
+    "week": Fraction(604800),
 }
 """How long each is."""
 _NAMES = {
@@ -25,10 +26,11 @@ _NAMES = {
     "min": ("mins", "minute", "minutes"),
     "h": ("hr", "hrs", "hour", "hours"),
     "d": ("day", "days"),
+    "week": ("weeks",),
 }
 SHORT = {name: unit for unit, names in _NAMES.items() for name in names}
 """Other names of them."""
-_LONG = {"week": ("weeks",), "month": ("months",), "year": ("years", "yr", "a")}  # of which no log counts
+_LONG = {"month": ("months",), "year": ("years", "yr", "a")}  # of no fixed length
 _COUNTED = {"step": ("steps",), "sample": ("samples",)}
 _WITHOUT = {"-": ("", "1")}
 _OF_RUNS = {name: unit for unit, names in {**_LONG, **_COUNTED, **_WITHOUT}.items() for name in names}
@@ -43,13 +45,19 @@ def run_unit(text: str) -> str:
         Where it is another unit, or no unit.
     """
     unit = SHORT.get(text, _OF_RUNS.get(text, text))
-    if unit in SECONDS or unit in _LONG or unit in _COUNTED or unit in _WITHOUT:
+    if unit in SECONDS or without_length(unit):
         return unit
     known = (*SECONDS, *_LONG)
     raise ValueError(
         f"{text!r} is not a unit of time.{meant_unit(text, (*known, *SHORT))} Known: {', '.join(known)}, and - for a "
         "time without a unit"
     )
+
+
+def without_length(text: str) -> bool:
+    """Whether it is a unit of time of runs that has no fixed length: month and year, steps and samples, or none."""
+    unit = _OF_RUNS.get(text, text)
+    return unit in _LONG or unit in _COUNTED or unit in _WITHOUT
 
 
 def meant_unit(text: str, known: Collection[str]) -> str:

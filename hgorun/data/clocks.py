@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
 from hgorun.config.data import Clock, has_date
+from hgorun.config.time_units import without_length
 from hgorun.data.cells import Cells, Numbers, Stamps
 from hgorun.data.date_hints import clock_key
 from hgorun.data.date_texts import iso_stamp, looks_like_iso
@@ -59,6 +60,11 @@ class ClockColumn:
     def absolute(self) -> bool:
         """Whether its stamps are dates."""
         return isinstance(self.cells, Stamps) or self.clock.format in _COUNTED
+
+    @property
+    def zones(self) -> set[bool]:
+        """Whether its dates have a time zone: numbers since 1970 count in UTC, days of workbooks in none."""
+        return self.cells.zoned if isinstance(self.cells, Stamps) else {self.clock.format == "unix"}
 
 
 def clock_column(clock: Clock, file: TableFile, path: KeyPath) -> ClockColumn:
@@ -166,7 +172,7 @@ def odd_numbers(column: ClockColumn, table: Table, unit: str = "") -> Iterator[s
 def _undeclared(column: ClockColumn, values: np.ndarray, unit: str) -> Iterator[str]:
     """What is to be told of numbers that are dates by their size, which is not that of times in their unit."""
     name, key, taken = column.cells.column, str(column.path[-1]), column.clock.unit or unit
-    if not taken or not values.size:
+    if not taken or without_length(taken) or not values.size:
         return
     size = float(seconds(taken, ("time", "unit") if column.clock.unit is None else (*column.path, "unit"))) * 1e9
     first, now = float(values[0]), time.time_ns()
@@ -202,19 +208,31 @@ def rounding(cells: Cells, table: Table) -> tuple[float, float]:
     return (apart if last >= _WHOLE or apart > _ROUNDED * step > 0 else 0.0), step
 
 
-def origin_stamp(said: str | float, clock: ClockColumn) -> int:
-    """The date that is stated as the origin, as stamps of a clock are written.
+def origin_stamp(said: str | float, clock: ClockColumn, zones: Set[bool]) -> int:
+    """The date that is stated as the origin: as text, or as stamps of a clock are written.
+
+    Parameters
+    ----------
+    said : str or float
+    clock : ClockColumn
+    zones : set of bool
+        Whether the stamps have a time zone.
 
     Raises
     ------
     Problem
+        Also where the stamps have a time zone and the origin has none, or the reverse.
     """
     path = ("data", "origin")
     if isinstance(said, str):
+        text = said.strip()
         try:
-            return iso_stamp(said.strip(), lambda _: "; write the year first, then the month")[0]
+            found, zoned = iso_stamp(text, lambda _: "; write the year first, then the month")
         except ValueError as error:
             raise Problem(path, str(error)) from None
+        if zones and zoned not in zones:
+            raise Problem(path, _of_another_clock(text, zoned=zoned))
+        return found
     if clock.clock.format not in _COUNTED:
         raise Problem(path, f"expected a date such as 2024-05-31T13:45, found {said:g}")
     table = Table(Path(), np.zeros(1, dtype=np.int32), {clock.cells: np.array([said])})
@@ -222,6 +240,20 @@ def origin_stamp(said: str | float, clock: ClockColumn) -> int:
         return int(stamps(clock, table, "s")[0])
     except ConfigError as error:
         raise Problem(path, error.message) from None
+
+
+def _of_another_clock(text: str, *, zoned: bool) -> str:
+    """What is wrong with an origin that alone has a time zone, or alone has none, and what to write."""
+    if not zoned:
+        right = f"{text}Z" if len(text) > len("2024-05-31") else f"{text}T00:00Z"
+        return (
+            f"the stamps have a time zone, and the origin has none: {right} is one in UTC, and with +02:00 in place of "
+            "Z on a clock two hours ahead"
+        )
+    return (
+        "the origin has a time zone, and the stamps have none: write it without, as the time that clocks showed where "
+        "the log was made"
+    )
 
 
 def shown(time: float, origin: Origin, unit: str = "") -> str:

@@ -8,13 +8,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 
 from hgorun.config.data import Data, has_date
-from hgorun.data.cells import Stamps
 from hgorun.data.clocks import ClockColumn, odd_dates, odd_numbers, origin, origin_stamp, stamps, times_since
 from hgorun.data.date_hints import clock_key, with_exchanged
 from hgorun.data.date_order import a_day_too_early, days_counted, exchanged, known_after, passes_midnight, unlike_others
 from hgorun.data.dates import NAT
 from hgorun.data.day_counts import four_years_apart, span_of
 from hgorun.data.factored_units import has_factor
+from hgorun.data.far_dates import require_near
 from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.parts import require_one_time_unit
 from hgorun.data.recording import Note, Origin
@@ -92,6 +92,7 @@ class OneClock:
         for file, clock in dict.fromkeys(clocks):
             self.notes += self._unit_of_clock(file, clock)
             self._stamps[file, clock] = stamps(clock, self._tables[file], self._unit)
+        require_near({place: self._stamps[place] for place in absolute}, self._tables)
         self._require_one_day_0(dict.fromkeys(absolute))
         for file, clock in dict.fromkeys(absolute):
             self._require_order(file, clock, signals)
@@ -104,7 +105,7 @@ class OneClock:
         if number is not None and self._block.origin is None:
             message = "numbers here and dates elsewhere: data.origin has to say from which date the numbers count"
             raise Problem(number[1].path, message)
-        of_zones = {zone: place for place in reversed(absolute) for zone in _zones(place[1])}
+        of_zones = {zone: place for place in reversed(absolute) for zone in place[1].zones}
         zones = set(of_zones)
         if len(zones) > 1:
             with_one, without = (self._first_stamp(*of_zones[zone]) for zone in (True, False))
@@ -116,7 +117,7 @@ class OneClock:
                 raise Problem(absolute[0][1].path, f"the dates {here} time zone, and those of the log {there}")
             return int(self._beside.epoch.astype(np.int64)), zones == {True}
         if self._block.origin is not None:
-            return origin_stamp(self._block.origin, absolute[0][1]), zones == {True}
+            return origin_stamp(self._block.origin, absolute[0][1], zones), zones == {True}
         found = [self._stamps[file, clock] for file, clock in absolute]
         firsts = [int(some[some != NAT].min()) for some in found if np.any(some != NAT)]
         if not firsts:
@@ -289,11 +290,6 @@ class OneClock:
             found = self._stamps[file, clock]
             if clock.absolute:
                 assert epoch is not None
+                require_near({(file, clock): found}, self._tables, epoch)
                 found = times_since(found, epoch, self._unit)
             yield (file, clock), found
-
-
-def _zones(clock: ClockColumn) -> set[bool]:
-    """Whether its dates have a time zone: numbers since 1970 count in UTC."""
-    of_dates = clock.cells.zoned if isinstance(clock.cells, Stamps) else set()
-    return of_dates | ({True} if clock.clock.format == "unix" else set())

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hgorun.config.expressions import nearest
-from hgorun.config.time_units import SECONDS, SHORT, meant_unit
+from hgorun.config.time_units import SECONDS, SHORT, meant_unit, without_length
 from hgorun.data.factored_units import asked, has_number, joined, parted
 from hgorun.data.meant_units import german_degrees, meant_by
 from hgorun.data.readable_units import DEFINED, may_be_read
@@ -57,6 +57,9 @@ def seconds(unit: str, path: KeyPath) -> Fraction:
         At ``path``, when it is not a unit of time.
     """
     found = _seconds(unit)
+    if found is None and without_length(unit):
+        known = ", ".join(SECONDS)
+        raise Problem(path, f"{unit!r} has no fixed length: dates and times in other units are converted to {known}")
     if found is None:
         raise Problem(
             path, f"{unit!r} is not a unit of time.{meant_unit(unit, list(SECONDS))} Known: {', '.join(SECONDS)}"

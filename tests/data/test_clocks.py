@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ DATES = [START + timedelta(seconds=t) for t in TIMES.tolist()]
 
 
 def log(stamps: list[str]) -> str:
-    return "t;glucose\n" + "".join(f"{stamp};{v}\n" for stamp, v in zip(stamps, VALUES, strict=True))
+    return "t;glucose\n" + "".join(f"{stamp};{v}\n" for stamp, v in zip(stamps, VALUES[: len(stamps)], strict=True))
 
 
 FORMS: list[tuple[Any, list[str]]] = [
@@ -94,6 +95,68 @@ def test_stamps_that_are_none(tmp_path: Path, stamp: str, form: str, message: st
 def test_origins_that_are_none(tmp_path: Path, origin: Any, message: str) -> None:
     with pytest.raises(Problem, match=message):
         recorded(tmp_path, log([date.isoformat() for date in DATES]), {"origin": origin})
+
+
+@pytest.mark.parametrize(
+    ("form", "ends", "origin", "message"),
+    [
+        (None, "Z", "2024-02-28", "stamps have a time zone, and the origin has none: 2024-02-28T00:00Z is one in UTC"),
+        (None, "+02:00", "2024-02-28 12:30", "and the origin has none: 2024-02-28 12:30Z is one in UTC"),
+        (None, "", "2024-02-28T00:00+02:00", "origin has a time zone, and the stamps have none: write it without"),
+        ("unix", "", "2024-02-28", "stamps have a time zone, and the origin has none"),
+        ("excel", "", "2024-02-28T00:00Z", "origin has a time zone, and the stamps have none"),
+    ],
+)
+def test_an_origin_has_a_time_zone_where_the_stamps_have_one(
+    tmp_path: Path, form: Any, ends: str, origin: str, message: str
+) -> None:
+    of_form = {"unix": ["1709164790", "1709164791"], "excel": ["45350.5", "45350.75"]}
+    stamps = of_form[form] if form else [date.isoformat() + ends for date in DATES]
+    clock = {"column": "t"} | ({"format": form} if form else {})
+    with pytest.raises(Problem, match=re.escape(message)) as caught:
+        recorded(tmp_path, log(stamps), {"time": clock, "origin": origin})
+    assert caught.value.path == ("data", "origin")
+
+
+@pytest.mark.parametrize(
+    ("dates", "block", "message"),
+    [
+        (["1700-01-01", "2024-03-01"], {}, ":3: t: 2024-03-01 is more than 292 years away from 1700-01-01 in this"),
+        (["2024-03-01", "1700-01-01"], {}, ":3: t: 1700-01-01 is more than 292 years away from 2024-03-01 in this"),
+        (["1970-01-01", "1680-01-01", "2260-01-01"], {}, ":4: t: 2260-01-01 is more than 292 years away from 1680"),
+        (["2024-03-01", "2024-03-02"], {"origin": "1700-01-01"}, ":2: t: 2024-03-01 .* from the origin, 1700-01-01"),
+    ],
+)
+def test_dates_that_are_too_far_apart(tmp_path: Path, dates: list[str], block: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        recorded(tmp_path, log(dates), block)
+
+
+@pytest.mark.parametrize(
+    ("unit", "clock", "times"),
+    [
+        ("month", None, [1.0, 2.0, 4.0]),
+        ("year", "year", [1.0, 2.0, 4.0]),
+        ("-", None, [1.0, 2.0, 4.0]),
+        ("steps", None, [1.0, 2.0, 4.0]),
+        ("week", "d", [1 / 7, 2 / 7, 4 / 7]),
+        ("d", "weeks", [7.0, 14.0, 28.0]),
+    ],
+)
+def test_numbers_are_in_any_unit_of_a_run(tmp_path: Path, unit: str, clock: str | None, times: list[float]) -> None:
+    block = {"time": {"column": "t"} | ({"unit": clock} if clock else {})}
+    found = recorded(tmp_path, log(["1", "2", "4"]), block, time_unit=unit)
+    np.testing.assert_allclose(found.outputs["S"].taken, times, rtol=1e-15)
+    assert not found.notes
+
+
+def test_dates_in_weeks_and_what_has_no_fixed_length(tmp_path: Path) -> None:
+    dates = log(["2024-01-01", "2024-01-15"])
+    assert recorded(tmp_path, dates, time_unit="week").outputs["S"].taken.tolist() == [0.0, 2.0]
+    for unit in ("month", "years", "sample", "-"):
+        with pytest.raises(Problem, match="has no fixed length: dates and times in other units") as caught:
+            recorded(tmp_path, dates, time_unit=unit)
+        assert caught.value.path == ("time", "unit")
 
 
 def test_clocks_that_cannot_be_compared(tmp_path: Path) -> None:
