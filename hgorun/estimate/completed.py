@@ -6,8 +6,6 @@ from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from typing import Any
 
-import numpy as np
-
 from hgorun.config.models import ExperimentBlocks
 from hgorun.config.nearest import among
 from hgorun.config.overrides import replaced
@@ -18,6 +16,7 @@ from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.first_values import first_values, require_known
 from hgorun.estimate.intervals import mean_intervals, offset_of, period_of
+from hgorun.estimate.output_step import FEWEST, output_step
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.estimate.stated_of_data import StatedOfData, noisy
 from hgorun.measurement.blocks import Measurement
@@ -32,7 +31,8 @@ _OF_NOISE = ("noise", "mode")  # what a measurement block says beside data: when
 def completed(source: Source, recording: Recording, name: str, text: str) -> Experiment:
     """The experiment that the observers run in.
 
-    The span of the data is that of the run, unless ``time`` says otherwise, and the output step is their median gap.
+    The span of the data is that of the run, unless ``time`` says otherwise, and the output step is their median gap, or
+    a part of it in a short log.
     When samples come is decided by the data; the measurement block is asked for the noise alone. Filters of samples are
     designed for the mean time between those of the run. States that are
     measured start from the first sample of each, where an observer's ``initial`` does not name them; or all states
@@ -57,7 +57,7 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     end: object = None
     if isinstance(of_time := given.get("time") or {}, dict):
         with source.located():
-            time = _time(of_time, recording)
+            time = _time(of_time, recording, given.get("metrics"))
         start, end = time["start"], time["end"]
         changes = {f"time.{key}": value for key, value in time.items() if key not in of_time}  # lines of others stay
     if not (isinstance(given.get("plant"), dict) and given["plant"]):
@@ -190,7 +190,7 @@ def _with(source: Source, changes: Mapping[str, Any]) -> Source:
     return source
 
 
-def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
+def _time(given: Mapping[str, Any], recording: Recording, metrics: object) -> dict[str, Any]:
     start, end = recording.span
     if "end" not in given:
         require_known(recording)
@@ -198,9 +198,9 @@ def _time(given: Mapping[str, Any], recording: Recording) -> dict[str, Any]:
     if _numbers(found):
         _require_data(found["start"], found["end"], start, end, given)
     if "output_step" not in found:
-        gap = recording.median_gap
         span = float(found["end"]) - float(found["start"]) if _numbers(found) else end - start
-        found["output_step"] = float(min(gap, span)) if np.isfinite(gap) else span
+        recorded = isinstance(metrics, dict) and "record" in metrics  # a multiple of the gap, or a part of it
+        found["output_step"] = output_step(recording.median_gap, span, least=1 if recorded else FEWEST)
     return found
 
 

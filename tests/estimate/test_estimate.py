@@ -111,7 +111,7 @@ def test_a_recorded_input_that_is_held_is_the_same_as_an_expression() -> None:
     expression = dict(plant, inputs={"u": "where(t < 2, 0.3, where(t < 3, -0.2, 0))", "v": "0.1*t"})
     other = estimate(source(config | {"plant": expression}), recording(log.outputs["a"]), sensitivity=False)
     np.testing.assert_allclose(found.observers["shgo"].xhat, other.observers["shgo"].xhat, rtol=0, atol=1e-12)
-    assert found.u[:, found.inputs.index("u")][[0, 25, 40]].tolist() == [0.3, -0.2, 0.0]
+    assert found.u[np.searchsorted(found.time, [0, 2.5, 4]), found.inputs.index("u")].tolist() == [0.3, -0.2, 0.0]
 
 
 def test_what_the_data_decide() -> None:
@@ -121,7 +121,7 @@ def test_what_the_data_decide() -> None:
     config = {"plant": {k: v for k, v in PENDULUM.items() if k != "initial"}}
     config["observers"] = {"o": {"type": "shgo", "theta": 2, "poles": -1}}
     found = estimate(source(config), log, sensitivity=False)
-    assert found.time[[0, 1, -1]].tolist() == [2.0, 2.5, 6.0]
+    assert found.time[[0, 20, -1]].tolist() == [2.0, 2.5, 6.0]
     assert found.observers["o"].xhat[0].tolist() == [0.7, 0.0]
     assert found.kind == "estimate"
     assert found.status == "ok"
@@ -216,8 +216,8 @@ def test_what_was_recorded_has_to_be_of_use(log: Recording, message: str) -> Non
 @pytest.mark.parametrize(
     ("time", "points"),
     [
-        ({"end": 3.0}, [1.0, 3.0]),
-        ({"start": 0.0}, [0.0, 1.0]),
+        ({"end": 3.0}, [1 + 0.02 * k for k in range(101)]),
+        ({"start": 0.0}, [0.01 * k for k in range(101)]),
         ({"start": 0.0, "end": 3.0, "output_step": 1.0}, [0, 1, 2, 3]),
     ],
 )
@@ -226,7 +226,7 @@ def test_samples_of_one_time_are_followed_in_a_run_that_has_a_length(
 ) -> None:
     config = {"plant": PENDULUM, "observers": observers("shgo"), "time": time}
     found = estimate(source(config), recording(signal("a", [1.0], [0.5])), sensitivity=False)
-    assert found.time.tolist() == points
+    assert found.time.tolist() == pytest.approx(points, abs=1e-14)
 
 
 @pytest.mark.parametrize(
