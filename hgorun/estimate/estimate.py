@@ -14,6 +14,7 @@ from hgorun.estimate.compared import unseen
 from hgorun.estimate.completed import completed
 from hgorun.estimate.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.far_off import far_off
+from hgorun.estimate.first_gain import too_large_at_first
 from hgorun.estimate.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.left_at_start import told_of_first
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
@@ -250,6 +251,8 @@ def _observer(prepared: PreparedEstimate, found: Evaluated, j: int, assessed: As
 def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
     lost = float(found.carried.raw.diverged[j, 0])
     origin = prepared.run.origin
+    if np.isfinite(lost) and (unresolved := too_large_at_first(prepared, j)):
+        return Verdict("inaccurate", origin + lost, unresolved)
     if np.isfinite(lost) and found.carried.by_steps[j]:
         return Verdict("inaccurate", origin + lost, _TOO_LONG.format(found.carried.step))
     if np.isfinite(lost):
@@ -258,7 +261,7 @@ def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
         return Verdict("undefined", origin + float(found.undefined[j]))
     solver = prepared.run.solver
     if solver.controlled and not found.carried.error[j] <= solver.accuracy:
-        return Verdict("inaccurate", None, _LARGE)
+        return Verdict("inaccurate", None, too_large_at_first(prepared, j) or _LARGE)
     return OK
 
 

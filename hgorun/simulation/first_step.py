@@ -15,7 +15,8 @@ from hgorun.simulation.experiment import Experiment
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.forms import Form
 
-_PART = 0.05  # of 1/rate: a step
+PART = 0.05
+"""Of 1/rate: a step."""
 _SLOPES: Memo[ca.Function] = Memo(64)
 
 
@@ -65,7 +66,7 @@ def step_for(experiment: Experiment, rate: float) -> float:
     span = time.end - time.start
     step = span / 1000
     if rate > 0:
-        step = min(step, _PART / rate)
+        step = min(step, PART / rate)
     for stretches in experiment.stretches:
         for s in stretches:
             fastest = s.fastest() if s.continuous else 0.0
@@ -100,9 +101,9 @@ def first_moments(experiment: Experiment, step: float, apart: float) -> np.ndarr
         return np.zeros(0)
     rates = [rate_of(label, design.observer, design.form) for label, design in experiment.designs.items()]
     rate = max((rate for rate in rates if np.isfinite(rate)), default=0.0)
-    if not rate * step > 4 * _PART:  # as long as fixed steps may be chosen
+    if not rate * step > 4 * PART:  # as long as fixed steps may be chosen
         return np.zeros(0)
-    growth, unit = 1 + _PART / 2, 2 / rate
+    growth, unit = 1 + PART / 2, 2 / rate
     count = int(np.ceil(np.log(step / (unit * (growth - 1))) / np.log(growth)))
     found = unit * (growth ** np.arange(1, count + 1) - 1)
     return np.asarray(found[np.diff(found, prepend=0.0) > apart])

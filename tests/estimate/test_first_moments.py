@@ -93,3 +93,25 @@ def test_when_losses_are_apart() -> None:
     own = np.array([inf, 1.0, 1.0, inf, 1.0, 0.0])
     other = np.array([inf, 1.04, 1.6, 2.0, inf, 0.0])
     assert lost_apart(own, other).tolist() == [False, False, True, True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("kind", "P", "std", "told"),
+    [
+        ("kalman_bucy", 1e4, 1e-3, "its P(0) of 1e+04 is too large beside R"),
+        ("kalman_bucy", 5e3, 1e-3, "its P(0) of 5e+03 is too large beside R"),  # lost on the way
+        ("kalman_bucy", 620.0, 1e-3, None),
+        ("ekf", 1e5, 1e-3, None),
+    ],
+)
+def test_a_first_covariance_that_no_step_resolves_is_named(
+    kind: str, P: float, std: float, told: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(prepared, "nominal_step", lambda _: 0.004)
+    result = estimated({"KB": {"type": kind, "Q": {"v": 0.001}, "internal": {"P": P}}}, std)
+    verdict = result.observers["KB"].verdict
+    assert verdict.status == ("inaccurate" if told else "ok")
+    if told:
+        assert verdict.reason is not None
+        assert verdict.reason.startswith(told)
+        assert f"a P(0) up to 6.3e+02 would do (internal: {{P: ...}}), or an R {P / 625:.2g} times" in verdict.reason
