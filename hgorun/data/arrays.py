@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -102,7 +102,7 @@ class ArrayFile:
         """Whether its unit is such as ``minutes since 2024-01-01``."""
         return counts_from_a_date(self._columns[column].unit)
 
-    def hint(self, column: str) -> str:
+    def hint(self, column: str, names: Collection[str] = ()) -> str:
         """What the file has under that name."""
         why = _aside(self._path, lambda: self._form.passed_over(self._path, column), 2**26)
         return f" {column} is there, but {why}." if why else ""

@@ -17,6 +17,7 @@ from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Numbers
 from hgorun.data.comments import is_comment
 from hgorun.data.dialect import Dialect, cells_of, dialect_of
+from hgorun.data.header_below import header_below
 from hgorun.data.kept_lines import KeptLines
 from hgorun.data.missing import leave_out
 from hgorun.data.rows import Rows
@@ -76,14 +77,17 @@ class CsvFile:
         """Text has dates as dates."""
         return False
 
-    def hint(self, column: str) -> str:
+    def hint(self, column: str, names: Collection[str] = ()) -> str:
         """How many lines stand above the header, where a line below that which was taken for it has the column."""
-        lines = next(blocks(self._path, self._told.encoding)).text.split(b"\n", _ABOVE)[:_ABOVE]
-        found = (skip for skip, line in enumerate(lines) if column.strip() and column.strip().encode() in line)
-        header = [name.encode() for name in dict.fromkeys(self.dialect.names)]
-        below = (skip for skip in found if skip > self._told.skip and not all(name in lines[skip] for name in header))
-        above = next(below, None)
-        return "" if above is None else f" Line {above + 1} has it: if that is the header, csv: {{skip: {above}}}."
+        first = self._told.skip + 1
+        text = next(blocks(self._path, self._told.encoding)).text.split(b"\n", _ABOVE)[:_ABOVE]
+        lines = [line.decode("utf-8", "replace") for line in text]
+        header = list(dict.fromkeys(self.dialect.names))
+        again = ["" if all(name in line for name in header) else line for line in lines[first:]]
+        place = header_below(again, column, names)
+        if place is None:
+            return ""
+        return f" Line {first + place + 1} has it: if that is the header, csv: {{skip: {first + place}}}."
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it.

@@ -192,7 +192,7 @@ class Sources:
             raise Problem(path, f"{file.path} has {count} columns called {column!r}")
         header = " in its header" if len(known) > LISTED else ""
         shown = f": {listed(map(_visible, known), column)}{header}" if known else " none"
-        hint = file.table.hint(column) or column_meant(column, known)
+        hint = file.table.hint(column, _columns_of(self._block)) or column_meant(column, known)
         told = f"{file.path} has no column {column!r}.{hint} It has{shown}"
         if self._reference:  # the keys are those of the log, which stay as they are
             of_its_own = f"{self._reference}, column: COLUMN, time: COLUMN}}}}"
@@ -215,6 +215,13 @@ class Sources:
                 budget -= table.lines.nbytes + sum(column.nbytes for column in table.columns.values())
                 found[file] = table
         return found
+
+
+def _columns_of(block: Data) -> set[str]:
+    """All columns that a block names, but those of qualities."""
+    columns = [*block.outputs.values(), *block.inputs.values(), *block.reference.values()]
+    clocks = [block.time, *(column.time for column in columns)]
+    return {column.column for column in columns} | {clock.column for clock in clocks if clock is not None}
 
 
 def _clocks_of(block: Data) -> dict[str, set[str | None]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Protocol
@@ -53,8 +53,15 @@ class TableFile(Protocol):
     def counts_from_a_date(self, column: str) -> bool:
         """Whether its numbers count from a date that the file states."""
 
-    def hint(self, column: str) -> str:
-        """Why a column may not be among the names, as a sentence; empty where nothing is known."""
+    def hint(self, column: str, names: Collection[str] = ()) -> str:
+        """Why a column may not be among the names, as a sentence; empty where nothing is known.
+
+        Parameters
+        ----------
+        column : str
+        names : collection of str
+            All columns that are read.
+        """
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it, within some bytes of memory."""

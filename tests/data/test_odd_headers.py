@@ -93,6 +93,17 @@ def test_files_of_a_logger_are_read_where_their_first_line_is_left_out(tmp_path:
     assert (found.taken.tolist(), found.values.tolist()) == ([0, 1], [1, 2.5])
 
 
+def test_the_line_of_the_header_has_all_names_as_whole_cells(tmp_path: Path) -> None:
+    above = "Report of site\nglucose at t\nof t\nt of start;3\n"
+    for names in ('t,glucose,"t [s]"', "t [s];glucose [g/L]"):
+        with pytest.raises(Problem) as caught:
+            recorded(tmp_path, f"{above}{names}\n" + ROWS)
+        told = str(caught.value)
+        assert told.count("Line 5 has it: if that is the header, csv: {skip: 4}") == 1
+        assert "skip: 1" not in told
+        assert "skip: 3" not in told
+
+
 def test_a_row_below_the_units_that_no_logger_writes_is_one_of_data(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"log\.csv:4: glucose: expected a number, found 'Raw'; if this"):
         recorded(tmp_path, LOGGER.replace("TOA5", "#") % "Raw", {"time": "TIMESTAMP", "csv": {"skip": 1}})
