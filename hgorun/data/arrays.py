@@ -107,6 +107,10 @@ class ArrayFile:
         why = _aside(self._path, lambda: self._form.passed_over(self._path, column), 2**26)
         return f" {column} is there, but {why}." if why else ""
 
+    def tags(self) -> Mapping[str, str]:
+        """Of arrays none are looked for."""
+        return {}
+
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it.
 

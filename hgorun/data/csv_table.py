@@ -22,6 +22,7 @@ from hgorun.data.kept_lines import KeptLines
 from hgorun.data.missing import leave_out
 from hgorun.data.rows import Rows
 from hgorun.data.table import Columns, Table
+from hgorun.data.tags import are_tags
 from hgorun.data.text import Block, blocks
 from hgorun.errors import ConfigError
 
@@ -88,6 +89,17 @@ class CsvFile:
         if place is None:
             return ""
         return f" Line {first + place + 1} has it: if that is the header, csv: {{skip: {first + place}}}."
+
+    def tags(self) -> Mapping[str, str]:
+        """Columns of words of which few are different, as names of signals below each other, with the first of each."""
+        rows = list(
+            islice(
+                _all_cells(_from_line(blocks(self._path, self._told.encoding), self.dialect.first), self.dialect),
+                _SHOWN,
+            )
+        )
+        columns = dict(zip(self.dialect.names, zip(*rows, strict=False), strict=False))
+        return {name: words[0].strip() for name, words in columns.items() if are_tags(words)}
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it.

@@ -194,7 +194,10 @@ class _Making:
         if not isinstance(block, Judged):  # inputs may be written when they change: what all are told is of outputs
             told = told.model_copy(update={"gaps": block.faults.gaps})
         measured = isinstance(block, Judged)
-        sorting = Sorting(told, measured, self.clock.origin, self.periods.get(signal.name) if measured else None)
+        period = self.periods.get(signal.name) if measured else None
+        without = isinstance(block, Judged) and block.quality is None
+        tags = signal.parts[0].file.table.tags if without else dict
+        sorting = Sorting(told, measured, self.clock.origin, period, tags)
         plausible = block.plausible if isinstance(block, Judged) else None
         return sorting.sorted_out(samples, plausible), found + sorting.notes
 

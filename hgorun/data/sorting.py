@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
@@ -13,13 +13,15 @@ from hgorun.data import faults
 from hgorun.data.clocks import EXACT, duration_shown, shown
 from hgorun.data.periods import means, unwrapped
 from hgorun.data.recording import Note, Origin
+from hgorun.data.said_places import samples_said, where
 from hgorun.data.samples import Samples
+from hgorun.data.tags import Tags, of_several
 from hgorun.errors import ConfigError
 
 _ALL_DIGITS = 17  # that tell two doubles apart
-_SHOWN = 5  # places of a fault whose lines are named
 _AS_MEASURED = "faults: {slips: report} if this was measured so"
 _HELD = "an input's last value is held meanwhile, or with hold: linear a straight line goes to the next"
+_IF_KNOWN = "faults: {repeated: first}, last, mean or keep if this is known"
 _LATEST = 1e8  # steps between samples
 
 
@@ -35,10 +37,19 @@ class Sorting:
         Of their times.
     period : float, optional
         Up to which the values are known, as those of an angle.
+    tags : callable
+        Columns that may name the signal of each row, with the first of their names.
     """
 
-    def __init__(self, told: Faults, measured: bool, origin: Origin, period: float | None = None) -> None:
-        self._told, self._measured, self._origin, self._period = told, measured, origin, period
+    def __init__(
+        self,
+        told: Faults,
+        measured: bool,
+        origin: Origin,
+        period: float | None = None,
+        tags: Tags = dict,
+    ) -> None:
+        self._told, self._measured, self._origin, self._period, self._tags = told, measured, origin, period, tags
         self.notes: list[Note] = []
 
     def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
@@ -82,7 +93,7 @@ class Sorting:
         first, count = int(wrong.argmax()), int(wrong.sum())
         if refuse is not None:
             raise self._refused(samples, first, what, refuse)
-        self._note(kind, samples, first, count, f"{_samples(count)} left out: {what}")
+        self._note(kind, samples, first, count, f"{samples_said(count)} left out: {what}")
         kept = samples.at(~wrong)
         if not kept.values.size:
             raise self._refused(samples, first, f"no value is left: {what}", "there is nothing to estimate from")
@@ -156,7 +167,7 @@ class Sorting:
         if told != "sort" and not samples.late:
             hint = "faults: {backwards: sort} or {backwards: drop} if this is known"
             raise self._refused(samples, k, what, hint)
-        self._note("backwards", samples, k, back.size, f"{_samples(back.size)} sorted by time: {what}")
+        self._note("backwards", samples, k, back.size, f"{samples_said(back.size)} sorted by time: {what}")
         return self._by_arrival(samples)
 
     def _by_arrival(self, samples: Samples) -> Samples:
@@ -175,13 +186,13 @@ class Sorting:
         before, k = sorted(pair, key=lambda i: (int(samples.part[i]) if samples.part.size else 0, samples.lines[i]))
         file, line = samples.place(before)
         stamp = shown(float(samples.taken[k]), self._origin, samples.time_unit)
-        where = f"line {line}" if file == samples.place(k)[0] else f"line {line} of {file}"
-        what = f"the time stamp {stamp} has come before, on {where}"
+        above = f"line {line}" if file == samples.place(k)[0] else f"line {line} of {file}"
+        what = f"the time stamp {stamp} has come before, on {above}"
         if samples.coarse:
             what += f", or is the same only as a double, which are {samples.coarse:.3g} apart here: {EXACT}"
         if told is None or told == "refuse":
-            raise self._refused(samples, k, what, "faults: {repeated: first}, last, mean or keep if this is known")
-        self._note("repeated", samples, k, again.size, f"{_samples(again.size)} ({told}): {what}")
+            raise self._refused(samples, k, what, of_several(self._tags(), _IF_KNOWN))
+        self._note("repeated", samples, k, again.size, f"{samples_said(again.size)} ({told}): {what}")
         if told == "keep":
             return samples
         first = np.ones(samples.values.size, dtype=bool)
@@ -206,7 +217,7 @@ class Sorting:
             raise self._refused(samples, k, what, "faults: {gaps: report} if nothing was measured there")
         places = [faults.Stretch(int(k), int(k) + 1) for k in found]
         held = "" if self._measured else _HELD
-        self._note("gaps", samples, k, found.size, f"{what}{_where(samples, places)}", held)
+        self._note("gaps", samples, k, found.size, f"{what}{where(samples, places)}", held)
 
     def _slips(self, samples: Samples) -> None:
         found = faults.slips(unwrapped(samples.values, self._period))
@@ -220,7 +231,7 @@ class Sorting:
         if self._told.slips != "report":
             raise self._refused(samples, k, what, f"{_AS_MEASURED}{samples.doubt}")
         places = [faults.Stretch(k, k + 1) for k, _ in found]
-        self._note("slips", samples, k, len(found), f"{what}{_where(samples, places)}")
+        self._note("slips", samples, k, len(found), f"{what}{where(samples, places)}")
 
     def _filled(self, samples: Samples) -> Samples:
         hint = "faults: {filled: drop} keeps the ends of the lines, report all"
@@ -259,7 +270,7 @@ class Sorting:
         for stretch in found:  # lines meet in their ends
             keep[stretch.start : stretch.stop] = False
         first, count = found[0], int(np.count_nonzero(~keep))
-        message = f"{_samples(count)} {what}{_where(samples, found)}"
+        message = f"{samples_said(count)} {what}{where(samples, found)}"
         if told == "refuse":
             raise self._refused(samples, first.start, message, f"{hint}{samples.doubt}")
         if told == "report":
@@ -278,19 +289,3 @@ def _ends(stretch: faults.Stretch) -> list[int]:
 
 def _start(stretch: faults.Stretch) -> list[int]:
     return [stretch.start]
-
-
-def _samples(count: int) -> str:
-    return "1 sample" if count == 1 else f"{count:,} samples"
-
-
-def _where(samples: Samples, places: Sequence[faults.Stretch]) -> str:
-    """The lines of the first places, where there are several or where one has several lines."""
-    if len(places) == 1 and places[0].size == 1:
-        return ""
-    shown = [
-        f"{samples.place(stretch.start)[1]}" + (f" to {samples.place(stretch.stop - 1)[1]}" if stretch.size > 1 else "")
-        for stretch in places[:_SHOWN]
-    ]
-    more = f" and {len(places) - _SHOWN:,} more" if len(places) > _SHOWN else ""
-    return f" (lines {', '.join(shown)}{more})"

@@ -63,6 +63,9 @@ class TableFile(Protocol):
             All columns that are read.
         """
 
+    def tags(self) -> Mapping[str, str]:
+        """Columns that name the signal that each row is of, with the first name; none where that is not looked for."""
+
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it, within some bytes of memory."""
 

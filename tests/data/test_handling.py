@@ -125,6 +125,17 @@ def test_the_period_of_a_plant_holds_for_its_log(tmp_path: Path) -> None:
     assert found.outputs["S"].values[1] == pytest.approx(np.pi, abs=1e-12)
 
 
+def test_signals_below_each_other_are_told_apart_by_their_names(tmp_path: Path) -> None:
+    rows = [f"{name},{k},{value}" for k in range(5) for name, value in (("level", 1.5 + k), ("flow", 90 + k))]
+    content = "tag,t,glucose\n" + "\n".join(rows)
+    with pytest.raises(ConfigError) as caught:
+        recorded(tmp_path, content)
+    right = """which 'tag' names: quality: {column: "tag", good: ["level"]} takes those of one; faults: {repeated:"""
+    assert right in str(caught.value)
+    block = {"outputs": {"S": {"column": "glucose", "quality": {"column": "tag", "good": ["level"]}}}}
+    assert recorded(tmp_path, content, block).outputs["S"].values.tolist() == [1.5, 2.5, 3.5, 4.5, 5.5]
+
+
 TURNING = table(np.arange(60.0), np.arange(60.0) * 0.93 % 8)
 PASSED = table(np.arange(60.0), np.where(np.arange(60) < 30, 7.93, -0.18) + 0.01 * np.arange(60))
 

@@ -56,5 +56,5 @@ def test_few_samples_hide_no_motion_and_the_points_change_no_estimate(taken: lis
     np.testing.assert_allclose(found.observers["o"].xhat[before, 0], np.cos(3 * found.time[before]), atol=1e-8)
     for other in runs[1:]:
         np.testing.assert_array_equal(found.observers["o"].xhat[-1], other.observers["o"].xhat[-1])
-        innovations = [recorded_of(one).outputs["a"].innovation for one in (found, other)]
-        np.testing.assert_array_equal(*innovations)
+        here, there = (recorded_of(one).outputs["a"].innovation for one in (found, other))
+        np.testing.assert_array_equal(here, there)
