@@ -58,8 +58,7 @@ def seconds(unit: str, path: KeyPath) -> Fraction:
     """
     found = _seconds(unit)
     if found is None and without_length(unit):
-        known = ", ".join(SECONDS)
-        raise Problem(path, f"{unit!r} has no fixed length: dates and times in other units are converted to {known}")
+        raise Problem(path, f"{unit!r} has no fixed length: dates and other times are converted to {', '.join(SECONDS)}")
     if found is None:
         raise Problem(
             path, f"{unit!r} is not a unit of time.{meant_unit(unit, list(SECONDS))} Known: {', '.join(SECONDS)}"

@@ -9,6 +9,7 @@ import numpy as np
 
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
+from hgorun.data.said_places import samples_said
 from hgorun.estimate.assessed import assess
 from hgorun.estimate.compared import unseen
 from hgorun.estimate.completed import completed
@@ -182,11 +183,13 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
         for late, labels in by_count.items():
             by = "" if len(labels) == len(observers) else f" by {', '.join(labels)}"
             if late:
-                told.append(f"{one.output}: {late} samples became known after newer ones and are not used{by}")
+                used = "is not used" if late == 1 else "are not used"
+                told.append(f"{one.output}: {samples_said(late)} became known after newer ones and {used}{by}")
         outside = recording.outputs[one.output].values.size - one.values.size
         if outside:
             why = _shortened_by(prepared.experiment, recording)
-            told.append(f"{one.output}: {outside} samples lie outside of the run{why}")
+            lie = "lies" if outside == 1 else "lie"
+            told.append(f"{one.output}: {samples_said(outside)} {lie} outside of the run{why}")
     of_all = {one.output: (one.late, one.values.size) for one in prepared.samples}
     told += told_left_out(prepared.experiment.observers, of_all)
     return told

@@ -120,6 +120,7 @@ def test_what_is_wrong_is_said(shell: Shell, arguments: tuple[str, ...], message
     ("given", "told"),
     [
         ("time: {start: 1}", "10 samples lie outside of the run: own.yaml:2: time.start = 1; for the whole recording"),
+        ("time: {start: 0.05}", "a: 1 sample lies outside of the run: own.yaml:2: time.start = 0.05; for the whole"),
         ("time:\n  end: 4.05", "59 samples lie outside of the run: own.yaml:3: time.end = 4.05; for the whole"),
         (
             "\ntime: {start: 1}",
