@@ -58,7 +58,7 @@ def seconds(unit: str, path: KeyPath) -> Fraction:
     """
     found = _seconds(unit)
     if found is None and without_length(unit):
-        raise Problem(path, f"{unit!r} has no fixed length: dates and other times are converted to {', '.join(SECONDS)}")
+        raise Problem(path, f"{unit!r} has no fixed length: dates and other times are in {', '.join(SECONDS)}")
     if found is None:
         raise Problem(
             path, f"{unit!r} is not a unit of time.{meant_unit(unit, list(SECONDS))} Known: {', '.join(SECONDS)}"
