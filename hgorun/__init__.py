@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from hgorun.analysis.report import analyze
     from hgorun.ensemble.call import sweep
     from hgorun.ensemble.growing import Sweep, read_sweep
-    from hgorun.estimate.estimator import Estimator
+    from hgorun.estimate.stream.estimator import Estimator
     from hgorun.result.reading import read
     from hgorun.result.result import Result
     from hgorun.simulation.experiment import Experiment
@@ -44,7 +44,7 @@ __all__ = [
 
 # Imported when first used: the command line's help must not wait for numpy.
 _LAZY = {
-    "Estimator": "hgorun.estimate.estimator",
+    "Estimator": "hgorun.estimate.stream.estimator",
     "Experiment": "hgorun.simulation.experiment",
     "Result": "hgorun.result.result",
     "Sweep": "hgorun.ensemble.growing",

@@ -89,8 +89,8 @@ def estimate(options: Estimate) -> int:
         from hgorun.commands.remarks import of_run, warn
         from hgorun.estimate.completed import ready
         from hgorun.estimate.estimate import estimate as estimated
-        from hgorun.estimate.long_log import estimate_into
-        from hgorun.estimate.shut_out import shut_out
+        from hgorun.estimate.long.long_log import estimate_into
+        from hgorun.estimate.scores.shut_out import shut_out
 
         ready(source)
         recording, aside = _held_out(log, log.read(files.result), options)

@@ -15,7 +15,7 @@ import numpy as np
 
 from hgorun.commands.stream_lines import Sample, Samples
 from hgorun.errors import ConfigError
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.files import remove_leftovers, written_whole
 from hgorun.process import uninterrupted
 

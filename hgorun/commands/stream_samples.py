@@ -17,14 +17,14 @@ from hgorun.commands.stream_lines import INPUT, Sample
 from hgorun.commands.stream_progress import Progress
 from hgorun.config.data import Data
 from hgorun.config.yaml_source import Source
-from hgorun.data.units import alike
+from hgorun.data.units.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
-from hgorun.estimate.estimator import Estimator
-from hgorun.estimate.first_told import NoStart
-from hgorun.estimate.lateness import why_refused
-from hgorun.estimate.shut_out import told_row, too_many
+from hgorun.estimate.scores.shut_out import told_row, too_many
 from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.estimate.stream.estimator import Estimator
+from hgorun.estimate.stream.first_told import NoStart
+from hgorun.estimate.stream.lateness import why_refused
 from hgorun.observers.treatment import treatment_of
 from hgorun.process import say, uninterrupted
 from hgorun.simulation.experiment import Experiment

@@ -17,13 +17,13 @@ from hgorun.config.written import rounded, with_values
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, Problem
-from hgorun.estimate.cases import Case
 from hgorun.estimate.completed import completed
-from hgorun.estimate.goal import ALL, Goal, Split, read_goal, split
+from hgorun.estimate.gains.cases import Case
+from hgorun.estimate.gains.goal import ALL, Goal, Split, read_goal, split
+from hgorun.estimate.gains.tuning import Trials, reported, search
 from hgorun.estimate.holdout import of_one_time, thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.estimate.samples import stated
-from hgorun.estimate.tuning import Trials, reported, search
 from hgorun.estimate.twins import of_references
 from hgorun.files import json_value, write_text
 from hgorun.process import say

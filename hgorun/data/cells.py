@@ -13,10 +13,10 @@ from typing import TypeAlias
 import numpy as np
 
 from hgorun.config.types import describe
-from hgorun.data.date_forms import patterns_of
-from hgorun.data.date_hints import clock_key, form_hint, other_hint, reader, times_in
-from hgorun.data.date_texts import iso_stamp, looks_like_iso, stamp_of
-from hgorun.data.dates import NAT
+from hgorun.data.times.date_forms import patterns_of
+from hgorun.data.times.date_hints import clock_key, form_hint, other_hint, reader, times_in
+from hgorun.data.times.date_texts import iso_stamp, looks_like_iso, stamp_of
+from hgorun.data.times.dates import NAT
 
 _DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}

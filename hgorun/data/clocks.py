@@ -12,10 +12,12 @@ import numpy as np
 from hgorun.config.data import Clock, has_date
 from hgorun.config.time_units import without_length
 from hgorun.data.cells import Cells, Numbers, Stamps
-from hgorun.data.date_hints import clock_key
-from hgorun.data.date_texts import iso_stamp, looks_like_iso
-from hgorun.data.dates import NAT, counted
-from hgorun.data.day_counts import (
+from hgorun.data.recording import Origin
+from hgorun.data.table import Table, TableFile
+from hgorun.data.times.date_hints import clock_key
+from hgorun.data.times.date_texts import iso_stamp, looks_like_iso
+from hgorun.data.times.dates import NAT, counted
+from hgorun.data.times.day_counts import (
     DAY,
     WORKBOOKS,
     Span,
@@ -25,10 +27,8 @@ from hgorun.data.day_counts import (
     other_starts,
     out_of_range,
 )
-from hgorun.data.recording import Origin
-from hgorun.data.table import Table, TableFile
-from hgorun.data.undeclared_dates import first_day, is_too_long, unix_unit
-from hgorun.data.units import scaled, seconds
+from hgorun.data.times.undeclared_dates import first_day, is_too_long, unix_unit
+from hgorun.data.units.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.pieces import present
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from hgorun.data.clocks import ClockColumn
-from hgorun.data.dates import NAT
 from hgorun.data.sources import LogFile
 from hgorun.data.table import Table
+from hgorun.data.times.dates import NAT
 from hgorun.errors import ConfigError
 
 _MOST = 2**63 - 1  # nanoseconds

@@ -9,7 +9,7 @@ from pathlib import Path
 from hgorun.config.data import Csv
 from hgorun.config.kinds import HDF5, HEAD, MEASUREMENTS, PARQUET, kind_of
 from hgorun.config.nearest import MEASURED, no_file
-from hgorun.data.csv_table import CsvFile
+from hgorun.data.csv.csv_table import CsvFile
 from hgorun.data.table import TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
 
@@ -61,8 +61,8 @@ def open_table(path: Path, told: Csv, key: KeyPath | None, clocks: Mapping[str, 
     if kind not in (HDF5, PARQUET):
         raise ConfigError(f"this is {kind.what}: {kind.instead}", file=str(path), line=1)
     # what texts do not need
-    from hgorun.data.arrays import ArrayFile
-    from hgorun.data.hdf5 import Hdf5
-    from hgorun.data.parquet import Parquet
+    from hgorun.data.arrays.arrays import ArrayFile
+    from hgorun.data.arrays.hdf5 import Hdf5
+    from hgorun.data.arrays.parquet import Parquet
 
     return ArrayFile(path, Hdf5() if kind is HDF5 else Parquet(), told)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from hgorun.data.clocks import shown
-from hgorun.data.faults import GAP, usual_step
+from hgorun.data.faults.faults import GAP, usual_step
 from hgorun.data.recording import InputSignal, Note, Origin, Signal
 
 

@@ -9,18 +9,25 @@ import numpy as np
 
 from hgorun.config.data import Data, has_date
 from hgorun.data.clocks import ClockColumn, odd_dates, odd_numbers, origin, origin_stamp, stamps, times_since
-from hgorun.data.date_hints import clock_key, with_exchanged
-from hgorun.data.date_order import a_day_too_early, days_counted, exchanged, known_after, passes_midnight, unlike_others
-from hgorun.data.dates import NAT
-from hgorun.data.day_counts import four_years_apart, span_of
-from hgorun.data.factored_units import has_factor
 from hgorun.data.far_dates import require_near
-from hgorun.data.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.parts import require_one_time_unit
 from hgorun.data.recording import Note, Origin
 from hgorun.data.sources import LogFile, Wanted
 from hgorun.data.table import Table
-from hgorun.data.units import alike_times
+from hgorun.data.times.date_hints import clock_key, with_exchanged
+from hgorun.data.times.date_order import (
+    a_day_too_early,
+    days_counted,
+    exchanged,
+    known_after,
+    passes_midnight,
+    unlike_others,
+)
+from hgorun.data.times.dates import NAT
+from hgorun.data.times.day_counts import four_years_apart, span_of
+from hgorun.data.units.factored_units import has_factor
+from hgorun.data.units.named_units import AnotherUnit, note_of, time_in_name
+from hgorun.data.units.units import alike_times
 from hgorun.errors import ConfigError, Problem
 from hgorun.progress import duration
 

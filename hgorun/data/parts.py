@@ -7,12 +7,12 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 from hgorun.data.clocks import ClockColumn
-from hgorun.data.factored_units import has_factor
-from hgorun.data.named_units import of_one_kind, without_unit
 from hgorun.data.recording import Note
 from hgorun.data.sources import LogFile, Wanted, column_meant
-from hgorun.data.units import alike_times, foreign, is_time, is_unit
-from hgorun.data.written_units import reference_of, without_reference
+from hgorun.data.units.factored_units import has_factor
+from hgorun.data.units.named_units import of_one_kind, without_unit
+from hgorun.data.units.units import alike_times, foreign, is_time, is_unit
+from hgorun.data.units.written_units import reference_of, without_reference
 from hgorun.errors import KeyPath, Problem
 
 _BEHIND_NAMES = re.compile(r"[ _/,](?:\s*in )?")  # a unit stands

@@ -11,15 +11,15 @@ import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.config.refusals import Refusals
-from hgorun.data import sentinels
 from hgorun.data.clocks import rounding
+from hgorun.data.faults import sentinels
+from hgorun.data.faults.sorting import Sorting
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.model_units import ModelUnits
 from hgorun.data.one_clock import OneClock
 from hgorun.data.parts import lacking_columns
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
-from hgorun.data.sorting import Sorting
 from hgorun.data.sources import LogFile, Part, Sources, Wanted, given_references, remarks_on
 from hgorun.data.table import Table
 from hgorun.data.told_once import told_once

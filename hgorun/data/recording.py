@@ -10,7 +10,7 @@ from typing import Final, Literal, TypeAlias
 import numpy as np
 
 from hgorun.config.named import name_keys
-from hgorun.data.time_steps import even_step
+from hgorun.data.times.time_steps import even_step
 from hgorun.files import real_path
 
 Hold = Literal["zero", "linear"]

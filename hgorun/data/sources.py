@@ -13,9 +13,9 @@ from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, beside, clock_column
 from hgorun.data.files import open_table
-from hgorun.data.named_units import without_any_unit
 from hgorun.data.recording import Note
 from hgorun.data.table import Table, TableFile
+from hgorun.data.units.named_units import without_any_unit
 from hgorun.errors import ConfigError, KeyPath, Problem
 
 _CSV_ADVICE = "csv: {"

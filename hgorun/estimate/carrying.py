@@ -11,7 +11,7 @@ from hgorun.engine.again import Again
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
-from hgorun.estimate.gated import GatedRun
+from hgorun.estimate.gate.gated import GatedRun
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.sessions import session_of
 from hgorun.simulation.steps import part_of_difference, steps_between

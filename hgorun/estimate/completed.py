@@ -14,11 +14,11 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError, HgorunError, Problem
-from hgorun.estimate.first_values import first_values, require_known
 from hgorun.estimate.intervals import mean_intervals, offset_of, period_of
-from hgorun.estimate.output_step import FEWEST, output_step
 from hgorun.estimate.prepared import prepare_estimate
+from hgorun.estimate.start.first_values import first_values, require_known
 from hgorun.estimate.stated_of_data import StatedOfData, noisy
+from hgorun.estimate.steps.output_step import FEWEST, output_step
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import units_of
@@ -104,8 +104,8 @@ def _start_in(guess: Experiment, recording: Recording) -> dict[str, float]:
     ------
     ConfigError
     """
-    from hgorun.estimate.left_at_start import first_sound  # only here
-    from hgorun.estimate.starting import fitted_start
+    from hgorun.estimate.start.left_at_start import first_sound  # only here
+    from hgorun.estimate.start.starting import fitted_start
 
     if recording.start_is_fitted:
         with guess.located():

@@ -8,21 +8,21 @@ from dataclasses import replace
 import numpy as np
 
 from hgorun.config.yaml_source import Source
+from hgorun.data.faults.said_places import samples_said
 from hgorun.data.recording import Recording, Signal
-from hgorun.data.said_places import samples_said
-from hgorun.estimate.assessed import assess
-from hgorun.estimate.compared import unseen
 from hgorun.estimate.completed import completed
-from hgorun.estimate.evaluated import Evaluated, evaluate_run
-from hgorun.estimate.far_off import far_off
-from hgorun.estimate.first_gain import too_large_at_first
-from hgorun.estimate.first_values import known_far_behind, known_later, known_too_late
-from hgorun.estimate.left_at_start import told_of_first
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.samples import stamps
-from hgorun.estimate.shut_out import shut_out, told_row
+from hgorun.estimate.scores.assessed import assess
+from hgorun.estimate.scores.compared import unseen
+from hgorun.estimate.scores.evaluated import Evaluated, evaluate_run
+from hgorun.estimate.scores.far_off import far_off
+from hgorun.estimate.scores.first_gain import too_large_at_first
+from hgorun.estimate.scores.shut_out import shut_out, told_row
+from hgorun.estimate.scores.why_left import why_left
+from hgorun.estimate.start.first_values import known_far_behind, known_later, known_too_late
+from hgorun.estimate.start.left_at_start import told_of_first
 from hgorun.estimate.twins import of_references
-from hgorun.estimate.why_left import why_left
 from hgorun.observers.treatment import treatment_of
 from hgorun.pieces import all_true
 from hgorun.result.data import Integration, IntegrationError, Measurements
@@ -92,7 +92,7 @@ def estimate_prepared(
     count = sum(one.values.size for one in prepared.samples)
     if count > _MOST:  # each gain takes two more runs
         return without_sensitivity(result, count)
-    from hgorun.estimate.sensitivity import with_sensitivity
+    from hgorun.estimate.scores.sensitivity import with_sensitivity
 
     return with_sensitivity(result, prepared, recording, held_out)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.data.recording import Recording
-from hgorun.data.time_steps import median_step
+from hgorun.data.times.time_steps import median_step
 
 _EVEN = 1e-5  # of the usual step: what the rounding of time stamps may make of it
 

@@ -18,12 +18,12 @@ from hgorun.engine.methods import METHODS
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
 from hgorun.errors import ConfigError, Problem
-from hgorun.estimate.again import again_of
-from hgorun.estimate.bound import beginning_of, bound_with, known_at
 from hgorun.estimate.covariance import Covariance
-from hgorun.estimate.first_steps import first_steps
 from hgorun.estimate.refused import refuse, require_apart, require_used
 from hgorun.estimate.samples import Sampled, all_sampled, channel, recorded_inputs
+from hgorun.estimate.steps.again import again_of
+from hgorun.estimate.steps.bound import beginning_of, bound_with, known_at
+from hgorun.estimate.steps.first_steps import first_steps
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import build_schedule
 from hgorun.observers.treatment import treatment_of

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.data.recording import Note, Recording, Signal
-from hgorun.data.time_steps import median_step
+from hgorun.data.times.time_steps import median_step
 from hgorun.errors import ConfigError
 from hgorun.estimate.holdout import given_to_none, note_of, part
 

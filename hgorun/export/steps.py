@@ -13,9 +13,9 @@ from hgorun.engine.early import NONE, Early
 from hgorun.engine.plan import Plan
 from hgorun.errors import Problem
 from hgorun.estimate.carrying import Carried, carry_out
-from hgorun.estimate.first_steps import early
 from hgorun.estimate.prepared import PreparedEstimate
-from hgorun.estimate.why_left import why_left
+from hgorun.estimate.scores.why_left import why_left
+from hgorun.estimate.steps.first_steps import early
 from hgorun.result.status import OK, Verdict
 from hgorun.simulation.checks import longest_step
 from hgorun.simulation.control import Controlled, controlled

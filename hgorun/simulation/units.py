@@ -8,8 +8,8 @@ import casadi as ca
 
 from hgorun.config.time_units import SHORT
 from hgorun.config.yaml_source import Source
-from hgorun.data.unit_per_time import factors_of, per_time, unlike_rate, written
-from hgorun.data.units import is_time, not_known
+from hgorun.data.units.unit_per_time import factors_of, per_time, unlike_rate, written
+from hgorun.data.units.units import is_time, not_known
 from hgorun.errors import printable
 from hgorun.simulation.units_of_terms import mistaken_terms
 from hgorun.symbolic.plant import PlantModel

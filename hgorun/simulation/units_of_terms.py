@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from hgorun.data.unit_per_time import Factors, product, size_of
+from hgorun.data.units.unit_per_time import Factors, product, size_of
 from hgorun.symbolic.plant import PlantModel
 
 _LONGEST = 10_000  # operations that are looked at

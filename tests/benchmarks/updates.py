@@ -11,7 +11,7 @@ import math
 from time import process_time
 from typing import Any
 
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
 
 PLANT = {

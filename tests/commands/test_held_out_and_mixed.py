@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from shell import Shell
 
-from hgorun.estimate.shut_out import shut_out
+from hgorun.estimate.scores.shut_out import shut_out
 from hgorun.result.reading import read
 
 CONFIG = """

@@ -13,8 +13,8 @@ from logs import recorded
 from hgorun.config.data import Data
 from hgorun.config.overrides import set_path
 from hgorun.config.yaml_source import parse
-from hgorun.data.denominators import per_unit_of
 from hgorun.data.reading import read
+from hgorun.data.units.denominators import per_unit_of
 from hgorun.errors import ConfigError, HgorunError, Problem
 
 DAYS = ("05.01", "11.01", "03.02", "09.02", "02.03")  # day, then month: in order so, and not the other way round

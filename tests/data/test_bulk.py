@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from hgorun.config.data import Csv
-from hgorun.data import bulk, csv_table
-from hgorun.data.bulk import Bulk
 from hgorun.data.cells import Cells, Flags, Numbers, Stamps
-from hgorun.data.csv_table import CsvFile
-from hgorun.data.dialect import dialect_of
-from hgorun.data.rows import Rows
+from hgorun.data.csv import bulk, csv_table
+from hgorun.data.csv.bulk import Bulk
+from hgorun.data.csv.csv_table import CsvFile
+from hgorun.data.csv.dialect import dialect_of
+from hgorun.data.csv.rows import Rows
+from hgorun.data.csv.text import Block, blocks
 from hgorun.data.table import Table
-from hgorun.data.text import Block, blocks
 from hgorun.errors import ConfigError
 
 WANTED = [Numbers("t"), Numbers("a")]

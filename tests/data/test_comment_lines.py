@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from hgorun.config.data import Csv
-from hgorun.data import csv_table
 from hgorun.data.cells import Numbers
-from hgorun.data.csv_table import CsvFile
+from hgorun.data.csv import csv_table
+from hgorun.data.csv.csv_table import CsvFile
 from hgorun.data.table import Table
 from hgorun.errors import ConfigError
 

@@ -11,9 +11,9 @@ import pytest
 
 from hgorun.config.data import Csv
 from hgorun.data.cells import Cells, Numbers, Stamps
-from hgorun.data.csv_table import CsvFile
-from hgorun.data.date_texts import iso_stamp
-from hgorun.data.dates import NAT, iso_stamps
+from hgorun.data.csv.csv_table import CsvFile
+from hgorun.data.times.date_texts import iso_stamp
+from hgorun.data.times.dates import NAT, iso_stamps
 from hgorun.errors import ConfigError
 
 FORMS = [

@@ -7,8 +7,8 @@ from itertools import groupby, pairwise
 import numpy as np
 import pytest
 
-from hgorun.data import time_steps
-from hgorun.data.fault_passes import equal_runs, gaps_above, large_steps, straight_runs
+from hgorun.data.faults.fault_passes import equal_runs, gaps_above, large_steps, straight_runs
+from hgorun.data.times import time_steps
 
 
 def _signal(seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from hgorun.data import faults
-from hgorun.data.faults import Stretch
+from hgorun.data.faults import faults
+from hgorun.data.faults.faults import Stretch
 
 TIME = np.arange(2000) * 0.02
 RANDOM = np.random.default_rng(1)

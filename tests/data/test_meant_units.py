@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from logs import noisy, recorded, table
 
-from hgorun.data.named_units import loose_in_name, remark_on_name, said_in_name
-from hgorun.data.units import alike, converted
+from hgorun.data.units.named_units import loose_in_name, remark_on_name, said_in_name
+from hgorun.data.units.units import alike, converted
 from hgorun.errors import Problem
 
 GALLON, FOOT, INCH, POUND, BTU = 3.785411784e-3, 0.3048, 0.0254, 0.45359237, 1055.056  # of ISO 31-4

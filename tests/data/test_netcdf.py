@@ -14,9 +14,9 @@ import xarray
 from logs import noisy
 
 from hgorun.config.data import Data
-from hgorun.data.dates import counted
 from hgorun.data.reading import read
 from hgorun.data.recording import Recording
+from hgorun.data.times.dates import counted
 from hgorun.errors import ConfigError
 
 TIMES, VALUES = noisy(12)

@@ -175,7 +175,7 @@ def array_file(path: Path, columns: Any, column: str = "glucose") -> Any:
 def test_decimals_of_parquet_are_read_to_the_last_bit(
     tmp_path: Path, kind: pyarrow.DataType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hgorun.data.parquet._AT_ONCE", 100)
+    monkeypatch.setattr("hgorun.data.arrays.parquet._AT_ONCE", 100)
     texts = ["3.30", "0.07", *(f"{value:.2f}" for value in np.random.default_rng(0).uniform(1, 9, 998))]
     values = pyarrow.array([*map(Decimal, texts), None], kind)
     signal = array_file(tmp_path, {"t": [float(k) for k in range(1001)], "glucose": values})

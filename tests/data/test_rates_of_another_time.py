@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from logs import recorded
 
-from hgorun.data.denominators import per_unit_of
+from hgorun.data.units.denominators import per_unit_of
 
 
 @pytest.mark.parametrize(

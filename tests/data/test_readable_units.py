@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hgorun.data import readable_units, units
-from hgorun.data.named_units import convertible_in_name, foreign_in_name
-from hgorun.data.readable_units import may_be_read
-from hgorun.data.units import alike, converted, is_unit
+from hgorun.data.units import readable_units, units
+from hgorun.data.units.named_units import convertible_in_name, foreign_in_name
+from hgorun.data.units.readable_units import may_be_read
+from hgorun.data.units.units import alike, converted, is_unit
 
 
 @pytest.fixture

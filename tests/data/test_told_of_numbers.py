@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from logs import noisy, recorded, table
 
+from hgorun.data.faults.sentinels import sentinels
 from hgorun.data.recording import Recording
-from hgorun.data.sentinels import sentinels
 from hgorun.errors import ConfigError
 
 TIMES, VALUES = noisy()

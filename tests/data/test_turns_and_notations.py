@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hgorun.data.named_units import AnotherUnit, convertible_in_name
-from hgorun.data.units import alike, converted
+from hgorun.data.units.named_units import AnotherUnit, convertible_in_name
+from hgorun.data.units.units import alike, converted
 from hgorun.errors import Problem
 
 TURNS = [

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hgorun.data.named_units import convertible_in_name, foreign_in_name, of_another_kind_in_name
-from hgorun.data.units import _COMMON, _registry, converted, is_unit, not_known, seconds
-from hgorun.data.usual_units import _SYMBOLS, _WORDS, unusual
+from hgorun.data.units.named_units import convertible_in_name, foreign_in_name, of_another_kind_in_name
+from hgorun.data.units.units import _COMMON, _registry, converted, is_unit, not_known, seconds
+from hgorun.data.units.usual_units import _SYMBOLS, _WORDS, unusual
 from hgorun.errors import Problem
 
 ACCIDENTS = """

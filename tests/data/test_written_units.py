@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from logs import noisy, recorded, table
 
-from hgorun.data.named_units import remark_on_name, said_in_name
-from hgorun.data.unit_per_time import unlike_rate
-from hgorun.data.units import alike, converted, is_unit, not_known
-from hgorun.data.written_units import is_misread, with_temperatures, without_reference
+from hgorun.data.units.named_units import remark_on_name, said_in_name
+from hgorun.data.units.unit_per_time import unlike_rate
+from hgorun.data.units.units import alike, converted, is_unit, not_known
+from hgorun.data.units.written_units import is_misread, with_temperatures, without_reference
 from hgorun.errors import Problem
 
 PLAIN = table(*noisy())

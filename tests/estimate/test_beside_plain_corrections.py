@@ -29,7 +29,7 @@ from plain_logs import estimated, expected, random_input, random_samples, writte
 from plain_observers import Array, Plain
 
 from hgorun.errors import ConfigError
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
 
 Case = tuple[Block, Plain, tuple[str, ...]]  # the observer's block, the same as plain NumPy, late samples

@@ -13,8 +13,8 @@ from recordings import held_input, recording, signal, source
 from hgorun.engine.plan import Floats
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
 
 GAP, COUNT, RATE = 0.0625, 33, 30.0

@@ -15,8 +15,8 @@ from hgorun.engine.live import Live
 from hgorun.errors import ConfigError
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.completed import completed
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
 from hgorun.simulation.simulate import prepare
 

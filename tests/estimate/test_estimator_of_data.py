@@ -12,7 +12,7 @@ from shell import Shell
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 
 CONFIG = """
 plant:

@@ -13,8 +13,8 @@ from recordings import recording, signal, source
 from hgorun.commands.exported_samples import lines
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.estimate.stream.estimator import Estimator
 
 GAP = 0.125
 T = np.repeat(GAP * np.arange(9), 2)

@@ -13,7 +13,7 @@ from recordings import held_input, recording, signal, source
 from hgorun import Experiment
 from hgorun.errors import HgorunError
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.observers.base import OBSERVERS, CorrectedObserver
 from hgorun.testing.cases import TWO_OUTPUTS, Case, Subject, block_of
 

@@ -13,10 +13,10 @@ from recordings import held_input, observers, recording, signal, source
 
 from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.estimate import starting
 from hgorun.estimate.completed import completed
-from hgorun.estimate.first_values import known_far_behind, known_later, known_too_late
-from hgorun.estimate.start_task import StartTask
+from hgorun.estimate.start import starting
+from hgorun.estimate.start.first_values import known_far_behind, known_later, known_too_late
+from hgorun.estimate.start.start_task import StartTask
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
 

@@ -12,11 +12,13 @@ from examples import Block
 from recordings import recording, signal, source
 
 from hgorun.engine.early import Early
-from hgorun.estimate import first_steps, live_system, prepared
+from hgorun.estimate import prepared
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.estimate.steps import first_steps
+from hgorun.estimate.stream import live_system
+from hgorun.estimate.stream.estimator import Estimator
 
 STEP, END = 2.0**-8, 1.0
 PAIR: Block = {

@@ -14,8 +14,8 @@ from recordings import recording, signal, source
 from hgorun.engine.again import Again
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
 from hgorun.simulation import steps
 

@@ -10,8 +10,8 @@ from recordings import recording, signal, source
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.estimate.stream.estimator import Estimator
 
 GAP = 0.125
 PLANT: Block = {"states": ["p", "v"], "dynamics": {"p": "v", "v": "-0.3*p"}, "output": "p"}

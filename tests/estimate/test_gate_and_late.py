@@ -14,9 +14,9 @@ from recordings import NOISE, PENDULUM, START, assessed_of, recorded_of, recordi
 
 from hgorun.data.recording import Recording
 from hgorun.engine.session import Mark, Session
-from hgorun.estimate import gated
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.gate import gated
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
 
 GATE = 3.0

@@ -11,7 +11,7 @@ from recordings import NOISE, assessed_of, recorded_of, recording, signal, sourc
 
 from hgorun.data.recording import Recording
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
 
 PLANT = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"ya": "a", "yb": "b"})

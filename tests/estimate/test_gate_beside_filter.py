@@ -8,8 +8,8 @@ from examples import inline
 from pendulum_filter import corrected, flown
 from recordings import recorded_of, recording, signal, source
 
-from hgorun.estimate import gated
 from hgorun.estimate.estimate import estimate
+from hgorun.estimate.gate import gated
 
 PERIOD, STEP, GATE = 0.2, 0.02, 4.0
 TAKEN = PERIOD * np.arange(1, 121)

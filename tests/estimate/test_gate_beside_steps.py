@@ -11,7 +11,7 @@ from recordings import NOISE, assessed_of, held_input, recorded_of, recording, s
 
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 

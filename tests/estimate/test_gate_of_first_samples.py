@@ -11,7 +11,7 @@ from recordings import POLES, assessed_of, recorded_of, recording, signal, sourc
 
 from hgorun.data.recording import FirstSamples
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 

@@ -9,7 +9,7 @@ from recordings import recorded_of, recording, signal, source
 
 from hgorun.data.recording import Recording
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 

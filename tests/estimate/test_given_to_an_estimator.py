@@ -10,7 +10,7 @@ import pytest
 from examples import Block, experiment, inline
 
 from hgorun.errors import ConfigError
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
 
 PLANT = inline({"a": "b", "b": "-sin(a) + u + v"}, {"y": "a"}, inputs={"u": "0", "v": "0"})

@@ -12,10 +12,10 @@ import yaml
 from recordings import held_input, recording, signal, source
 
 from hgorun.data.recording import Recording
-from hgorun.estimate import long_log, stretches
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
-from hgorun.estimate.long_log import estimate_into
+from hgorun.estimate.long import long_log, stretches
+from hgorun.estimate.long.long_log import estimate_into
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.digests import of_file
 from hgorun.result.writing import digests_of
 

@@ -7,11 +7,11 @@ import pytest
 from examples import Block
 from recordings import recording, signal, source
 
-from hgorun.estimate.breaks import KinksAhead, breaks_of
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.stated_of_data import StatedOfData
+from hgorun.estimate.steps.breaks import KinksAhead, breaks_of
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
 
 STEP = 1 / 64
@@ -58,7 +58,7 @@ def of_file(text: Block, t: np.ndarray, known: np.ndarray | None = None) -> np.n
 def test_a_stream_has_the_bits_of_a_file(
     u: str, start: float, observer: Block, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hgorun.estimate.breaks._PIECE", 100.0)  # 1.6 of 8
+    monkeypatch.setattr("hgorun.estimate.steps.breaks._PIECE", 100.0)  # 1.6 of 8
     t, text = start + np.arange(65) / 8, text_of(u, observer, start)
     experiment, whole = experiment_of(text), of_file(text, t)
     one, several = Estimator(experiment), Estimator(experiment, remembered=0)

@@ -10,7 +10,7 @@ from examples import Block, inline
 from recordings import recorded_of, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
 from hgorun.simulation.experiment import Experiment
 

@@ -10,11 +10,11 @@ import pytest
 from examples import Block, experiment
 from recordings import PENDULUM, START, assessed_of, recorded_of, recording, signal, source
 
-from hgorun.estimate import notes
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
-from hgorun.estimate.row_left_out import _longest
-from hgorun.estimate.shut_out import shut_out
+from hgorun.estimate.scores.row_left_out import _longest
+from hgorun.estimate.scores.shut_out import shut_out
+from hgorun.estimate.stream import notes
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 

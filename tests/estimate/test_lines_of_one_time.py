@@ -15,8 +15,8 @@ from shell import Shell
 
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.completed import completed
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.estimate.stream.estimator import Estimator
 
 # of outputs that are nonlinear one after the other is another filter, not only other rounding
 PLANT = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"ya": "a + 0.3*a**2", "yb": "sin(b)"})

@@ -9,10 +9,11 @@ import pytest
 from examples import experiment, inline
 from recordings import START, held_input, observers, recording, signal
 
-from hgorun.estimate import carrying, evaluated
+from hgorun.estimate import carrying
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import estimate_prepared
 from hgorun.estimate.prepared import prepare_estimate
+from hgorun.estimate.scores import evaluated
 
 DRIVEN = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, "a", inputs={"u": "0"})
 EKF = {"K": {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01, "initial": START}}

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from shell import Shell
 
-from hgorun.estimate.cases import score
-from hgorun.estimate.outlying import Errors, few, outliers, told
+from hgorun.estimate.gains.cases import score
+from hgorun.estimate.scores.outlying import Errors, few, outliers, told
 
 SMALL = np.tile([0.1, -0.1], 10)  # the median of their sizes is that of normal numbers with this deviation:
 DEVIATION = 0.1 * 1.4826

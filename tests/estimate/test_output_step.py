@@ -10,7 +10,7 @@ from examples import inline
 from recordings import recorded_of, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.output_step import output_step
+from hgorun.estimate.steps.output_step import output_step
 
 
 @pytest.mark.parametrize(

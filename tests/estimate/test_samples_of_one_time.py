@@ -12,7 +12,7 @@ from recordings import NOISE, recorded_of, recording, signal, source
 from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
 
 END, PERIOD, GATE = 3.0, 0.125, 5.0

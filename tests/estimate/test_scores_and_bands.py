@@ -10,14 +10,14 @@ from recordings import PENDULUM, assessed_of, observers, recording, signal, sour
 from scipy.special import chdtrc
 
 from hgorun.errors import ConfigError
-from hgorun.estimate.bands import Band, band_of, coverage, coverage_of_normal, since_last
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.evaluated import evaluate_run
-from hgorun.estimate.gate import RunningDeviation, kept_of
+from hgorun.estimate.gate.gate import RunningDeviation, kept_of
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, parse_holdout
 from hgorun.estimate.prepared import prepare_estimate
-from hgorun.estimate.scores import chi_squared_beyond, ljung_box, rms, scores_of, settled
+from hgorun.estimate.scores.bands import Band, band_of, coverage, coverage_of_normal, since_last
+from hgorun.estimate.scores.evaluated import evaluate_run
+from hgorun.estimate.scores.scores import chi_squared_beyond, ljung_box, rms, scores_of, settled
 
 
 @pytest.mark.parametrize("degrees", [2, 10, 24])

@@ -96,7 +96,7 @@ def test_a_gain_that_can_be_neither_larger_nor_smaller_is_named(monkeypatch: pyt
     def refusing(*_: object) -> dict[str, float]:
         raise ConfigError("expected another")
 
-    monkeypatch.setattr("hgorun.estimate.sensitivity._sizes", refusing)
+    monkeypatch.setattr("hgorun.estimate.scores.sensitivity._sizes", refusing)
     text = {"plant": PENDULUM, "observers": {"S": SHGO}, "solver": {"step": PERIOD / STEPS}}
     found = estimate(source(text), recording(signal("a", TAKEN, Y)))
     (told,) = found.remarks

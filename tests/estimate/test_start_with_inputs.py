@@ -17,8 +17,8 @@ import hgorun
 from hgorun.errors import ConfigError
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.completed import completed
-from hgorun.estimate.estimator import Estimator
 from hgorun.estimate.prepared import prepare_estimate
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.export.prepared import exported
 from hgorun.simulation.simulate import prepare
 

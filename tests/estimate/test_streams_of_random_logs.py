@@ -11,7 +11,7 @@ from examples import Block
 from plain_logs import END, estimated, random_input, random_samples, written
 from plain_observers import Input
 
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 
 GRID = 1 / 32  # of all times, and two steps: these are the same to the last bit, wherever a late sample was taken
 PAIR: Block = {

@@ -10,7 +10,7 @@ from examples import Block, inline
 from recordings import held_input, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
 
 TAKEN = 0.125 * np.array([0, 1, 2, 4, 5, 8, 9, 10, 11, 13, 16, 17])  # exact, and not even

@@ -16,10 +16,12 @@ from interrupting import interrupt_writing
 from recordings import NOISE, held_input, observers, recording, signal, source
 
 from hgorun.data.recording import Recording, Signal
-from hgorun.estimate import innovations, long_found, long_log, prepared, stretches
+from hgorun.estimate import prepared
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.innovations import WrittenInnovations
-from hgorun.estimate.long_log import estimate_into
+from hgorun.estimate.long import long_found, long_log, stretches
+from hgorun.estimate.long.long_log import estimate_into
+from hgorun.estimate.scores import innovations
+from hgorun.estimate.scores.innovations import WrittenInnovations
 from hgorun.measurement import schedule
 from hgorun.result import digests
 from hgorun.result.parts import ResultInParts

@@ -10,11 +10,11 @@ import pytest
 from examples import inline
 from recordings import assessed_of, observers, of_simulation, pendulum, recording, signal, source
 
-from hgorun.estimate import lag as lags
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.goal import Goal, split
+from hgorun.estimate.gains.goal import Goal, split
 from hgorun.estimate.holdout import thinned
-from hgorun.estimate.lag import Instrument, felt_of, points_between
+from hgorun.estimate.scores import lag as lags
+from hgorun.estimate.scores.lag import Instrument, felt_of, points_between
 from hgorun.result.result import Result
 
 

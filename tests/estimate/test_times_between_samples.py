@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hgorun.estimate.bands import Band, since_last
-from hgorun.estimate.evaluated import first_undefined
+from hgorun.estimate.scores.bands import Band, since_last
+from hgorun.estimate.scores.evaluated import first_undefined
 from hgorun.simulation.recorded_inputs import RecordedInputs
 from hgorun.simulation.steps import count_steps
 

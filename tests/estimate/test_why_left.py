@@ -10,7 +10,7 @@ from examples import inline
 from recordings import PENDULUM, held_input, observers, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.why_left import Followed, grown
+from hgorun.estimate.scores.why_left import Followed, grown
 from hgorun.result.result import Result
 
 
@@ -29,7 +29,7 @@ def test_what_grew_is_named(xhat: list[float], rest: list[float], said: str) -> 
 
 
 def test_of_long_logs_the_bound_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hgorun.estimate.why_left._MOST", 10)
+    monkeypatch.setattr("hgorun.estimate.scores.why_left._MOST", 10)
     taken = np.arange(0, 2, 0.1)
     text = {"plant": PENDULUM, "observers": observers("shgo"), "solver": {"step": 0.02, "divergence": 0.7}}
     found = estimate(source(text), recording(signal("a", taken, np.sin(taken))), sensitivity=False)

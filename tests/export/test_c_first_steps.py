@@ -11,11 +11,12 @@ from examples import Block
 from exported_c import load_all
 
 from hgorun.config.reading import read_source
-from hgorun.estimate import first_steps, prepared
+from hgorun.estimate import prepared
 from hgorun.estimate.carrying import carry_out, one_pass
 from hgorun.estimate.completed import completed
 from hgorun.estimate.log import log_of
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.estimate.steps import first_steps
 from hgorun.export.c_files import c_files
 from hgorun.export.prepared import exported_estimate
 

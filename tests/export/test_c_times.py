@@ -11,7 +11,7 @@ from examples import Block, chain, experiment, inline
 from exported_c import Compiled, load_all
 
 from hgorun.errors import ConfigError
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.export.c_files import c_files
 from hgorun.export.prepared import Wanted, exported
 from hgorun.observers.base import CorrectedObserver

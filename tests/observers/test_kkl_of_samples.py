@@ -14,7 +14,7 @@ import hgorun
 from hgorun.ensemble.block import compute
 from hgorun.ensemble.members import Members
 from hgorun.errors import ConfigError
-from hgorun.estimate.estimator import Estimator
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation import prepare
 

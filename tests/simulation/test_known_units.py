@@ -13,7 +13,7 @@ from examples import VAN_DER_POL, experiment, inline
 import hgorun
 from hgorun import ConfigError
 from hgorun.config.time_units import SECONDS, SHORT
-from hgorun.data.units import _registry, converted, not_known
+from hgorun.data.units.units import _registry, converted, not_known
 from hgorun.simulation.scheduling import remarks
 
 OBSERVER = {"S": {"type": "shgo", "theta": 2}}

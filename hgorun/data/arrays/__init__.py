@@ -1,0 +1,1 @@
+"""Files that hold arrays, column by column: HDF5, netCDF, MATLAB and Parquet."""

@@ -1,0 +1,1 @@
+"""Tables in text files: how each is written, and its rows, one by one or in bulk."""

@@ -1,0 +1,252 @@
+"""How a text file writes its table: separator, decimal sign, names of columns, where the numbers begin."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from itertools import takewhile
+from pathlib import Path
+
+from hgorun.config.data import Csv
+from hgorun.data.csv.comments import is_comment
+from hgorun.data.csv.decimal_sign import decimal_sign
+from hgorun.data.csv.grouped import may_be_grouped
+from hgorun.data.csv.missing import missing_numbers, missing_texts
+from hgorun.data.csv.text import Block
+from hgorun.data.csv.units_row import are_units, is_value, may_state_units, states_units, tells_processing
+from hgorun.data.csv.whole_header import whole_header
+from hgorun.errors import ConfigError
+
+_SEPARATORS = ("\t", ";", "|", ",")
+SPACES = " "
+"""A separator of any number of spaces and tabs."""
+_LOOKED_AT = 200  # rows that decide how numbers are written
+_FEW = 8  # columns whose names a message writes
+
+_SPACED = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # cells between spaces
+_QUOTED = re.compile(r'"[^"]*"')
+
+_OTHER = {".": ",", ",": "."}  # what a sign between thousands leaves for decimals
+
+
+@dataclass(frozen=True)
+class Dialect:
+    """How a table is written.
+
+    Attributes
+    ----------
+    separator : str
+        A character, or ``SPACES``.
+    decimal : str
+    comment : str
+    names : tuple of str
+        Of the columns, as the header has them.
+    width : int
+        Cells of a row: one more than names where every row ends with a separator.
+    first : int
+        The line on which the numbers begin.
+    missing : frozenset of str
+        Texts for a missing value, in small letters.
+    missing_numbers : tuple of float
+        Numbers for a missing value.
+    thousands : str or None
+        What stands between thousands; None where nothing does.
+    units : tuple of str
+        The row of units; empty without one.
+    rows : sequence of (int, sequence of str)
+        The first rows of values, with their lines.
+    doubtful : int
+        How many rows, from that one on, have neither numbers nor dates, as lines of a header have; 0 where it is told
+        that no row of units follows the header.
+    grouped : mapping of str to str
+        Columns whose points may stand between thousands, and a cell of each.
+    """
+
+    separator: str
+    decimal: str
+    comment: str
+    names: tuple[str, ...]
+    width: int
+    first: int
+    missing: frozenset[str]
+    units: tuple[str, ...]
+    rows: Sequence[tuple[int, Sequence[str]]]
+    missing_numbers: tuple[float, ...] = ()
+    thousands: str | None = None
+    doubtful: int = 0
+    grouped: Mapping[str, str] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Line:
+    number: int
+    text: str
+
+
+def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collection[str | None]]) -> Dialect:
+    """How the file is written that begins with a block.
+
+    Parameters
+    ----------
+    block : Block
+    path : Path
+    told : Csv
+    clocks : mapping of str to collection of str
+        The formats of the columns of time stamps, see :func:`hgorun.data.csv.units_row.states_units`.
+
+    Raises
+    ------
+    ConfigError
+        When there is no header or no row below it, or when it cannot be told what a comma in a number means.
+    """
+    comments: list[_Line] = []
+    lines = list(_lines(block, told, comments))
+    if not lines:
+        raise ConfigError("no lines but comments: nothing was measured", file=str(path), line=1)
+    count, whole = whole_header(
+        [one.text for one in lines], (told.separator,) if told.separator else (*_SEPARATORS, SPACES)
+    )
+    lines[:count] = [_Line(lines[0].number, whole)]
+    separator = told.separator or _separator(lines)
+    rows = [(line, cells_of(line.text, separator)) for line in lines]
+    header, names = rows[0]
+    body = rows[1:]
+    units: list[str] = []
+    if all(is_value(name) for name in names):
+        above = _in_comment(comments, header.number, separator, len(names), told.comment, clocks)
+        if above is None:
+            message = (
+                f"expected a line with the names of the columns, found numbers: {header.text[:60]}; write such a line "
+                f"above them{_such_as(len(names), separator)}: columns are taken by their names, not by their places"
+            )
+            raise ConfigError(message, file=str(path), line=header.number)
+        (names, units), body = above, rows
+    elif told.units_row is None and body:
+        between = [one for one in comments if header.number < one.number < body[0][0].number]
+        of_units = [_bare(one, told.comment, separator) for one in between]
+        units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
+    missing = missing_texts(told)
+    may_state = bool(body) and may_state_units(body[0][1], names, missing, clocks)
+    if told.units_row or (
+        told.units_row is None and may_state and not units and states_units(body[0][1], names, clocks)
+    ):
+        units = list(body[0][1]) if body else []
+        if any(unit.strip() != "1" and is_value(unit) for unit in units):
+            message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
+            raise ConfigError(message, file=str(path), line=body[0][0].number)
+        body = body[1:]
+    if units and body and tells_processing(body[0][1]):
+        body = body[1:]
+    if not body:
+        raise ConfigError("a header without values below it", file=str(path), line=header.number)
+
+    def of_header(row: tuple[_Line, list[str]]) -> bool:
+        return may_state_units(row[1], names, missing, clocks)
+
+    first, sample = body[0]
+    ends = len(sample) == len(names) + 1 and not sample[-1].strip()
+    shown = [  # cells beyond those of the header are refused where rows are read
+        (line.number, ["" if text.strip().lower() in missing else text for text in row[: len(names) + 1]])
+        for line, row in body
+    ]
+    decimal = told.decimal or _OTHER.get(told.thousands or "") or decimal_sign(shown, path)
+    untold = told.decimal is None and told.thousands is None and decimal == "."
+    grouped = may_be_grouped([row for _, row in shown], separator) if untold else ()
+    return Dialect(
+        separator=separator,
+        decimal=decimal,
+        comment=told.comment,
+        names=tuple(name.strip() for name in names),
+        width=len(names) + ends,
+        first=first.number,
+        missing=missing,
+        units=tuple(text.strip() for text in units),
+        rows=[(line.number, row) for line, row in body],
+        missing_numbers=missing_numbers(told, decimal),
+        thousands=told.thousands,
+        doubtful=0 if told.units_row is False else sum(1 for _ in takewhile(of_header, body)),
+        grouped={name: _pointed(shown, k) for k, name in enumerate(map(str.strip, names)) if k in grouped},
+    )
+
+
+def _pointed(rows: Sequence[tuple[int, Sequence[str]]], place: int) -> str:
+    """The first cell of a column with a point."""
+    return next(row[place].strip() for _, row in rows if place < len(row) and "." in row[place])
+
+
+def _such_as(columns: int, separator: str) -> str:
+    """Names of that many columns, as an example; of a table that is too wide none."""
+    if columns > _FEW or not separator.isprintable():
+        return f", of {columns} names"
+    return ", such as " + separator.join(["t", *(f"y{i}" for i in range(1, columns))])
+
+
+def cells_of(line: str, separator: str) -> list[str]:
+    """The cells of a line; one whose quotes are wrong is split at every separator."""
+    if separator == SPACES:
+        return _between_spaces(line) if '"' in line else line.split()
+    try:
+        return next(csv.reader([line], delimiter=separator, strict=True, skipinitialspace=True), [])
+    except csv.Error:
+        return line.split(separator)
+
+
+def _between_spaces(line: str) -> list[str]:
+    """The cells between spaces and tabs; those in quotes may hold some. A quote that is left open is any sign."""
+    return [plain or quoted.replace('""', '"') for quoted, plain in _SPACED.findall(line)]
+
+
+def _lines(block: Block, told: Csv, comments: list[_Line]) -> Iterator[_Line]:
+    """The first lines of a file that are neither empty nor comments."""
+    found, missing = 0, missing_texts(told)
+    for number, raw in enumerate(block.text.split(b"\n", told.skip + 50 * _LOOKED_AT), start=block.line):
+        text = raw.decode("utf-8", "replace")
+        if number - block.line < told.skip or not text.strip():
+            continue
+        if is_comment(text, told.comment, missing, told.separator):
+            comments.append(_Line(number, text))
+            continue
+        yield _Line(number, text)
+        found += 1
+        if found > _LOOKED_AT:
+            return
+
+
+def _separator(lines: Sequence[_Line]) -> str:
+    """The one that divides the header and the line below it in the same way."""
+    header, below = lines[0].text, lines[min(len(lines) - 1, 2)].text
+    for separator in _SEPARATORS:
+        width = len(cells_of(header, separator))
+        if width > 1 and len(cells_of(below, separator)) in (width, width + 1):
+            return separator
+    bare = _QUOTED.sub("", header)
+    found = [separator for separator in _SEPARATORS if separator in bare]
+    if found:
+        return max(found, key=bare.count)
+    width = len(cells_of(header, SPACES))
+    return SPACES if width > 1 and len(cells_of(below, SPACES)) in (width, width + 1) else ","
+
+
+def _bare(comment: _Line, sign: str, separator: str) -> list[str]:
+    """The cells of a comment without its sign."""
+    return cells_of(comment.text.lstrip().removeprefix(sign).strip(), separator)
+
+
+def _in_comment(
+    comments: Sequence[_Line], line: int, separator: str, width: int, sign: str, clocks: Collection[str]
+) -> tuple[list[str], list[str]] | None:
+    """The names of the columns in the last comment above the numbers, and their units if it states these below them.
+
+    Names may be units, too, as t and h are: of two such lines the upper one has the names, unless only the lower one
+    has a column of time stamps.
+    """
+    rows = [_bare(one, sign, separator) for one in comments if one.number < line]
+    last, *above = [*reversed(rows[-2:]), [], []][:2]
+    if len(last) != width or any(map(is_value, last)):
+        return None
+    if len(above[0]) != width or any(map(is_value, above[0])) or not are_units(last):
+        return last, []
+    named = [bool({name.strip() for name in row} & {*clocks}) for row in (above[0], last)]
+    return (last, []) if are_units(above[0]) and named == [False, True] else (above[0], last)

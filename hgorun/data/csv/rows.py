@@ -1,0 +1,249 @@
+"""Rows of a text file, one by one: what is wrong in one of them is told with its line."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import chain, islice
+from pathlib import Path
+
+import numpy as np
+
+from hgorun.config.types import describe
+from hgorun.data.cells import IF_MISSING, Cells, Flags, is_word
+from hgorun.data.csv.comments import is_comment
+from hgorun.data.csv.dialect import SPACES, Dialect, cells_of
+from hgorun.data.csv.text import Block
+from hgorun.data.csv.units_row import is_value
+from hgorun.data.times.date_hints import may_be_date
+from hgorun.errors import ConfigError
+
+_AT_ONCE = 20_000  # rows that are held as text
+_BELOW = 1000  # rows in which dates of a column that is refused are looked at
+
+
+class Rows:
+    """Reads rows with Python's own reader of CSV.
+
+    Parameters
+    ----------
+    path : Path
+    dialect : Dialect
+    wanted : sequence of Cells
+    """
+
+    def __init__(self, path: Path, dialect: Dialect, wanted: Sequence[Cells]) -> None:
+        self._path, self._dialect, self._wanted = path, dialect, wanted
+        self._readers = [cells.reader(dialect.decimal, dialect.missing, dialect.thousands) for cells in wanted]
+        self._places = [dialect.names.index(cells.column) for cells in wanted]
+        self._inside: list[tuple[int, int, int]] = []
+
+    def remarks(self) -> Iterator[tuple[int, str]]:
+        """What is told of cells that hold lines which look like rows: where the first one opens, and a sentence."""
+        for begin, end, count in self._inside[:1]:
+            many = f", and {len(self._inside) - 1:,} more cells hold such" if len(self._inside) > 1 else ""
+            rows = "1 line that looks like a row" if count == 1 else f"{count:,} lines that look like rows"
+            yield begin, f"a quote that opens here closes on line {end}: {rows} in it{many}; one too many loses rows"
+
+    def arrays(self, blocks: Iterator[Block]) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
+        """Lines and columns of all rows, some thousands at a time.
+
+        Raises
+        ------
+        ConfigError
+            For the first row with more or fewer cells than the header, with a cell that cannot be read, or with
+            quotes that do not close.
+        """
+        rows = self._values(blocks)
+        while some := list(islice(rows, _AT_ONCE)):
+            lines, *columns = zip(*some, strict=True)
+            yield (
+                np.array(lines, dtype=np.int32),
+                [np.array(c, dtype=cells.dtype) for c, cells in zip(columns, self._wanted, strict=True)],
+            )
+
+    def _values(self, blocks: Iterator[Block]) -> Iterator[tuple[float | int, ...]]:
+        width, names = self._dialect.width, len(self._dialect.names)
+        plan = list(zip(self._places, self._readers, strict=True))
+        rows = self._cells(blocks)
+        for line, cells in rows:
+            if len(cells) != width or (width > names and cells[-1].strip()):
+                self._refuse_header(line, cells)
+                what = self._commas(cells) or (self._no_sample(cells[0]) if len(cells) < names else "")
+                what += self._name_of_row(cells) if line == self._dialect.first else ""
+                what += self._without_last(cells)
+                raise self._error(line, f"{_cells(len(cells))}, where the header has {names}{what}")
+            try:
+                yield (line, *(read(cells[place]) for place, read in plan))
+            except ValueError:
+                raise self._first_wrong(line, cells, rows) from None
+
+    def _commas(self, cells: Sequence[str]) -> str:
+        """What may be the reason for too many cells, where commas separate them."""
+        digits = sum(cell.strip().isdigit() for cell in cells)
+        points = any("." in cell and is_value(cell) for cell in cells)
+        if self._dialect.separator != "," or len(cells) <= len(self._dialect.names) or digits < 2 or points:
+            return ""
+        return "; decimal commas in a file separated by commas: separate by ; or put such numbers in quotes"
+
+    def _name_of_row(self, cells: Sequence[str]) -> str:
+        """What may be the reason for one cell more than the header has, from the first row on."""
+        if len(cells) != len(self._dialect.names) + 1:
+            return ""
+        return (
+            "; where each row begins with its name or number, as write.table of R writes it, the header needs a name "
+            "for that column, too (col.names = NA)"
+        )
+
+    def _without_last(self, cells: Sequence[str]) -> str:
+        """What to do where rows have no cell of the last column, as those of LabVIEW have none of their comments."""
+        names, sign = self._dialect.names, self._dialect.separator
+        if len(cells) != len(names) - 1 or is_word(cells[0].strip()) or len(names) - 1 in self._places:
+            return ""
+        fewer = [len(row) == len(cells) for _, row in self._dialect.rows]
+        if all(fewer):
+            return f"; where no row has a cell of the last column, take its name, {names[-1]!r}, out of the header"
+        if 2 * sum(fewer) < len(fewer):  # what is missing here may be any cell
+            return ""
+        return f"; a row without a value of the last column, {names[-1]!r}, ends with {describe(sign)}"
+
+    def _refuse_header(self, line: int, cells: Sequence[str]) -> None:
+        """Refuse a row that is the header once more.
+
+        Raises
+        ------
+        ConfigError
+        """
+        names = self._dialect.names
+        if tuple(cell.strip() for cell in cells[: len(names)]) == names:
+            message = (
+                "this line repeats the header: cut it out, with what belongs to it, where the log goes on below; where "
+                "another one begins, cut the file in two"
+            )
+            raise self._error(line, message)
+
+    def _no_sample(self, cell: str) -> str:
+        """What to do with a line that begins with a word, as one of totals below a table does."""
+        if not is_word(cell.strip()):
+            return ""
+        return f"; a line that is no sample, such as a total, is removed, or begins with {self._dialect.comment}"
+
+    def _first_wrong(self, line: int, row: Sequence[str], rest: Iterator[tuple[int, list[str]]]) -> ConfigError:
+        """What is wrong in a row, with the name of its column; other rows show which patterns read their dates."""
+        self._refuse_header(line, row)
+        of_dates = [
+            (cells.beside, place)
+            for cells, place in zip(self._wanted, self._places, strict=True)
+            if not isinstance(cells, Flags) and cells.key
+        ]
+        above = [(number, cells) for number, cells in self._dialect.rows if number < line]
+        with suppress(ConfigError):  # of one below
+            for _, other in chain(above, [(line, row)], islice(rest, _BELOW)):
+                for beside, place in of_dates:
+                    if place < len(other):
+                        beside.append(other[place].strip())
+        for cells, place, read in zip(self._wanted, self._places, self._readers, strict=True):
+            try:
+                read(row[place])
+            except ValueError as error:
+                when = not isinstance(cells, Flags) and cells.key == "time"
+                dated = when and may_be_date(row[place].strip())
+                said, hint = str(error), self._no_sample(row[place]) if when and not dated else ""
+                if line == self._dialect.first and self._dialect.doubtful:
+                    said, hint = said.partition(IF_MISSING)[0], self._of_header()
+                return self._error(line, f"{said}{hint}", cells.column)
+        raise AssertionError("a row was refused and read")
+
+    def _of_header(self) -> str:
+        """What to do about the first row where it looks like a line of the header."""
+        count, sign = self._dialect.doubtful, self._dialect.comment
+        if count == 1 and not self._dialect.units:
+            return "; if this line belongs to the header, as one of units does: csv: {units_row: true}"
+        if count == 1:
+            return f"; if this line belongs to the header: begin it with {sign}, as a comment"
+        return f"; if this line and the next belong to the header: begin them with {sign}, as comments"
+
+    def _cells(self, blocks: Iterator[Block]) -> Iterator[tuple[int, list[str]]]:
+        """The cells of every row, and the line it begins on."""
+        lines = _Lines(blocks, self._dialect)
+        if self._dialect.separator == SPACES:
+            for text in lines:
+                yield lines.taken(), cells_of(text, SPACES)
+            return
+        reader = csv.reader(lines, delimiter=self._dialect.separator, strict=True, skipinitialspace=True)
+        try:
+            for row in reader:
+                if lines.inside:
+                    self._inside.append((lines.begin, lines.end, lines.inside))
+                yield lines.taken(), row
+        except csv.Error as error:
+            raise self._error(lines.begin, _not_csv(str(error), lines)) from None
+
+    def _error(self, line: int, message: str, column: str | None = None) -> ConfigError:
+        return ConfigError(message, file=str(self._path), line=line, key=column)
+
+
+def _not_csv(error: str, lines: _Lines) -> str:
+    """What is wrong with the row at which the reader of CSV has stopped."""
+    too_long = "field limit" in error
+    if too_long and lines.end == lines.begin and lines.text.count('"') % 2 == 0:
+        wide = f"a cell of more than {csv.field_size_limit():,} characters: this is no table of numbers separated by "
+        return wide + describe(lines.separator)
+    # what the reader takes in is a quote that is not closed, if it comes to no end of the row
+    return "a quote that is not closed" if too_long or "unexpected end" in error else f"not CSV: {error}"
+
+
+def _cells(count: int) -> str:
+    return "1 cell" if count == 1 else f"{count} cells"
+
+
+class _Lines:
+    """Lines from the first row of values on, without comments and empty ones, but for those inside quotes.
+
+    Attributes
+    ----------
+    begin, end : int
+        The line on which the present row began, and the last one so far.
+    inside : int
+        How many of its lines, behind the first, look like rows.
+    separator, text : str
+        Between cells, and the last line so far.
+    """
+
+    def __init__(self, blocks: Iterator[Block], dialect: Dialect) -> None:
+        self._lines = _numbered(blocks)
+        self._dialect = dialect
+        self.separator = dialect.separator
+        self._open = False
+        self.begin = self.end = dialect.first
+        self.inside, self.text = 0, ""
+
+    def taken(self) -> int:
+        """Where the row began that has ended now."""
+        self._open, self.inside = False, 0
+        return self.begin
+
+    def __iter__(self) -> Iterator[str]:
+        d = self._dialect
+        for number, text in self._lines:
+            if not self._open:
+                if number < d.first or not text.strip() or is_comment(text, d.comment, d.missing, d.separator):
+                    continue
+                self._open, self.begin = True, number
+            else:
+                self.inside += self._looks_like_a_row(text)
+            self.end, self.text = number, text
+            yield f"{text}\n"  # inside quotes it belongs to the cell
+
+    def _looks_like_a_row(self, text: str) -> bool:
+        """Whether a line has as many cells as a row, and a number or a date among them."""
+        found = cells_of(text, self._dialect.separator)
+        return len(found) == self._dialect.width and any(map(is_value, found))
+
+
+def _numbered(blocks: Iterator[Block]) -> Iterator[tuple[int, str]]:
+    for block in blocks:
+        lines = block.text.decode("utf-8").split("\n")
+        lines.pop()  # behind the last newline
+        yield from enumerate(lines, start=block.line)

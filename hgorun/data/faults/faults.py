@@ -1,0 +1,222 @@
+"""What betrays that a column is not what was measured when it was measured: pure functions of arrays.
+
+Each returns indices, or stretches of them. Thresholds are chosen so that noise, quantised sensors, steps of a process
+and machines at rest are not taken for faults; what is done about a find is decided elsewhere.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from hgorun import pieces
+from hgorun.data.faults.fault_passes import (
+    EVEN,
+    EXACT,
+    KELVIN,
+    NEAR,
+    equal_runs,
+    gaps_above,
+    large_steps,
+    straight_runs,
+)
+from hgorun.memo import Memo, same
+
+GAP = 20.0
+"""Median steps that make a gap."""
+STUCK = 20
+"""Equal values in a row that may be a stuck sensor, at the least."""
+_RARE, _TWO = 30, 2  # so many stretches beside one that may be stuck: these are few; two are beside as many
+LINE = 10
+"""Points on a line that noise does not leave there."""
+_SHORT_LINE = 4
+_FACTORS = np.array([60.0, 100.0, 1000.0, 3600.0, 1e6])
+_FEW = 5  # samples that show nothing usual
+_FIRST = 100_000  # samples that show what is usual
+_LEAST, _MOST = 3, 20  # samples on each side of a slip that have to agree, in a short and in a long log
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Samples from start up to, and without, stop."""
+
+    start: int
+    stop: int
+
+    @property
+    def size(self) -> int:
+        """How many."""
+        return self.stop - self.start
+
+
+_ASCENDING: Memo[bool] = Memo(2)  # the signals of a file share their times
+
+
+def ascending(taken: np.ndarray) -> bool:
+    """Whether all stamps are numbers, and each is larger than the one before."""
+    return _ASCENDING.get(same(taken), lambda: not np.isnan(taken[:1]).any() and pieces.ascending(taken, strictly=True))
+
+
+def backwards(taken: np.ndarray) -> np.ndarray:
+    """Samples whose stamp lies before one that came earlier."""
+    if taken.size < 2 or not np.any(taken[1:] < taken[:-1]):
+        return np.empty(0, dtype=int)
+    return np.flatnonzero(taken[1:] < np.maximum.accumulate(taken)[:-1]) + 1
+
+
+def repeated(taken: np.ndarray) -> np.ndarray:
+    """Samples with the stamp of the one before, of times in order."""
+    return np.flatnonzero(taken[1:] == taken[:-1]) + 1
+
+
+def gaps(taken: np.ndarray) -> np.ndarray:
+    """Samples that follow a gap of more than ``GAP`` median steps."""
+    usual = usual_step(taken)
+    return gaps_above(taken, GAP * usual) if usual > 0 else np.empty(0, dtype=int)
+
+
+def usual_step(taken: np.ndarray) -> float:
+    """The median step, 0 where there are too few to speak of one."""
+    return float(np.median(np.diff(taken[:_FIRST]))) if taken.size > _FEW else 0.0
+
+
+def stuck(values: np.ndarray) -> list[Stretch]:
+    """Stretches of one value that are much longer than this signal's usual ones.
+
+    Usual is the median of those of two or more: sensors that are coarse, or machines that rest between moves, have
+    many. Where those that may be stuck are few among all values, it is the median of all, single values too: two that
+    are stuck would be each other's usual length.
+    """
+    runs = equal_runs(values)
+    sizes = runs[:, 1] - runs[:, 0]
+    long = int(np.count_nonzero(sizes >= STUCK))
+    if not long:
+        return []
+    usual = float(np.median(sizes)) if sizes.size > 1 else 1.0
+    singles = values.size - int(sizes.sum())
+    if (1 if long <= _TWO else long) * _RARE <= sizes.size + singles:
+        usual = min(usual, float(np.median(np.append(sizes, np.ones(min(singles, sizes.size + 1))))))
+    return [Stretch(start, stop) for start, stop in runs[sizes >= max(STUCK, 5 * usual)].tolist()]
+
+
+def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
+    """Stretches of points on one straight line that is not level: filled in by interpolation.
+
+    Such a line begins and ends at a sharp bend, which tells it from a signal that is merely smooth. It counts if it has
+    ``LINE`` points, or if such lines, of at least four points, make up half of the signal.
+    """
+    if values.size < LINE:
+        return []
+    quantum = _quantum(np.diff(values[:_FIRST]))
+    runs = straight_runs(taken, values, quantum, _SHORT_LINE - 2)
+    lines = [Stretch(start, stop + 2) for start, stop in runs.tolist()]
+    if lines:
+        lines = _between_bends(taken, values, lines, quantum)
+    if sum(line.size for line in lines) >= values.size / 2:
+        return lines
+    return [line for line in lines if line.size >= LINE]
+
+
+def _bends(taken: np.ndarray, values: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of threes of neighbours, by their first ones, how far the middle one is off the line, and what rounding leaves.
+
+    The formulas are those of :mod:`hgorun.data.faults.fault_passes`, operation by operation.
+    """
+    (before, middle, after), (low, here, high) = ([of[first + k] for k in range(3)] for of in (taken, values))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (middle - before) / (after - before)
+    by_time = low + share * (high - low) - here
+    by_place = 0.5 * (low + high) - here  # filled in row by row, whatever the rounded stamps say
+    even = np.abs(share - 0.5) < EVEN
+    bend = np.abs(np.where(even & (np.abs(by_place) < np.abs(by_time)), by_place, by_time))
+    return bend, EXACT * np.maximum(np.abs(here), np.abs(high - here))
+
+
+def _between_bends(taken: np.ndarray, values: np.ndarray, lines: list[Stretch], quantum: float) -> list[Stretch]:
+    """The lines with a sharp bend at both ends, or at the one that is not an end of the log."""
+    last = values.size - 3
+    ends = np.array([[line.start - 1, line.stop - 2] for line in lines])
+    bend, exact = _bends(taken, values, np.clip(ends, 0, last).ravel())
+    sharp = bend > 5 * np.maximum(exact, quantum)
+    sharp, outside = sharp.reshape(-1, 2), (ends < 0) | (ends > last)
+    kept = (sharp | outside).all(axis=1) & ~outside.all(axis=1)  # a log that is one line is a ramp
+    return [line for line, true in zip(lines, kept, strict=True) if true]
+
+
+def _quantum(rise: np.ndarray) -> float:
+    """The step that all differences are multiples of; 0 where there is none."""
+    sizes = np.abs(rise)
+    sizes = sizes[sizes > 0]
+    if not sizes.size:
+        return 0.0
+    smallest = float(sizes.min())
+    decimal = np.floor(np.log10(smallest) + 1e-9)
+    for step in (smallest, *10.0 ** (decimal - np.arange(4))):
+        parts = sizes / step
+        # rounding leaves differences of rounded numbers off by some last bits
+        if np.median(parts) < 1e9 and np.mean(np.abs(parts - np.rint(parts)) < 1e-3) > 0.9:
+            return float(step)
+    return 0.0
+
+
+def slips(values: np.ndarray) -> list[tuple[int, str]]:
+    """Where values change by the factor between two units from one sample on, and what they change by."""
+    width = max(_LEAST, min(values.size // 12, _MOST))
+    if values.size < 2 * width:
+        return []
+    factors, shifts = large_steps(values)
+    near = _steadily(values, factors, _LEAST)  # of noise around zero few are left
+    found = [(int(k), _said(factor)) for k, factor in _confirmed(values, _steadily(values, near, width), width)]
+    return sorted(found + [(int(k), "273.15") for k in _shifted(values, shifts, width)])
+
+
+def _said(factor: float) -> str:
+    return f"a factor {factor:g}" if factor >= 1 else f"a factor 1/{1 / factor:g}"
+
+
+def _beside(values: np.ndarray, places: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Places with enough samples on both sides, and these."""
+    places = places[(places >= width) & (places <= values.size - width)]
+    before = values[places[:, None] + np.arange(-width, 0)]
+    after = values[places[:, None] + np.arange(width)]
+    return places, before, after
+
+
+def _steadily(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
+    """Places on whose sides the values agree among each other."""
+    places, before, after = _beside(values, places, width)
+    steady: np.ndarray = places[_steady(before) & _steady(after)]
+    return steady
+
+
+def _confirmed(values: np.ndarray, places: np.ndarray, width: int) -> list[tuple[int, float]]:
+    """Those on whose sides the values differ by a factor between units."""
+    places, before, after = _beside(values, places, width)
+    ratio = np.median(after, axis=1) / np.median(before, axis=1)
+    factors = np.concatenate([_FACTORS, 1 / _FACTORS])
+    # a unit's factor is exact; what the quantity itself has changed meanwhile is little
+    off = np.abs(np.log(np.abs(ratio)[:, None] / factors))
+    same_sign = ratio > 0
+    return [
+        (int(place), float(factors[row.argmin()]))
+        for place, row, same in zip(places, off, same_sign, strict=True)
+        if same and row.min() < 0.4
+    ]
+
+
+def _steady(windows: np.ndarray) -> np.ndarray:
+    """Windows whose values have one sign and differ by less than a factor 2.5."""
+    sizes = np.abs(windows)
+    one_sign = np.abs(np.sign(windows).sum(axis=1)) == windows.shape[1]
+    steady: np.ndarray = one_sign & (sizes.max(axis=1) < 2.5 * sizes.min(axis=1))
+    return steady
+
+
+def _shifted(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
+    """Those on whose sides the values differ by 273.15 and little else."""
+    places, before, after = _beside(values, places, width)
+    quiet = (np.ptp(before, axis=1) < 10) & (np.ptp(after, axis=1) < 10)
+    moved = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
+    shifted: np.ndarray = places[quiet & (np.abs(moved - KELVIN) < NEAR)]
+    return shifted

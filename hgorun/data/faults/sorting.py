@@ -1,0 +1,291 @@
+"""Samples of one quantity while they are sorted out: what is dropped, refused, or only reported."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from hgorun import pieces
+from hgorun.config.data import Faults
+from hgorun.data.clocks import EXACT, duration_shown, shown
+from hgorun.data.faults import faults
+from hgorun.data.faults.periods import means, unwrapped
+from hgorun.data.faults.said_places import samples_said, where
+from hgorun.data.recording import Note, Origin
+from hgorun.data.samples import Samples
+from hgorun.data.tags import Tags, of_several
+from hgorun.errors import ConfigError
+
+_ALL_DIGITS = 17  # that tell two doubles apart
+_AS_MEASURED = "faults: {slips: report} if this was measured so"
+_HELD = "an input's last value is held meanwhile, or with hold: linear a straight line goes to the next"
+_IF_KNOWN = "faults: {repeated: first}, last, mean or keep if this is known"
+_LATEST = 1e8  # steps between samples
+
+
+class Sorting:
+    """Sorts samples out as told, and notes what it has found.
+
+    Parameters
+    ----------
+    told : Faults
+    measured : bool
+        Whether a sensor measured them: what a machine was told to do may well be a ramp, a level or a step.
+    origin : Origin
+        Of their times.
+    period : float, optional
+        Up to which the values are known, as those of an angle.
+    tags : callable
+        Columns that may name the signal of each row, with the first of their names.
+    """
+
+    def __init__(
+        self,
+        told: Faults,
+        measured: bool,
+        origin: Origin,
+        period: float | None = None,
+        tags: Tags = dict,
+    ) -> None:
+        self._told, self._measured, self._origin, self._period, self._tags = told, measured, origin, period, tags
+        self.notes: list[Note] = []
+
+    def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+        """Finite values in the order of their times.
+
+        Raises
+        ------
+        ConfigError
+            For the first fault that is to be refused.
+        """
+        with np.errstate(all="ignore"):  # differences of the largest numbers
+            return self._sorted_out(samples, plausible)
+
+    def _sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+        samples = self._present(samples)
+        samples = self._good(samples)
+        samples = self._plausible(samples, plausible)
+        samples = self._known_after(samples)
+        samples = self._in_order(samples)
+        samples = self._once(samples)
+        self._gaps(samples)
+        if not self._measured:
+            return samples
+        self._slips(samples)
+        samples = self._filled(samples)
+        return self._stuck(samples)
+
+    def _note(self, kind: str, samples: Samples, k: int, count: int, message: str, consequence: str = "") -> None:
+        file, line = samples.place(k)
+        note = Note(kind=kind, signal=samples.key, file=file, line=line, count=count, message=message)
+        self.notes.append(replace(note, consequence=consequence))
+
+    def _refused(self, samples: Samples, k: int, message: str, hint: str) -> ConfigError:
+        file, line = samples.place(k)
+        return ConfigError(f"{message}; {hint}", file=file, line=line, key=samples.key)
+
+    def _kept(self, samples: Samples, wrong: np.ndarray, kind: str, what: str, refuse: str | None) -> Samples:
+        """Those that are not wrong, with a note; refused if a hint says how they are dropped."""
+        if not wrong.any():
+            return samples
+        first, count = int(wrong.argmax()), int(wrong.sum())
+        if refuse is not None:
+            raise self._refused(samples, first, what, refuse)
+        self._note(kind, samples, first, count, f"{samples_said(count)} left out: {what}")
+        kept = samples.at(~wrong)
+        if not kept.values.size:
+            raise self._refused(samples, first, f"no value is left: {what}", "there is nothing to estimate from")
+        return kept
+
+    def _present(self, samples: Samples) -> Samples:
+        refuse = "faults: {missing: drop} leaves them out" if self._told.missing == "refuse" else None
+        if np.isnan(np.min(samples.values, initial=np.inf)):  # told in less time than which they are
+            missing = np.isnan(samples.values)
+            samples = self._kept(samples, missing, "missing", "the value is missing", refuse)
+        if not faults.ascending(samples.taken) and (unstamped := np.isnan(samples.taken)).any():
+            raise self._refused(
+                samples, int(unstamped.argmax()), "a value without time stamp", "it cannot be placed: remove that row"
+            )
+        if samples.late:
+            unknown = np.isnan(samples.available)
+            samples = self._kept(samples, unknown, "unknown", "the time when it was known is missing", refuse)
+        return samples
+
+    def _good(self, samples: Samples) -> Samples:
+        if samples.good is None:
+            return samples
+        return self._kept(samples, samples.good == 0, "quality", "the quality is not good", None)
+
+    def _plausible(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+        if plausible is None:
+            return samples
+        low, high = plausible
+        wrong = (samples.values < low) | (samples.values > high)
+        refuse = "faults: {implausible: drop} leaves them out" if self._told.implausible == "refuse" else None
+        return self._kept(samples, wrong, "implausible", f"the value is outside of [{low:g}, {high:g}]", refuse)
+
+    def _known_after(self, samples: Samples) -> Samples:
+        if samples.late and (early := samples.available < samples.taken).any():
+            k = int(early.argmax())
+            both = samples.available, samples.taken
+            known, taken = (shown(float(times[k]), self._origin, samples.time_unit) for times in both)
+            if known == taken:
+                known, taken = (
+                    duration_shown(float(times[k]), self._origin, samples.time_unit, _ALL_DIGITS) for times in both
+                )
+            what = f"known at {known}, before it was taken at {taken}"
+            raise self._refused(samples, k, what, "the two columns may have been exchanged")
+        return self._known_soon(samples)
+
+    def _known_soon(self, samples: Samples) -> Samples:
+        """Refuse a sample that the run would have to wait for, far beyond the log, as a stream does."""
+        step = np.ptp(samples.taken) / (samples.taken.size - 1) if samples.late and samples.taken.size > 1 else 0.0
+        if step and (late := samples.available - samples.taken > _LATEST * step).any():
+            k = int(late.argmax())
+            known, taken = (
+                shown(float(times[k]), self._origin, samples.time_unit) for times in (samples.available, samples.taken)
+            )
+            what = f"known at {known}, more than {_LATEST:g} mean steps of the log after it was taken at {taken}"
+            hint = "correct it, or leave the cell empty and say faults: {missing: drop}"
+            raise self._refused(samples, k, what, hint)
+        return samples
+
+    def _in_order(self, samples: Samples) -> Samples:
+        if faults.ascending(samples.taken):
+            return samples
+        back = faults.backwards(samples.taken)
+        if not back.size:
+            return self._by_arrival(samples)
+        k, told = int(back[0]), self._told.backwards
+        what = f"the time stamp {shown(samples.taken[k], self._origin, samples.time_unit)} lies before one above it"
+        if told == "drop":
+            wrong = np.zeros(samples.values.size, dtype=bool)
+            wrong[back] = True
+            return self._by_arrival(self._kept(samples, wrong, "backwards", what, None))
+        if told != "sort" and not samples.late:
+            hint = "faults: {backwards: sort} or {backwards: drop} if this is known"
+            raise self._refused(samples, k, what, hint)
+        self._note("backwards", samples, k, back.size, f"{samples_said(back.size)} sorted by time: {what}")
+        return self._by_arrival(samples)
+
+    def _by_arrival(self, samples: Samples) -> Samples:
+        """By the time they were taken, then by when they were known."""
+        if pieces.ascending(samples.taken, strictly=True):
+            return samples
+        order = np.lexsort((samples.available, samples.taken))
+        return samples if np.all(np.diff(order) == 1) else samples.at(order)
+
+    def _once(self, samples: Samples) -> Samples:
+        again = faults.repeated(samples.taken) if not faults.ascending(samples.taken) else np.empty(0, dtype=int)
+        told = self._told.repeated
+        if not again.size:
+            return samples
+        pair = [int(again[0]) - 1, int(again[0])]
+        before, k = sorted(pair, key=lambda i: (int(samples.part[i]) if samples.part.size else 0, samples.lines[i]))
+        file, line = samples.place(before)
+        stamp = shown(float(samples.taken[k]), self._origin, samples.time_unit)
+        above = f"line {line}" if file == samples.place(k)[0] else f"line {line} of {file}"
+        what = f"the time stamp {stamp} has come before, on {above}"
+        if samples.coarse:
+            what += f", or is the same only as a double, which are {samples.coarse:.3g} apart here: {EXACT}"
+        if told is None or told == "refuse":
+            raise self._refused(samples, k, what, of_several(self._tags(), _IF_KNOWN))
+        self._note("repeated", samples, k, again.size, f"{samples_said(again.size)} ({told}): {what}")
+        if told == "keep":
+            return samples
+        first = np.ones(samples.values.size, dtype=bool)
+        first[again] = False
+        starts = np.flatnonzero(first)
+        if told == "first":
+            return samples.at(starts)
+        last = np.append(starts[1:], samples.values.size) - 1
+        kept = samples.at(last)  # a mean is known when the last of them is
+        if told == "last":
+            return kept
+        return replace(kept, values=means(samples.values, starts, self._period))
+
+    def _gaps(self, samples: Samples) -> None:
+        found = faults.gaps(samples.taken)
+        if not found.size:
+            return
+        k, longest = int(found[0]), float(np.diff(samples.taken).max())
+        most = duration_shown(longest, self._origin, samples.time_unit, digits=6)
+        what = f"the time stamps jump by more than {faults.GAP:g} usual steps, at most by {most}"
+        if self._told.gaps == "refuse":
+            raise self._refused(samples, k, what, "faults: {gaps: report} if nothing was measured there")
+        places = [faults.Stretch(int(k), int(k) + 1) for k in found]
+        held = "" if self._measured else _HELD
+        self._note("gaps", samples, k, found.size, f"{what}{where(samples, places)}", held)
+
+    def _slips(self, samples: Samples) -> None:
+        found = faults.slips(unwrapped(samples.values, self._period))
+        if not found:
+            return
+        k, change = found[0]
+        what = (
+            f"from here on the values differ by {change} ({samples.values[k - 1]:g}, then {samples.values[k]:g}), "
+            "as if the unit had changed"
+        )
+        if self._told.slips != "report":
+            raise self._refused(samples, k, what, f"{_AS_MEASURED}{samples.doubt}")
+        places = [faults.Stretch(k, k + 1) for k, _ in found]
+        self._note("slips", samples, k, len(found), f"{what}{where(samples, places)}")
+
+    def _filled(self, samples: Samples) -> Samples:
+        hint = "faults: {filled: drop} keeps the ends of the lines, report all"
+        what = "on straight lines, as if filled in by interpolation"
+        return self._stretches(
+            samples,
+            faults.filled(samples.taken, unwrapped(samples.values, self._period)),
+            "filled",
+            what,
+            self._told.filled or "refuse",
+            hint,
+            _ends,
+        )
+
+    def _stuck(self, samples: Samples) -> Samples:
+        hint = "faults: {stuck: report} or drop if this is known"
+        what = "of equal values in a row, as if the sensor were stuck"
+        return self._stretches(
+            samples, faults.stuck(samples.values), "stuck", what, self._told.stuck or "report", hint, _start
+        )
+
+    def _stretches(
+        self,
+        samples: Samples,
+        found: list[faults.Stretch],
+        kind: str,
+        what: str,
+        told: str,
+        hint: str,
+        kept: Callable[[faults.Stretch], list[int]],
+    ) -> Samples:
+        """Refused, reported, or dropped but for some of each stretch."""
+        if not found:
+            return samples
+        keep = np.ones(samples.values.size, dtype=bool)
+        for stretch in found:  # lines meet in their ends
+            keep[stretch.start : stretch.stop] = False
+        first, count = found[0], int(np.count_nonzero(~keep))
+        message = f"{samples_said(count)} {what}{where(samples, found)}"
+        if told == "refuse":
+            raise self._refused(samples, first.start, message, f"{hint}{samples.doubt}")
+        if told == "report":
+            self._note(kind, samples, first.start, count, message)
+            return samples
+        for stretch in found:
+            keep[kept(stretch)] = True
+        dropped = int(np.count_nonzero(~keep))
+        self._note(kind, samples, first.start, count, f"{message}, of which {dropped:,} are left out")
+        return samples.at(keep)
+
+
+def _ends(stretch: faults.Stretch) -> list[int]:
+    return [stretch.start, stretch.stop - 1]
+
+
+def _start(stretch: faults.Stretch) -> list[int]:
+    return [stretch.start]

@@ -1,0 +1,1 @@
+"""Gains that recorded data speak for."""

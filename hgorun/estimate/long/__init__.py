@@ -1,0 +1,1 @@
+"""Logs of very many samples, carried out stretch by stretch."""

@@ -1,0 +1,1 @@
+"""Observers on samples that come one after the other."""
