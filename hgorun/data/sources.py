@@ -13,6 +13,7 @@ from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, beside, clock_column
 from hgorun.data.files import open_table
+from hgorun.data.lengths import require_one_length
 from hgorun.data.recording import Note
 from hgorun.data.table import Table, TableFile
 from hgorun.data.units.named_units import without_any_unit
@@ -44,7 +45,7 @@ class Part:
 
 @dataclass(eq=False, repr=False)
 class LogFile:
-    """An open file, and which of its columns are wanted."""
+    """An open file, and which of its columns are wanted: those of one length, where they may have several."""
 
     path: Path
     table: TableFile
@@ -87,12 +88,13 @@ class Sources:
         self._key: KeyPath | None = None if files else ("data", "file")  # that names the files of all signals
         self._given = list(files) or [folder / name for name in block.file]
         self._files: dict[tuple[Path, Csv], LogFile] = {}
+        self._by_length: dict[tuple[LogFile, int], LogFile] = {}
         self._clocks = _clocks_of(block)
 
     @property
     def shared(self) -> tuple[list[LogFile], KeyPath]:
         """The files of all signals that name none of their own, as far as they are opened, and the key that does."""
-        files = [file for (path, _), file in self._files.items() if path in self._given]
+        files = [file for file in self._every if file.path in self._given]
         return files, self._key or ("data",)
 
     def wanted(self, name: str, column: Column, path: KeyPath) -> Wanted:
@@ -156,6 +158,7 @@ class Sources:
         for place, name in names.items():
             with refusals.of_a_part():
                 self._known(file, name, place)
+                require_one_length(file.path, file.table, name, column.column, place)
 
     def _part(self, file: LogFile, column: Column, clock: Clock, path: KeyPath, clock_path: KeyPath) -> Part:
         available = quality = None
@@ -165,6 +168,7 @@ class Sources:
             available = clock_column(known, file.table, (*path, "available"))
         if isinstance(column, Judged) and column.quality is not None:
             quality = Flags(column.quality.column, column.quality.good)
+        file = self._of_length(file, file.table.rows(column.column))
         part = Part(file, Numbers(column.column), time, available, quality)
         file.wanted |= dict.fromkeys(part.cells)
         return part
@@ -176,6 +180,17 @@ class Sources:
                 table = open_table(path, csv, key, self._clocks)
             known = self._files[path, csv] = LogFile(path, table, owner)
         return known
+
+    def _of_length(self, file: LogFile, rows: int) -> LogFile:
+        """A file as one whose columns that are wanted have so many rows: arrays of several rates may be in one."""
+        if not any(file.table.rows(cells.column) != rows for cells in file.wanted):
+            return file
+        empty = LogFile(file.path, file.table, file.owner)
+        return self._by_length.setdefault((file, rows), empty)
+
+    @property
+    def _every(self) -> list[LogFile]:
+        return [*self._files.values(), *self._by_length.values()]
 
     def _known(self, file: LogFile, column: str, path: KeyPath, names: Sequence[str] = ()) -> None:
         """Nothing, if a file has a column once.
@@ -208,7 +223,7 @@ class Sources:
             For the first thing wrong in one.
         """
         budget, found = self._block.max_memory, {}
-        for file in self._files.values():
+        for file in self._every:
             if file.wanted:
                 with _told_with_place(file.owner):
                     table = file.table.table(list(file.wanted), budget)

@@ -53,6 +53,9 @@ class TableFile(Protocol):
     def counts_from_a_date(self, column: str) -> bool:
         """Whether its numbers count from a date that the file states."""
 
+    def rows(self, column: str) -> int:
+        """How many rows a column has where those of a file may differ in it; -1 where all have one length."""
+
     def hint(self, column: str, names: Collection[str] = ()) -> str:
         """Why a column may not be among the names, as a sentence; empty where nothing is known.
 

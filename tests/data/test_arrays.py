@@ -127,7 +127,7 @@ def test_what_is_refused(
 
 def test_columns_of_different_lengths(tmp_path: Path) -> None:
     hdf5(tmp_path / "log.h5", t=TIMES, glucose=VALUES[:-1])
-    with pytest.raises(ConfigError, match=r"39 rows|40 rows"):
+    with pytest.raises(Problem, match=r"log/t has 40 rows, and log/glucose 39, which no other column has: time below"):
         recorded(tmp_path / "log.h5", "log/")
 
 
@@ -180,3 +180,48 @@ def test_dates_of_a_column_that_begins_with_missing_ones(tmp_path: Path, write: 
     signal = recorded(tmp_path / name, prefix, outputs=block).outputs["S"]
     np.testing.assert_allclose(signal.available - signal.taken, 1, atol=1e-6)
     assert signal.taken.size == STAMPS.size - 5
+
+
+SLOW = TIMES[::6]
+RATES = {"lt/t": TIMES, "lt/v": VALUES, "ft/t": SLOW, "ft/v": SLOW**2, "ft/state": np.arange(SLOW.size) % 2}
+
+
+def of_rates(path: Path, kind: str) -> None:
+    with h5py.File(path, "w") as file:
+        for name, values in RATES.items():
+            file[name] = values[None, :] if kind == "matlab" else values
+            if kind == "matlab":
+                file[name].attrs["MATLAB_class"] = np.bytes_("double")
+            elif kind == "netcdf" and name.endswith("/t"):
+                file[name].make_scale(name)
+
+
+@pytest.mark.parametrize("kind", ["hdf5", "matlab", "netcdf"])
+def test_signals_of_several_rates_in_one_file(tmp_path: Path, kind: str) -> None:
+    of_rates(tmp_path / "log.h5", kind)
+    quality = {"column": "ft/state", "good": [0]}
+    block = {
+        "file": "log.h5",
+        "time": "lt/t",
+        "outputs": {"S": "lt/v", "X": {"column": "ft/v", "time": "ft/t", "quality": quality}},
+        "inputs": {"F": {"column": "ft/v", "time": "ft/t"}},
+    }
+    recording = read(Data.model_validate(block), tmp_path)
+    np.testing.assert_array_equal(recording.outputs["S"].taken, TIMES)
+    np.testing.assert_array_equal(recording.outputs["S"].values, VALUES)
+    np.testing.assert_array_equal(recording.outputs["X"].taken, SLOW[::2])
+    np.testing.assert_array_equal(recording.outputs["X"].values, SLOW[::2] ** 2)
+    np.testing.assert_array_equal(recording.inputs["F"].times, SLOW)
+    np.testing.assert_array_equal(recording.inputs["F"].values, SLOW**2)
+
+
+def test_times_of_another_rate_are_refused_with_the_key(tmp_path: Path) -> None:
+    of_rates(tmp_path / "log.h5", "hdf5")
+    said = rf"lt/t has {TIMES.size:,} rows, and ft/v {SLOW.size:,}, as ft/state, ft/t: time below the signal names"
+    with pytest.raises(Problem, match=said) as refused:
+        recorded(tmp_path / "log.h5", "lt/", outputs={"S": "lt/v", "X": "ft/v"})
+    assert refused.value.path == ("data", "time", "column")
+    alone = {"column": "lt/v", "quality": {"column": "ft/state", "good": [0]}}
+    said = rf"ft/state has {SLOW.size:,} rows, and lt/v {TIMES.size:,}, as lt/t$"
+    with pytest.raises(Problem, match=said):
+        recorded(tmp_path / "log.h5", "lt/", outputs={"S": alone})

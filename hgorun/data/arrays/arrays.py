@@ -102,6 +102,10 @@ class ArrayFile:
         """Whether its unit is such as ``minutes since 2024-01-01``."""
         return counts_from_a_date(self._columns[column].unit)
 
+    def rows(self, column: str) -> int:
+        """How many a column has."""
+        return self._columns[column].rows
+
     def hint(self, column: str, names: Collection[str] = ()) -> str:
         """What the file has under that name."""
         why = _aside(self._path, lambda: self._form.passed_over(self._path, column), 2**26)
@@ -112,18 +116,15 @@ class ArrayFile:
         return {}
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
-        """Columns of it.
+        """Columns of it, all of one length.
 
         Raises
         ------
         ConfigError
-            When their lengths differ, when a cell is not what was expected, or when they take more memory than allowed.
+            When a cell is not what was expected, or when they take more memory than allowed.
         """
         names = list(dict.fromkeys(cells.column for cells in wanted))
         rows = self._columns[names[0]].rows
-        for name in names:
-            if self._columns[name].rows != rows:
-                raise self._error(f"{name} has {self._columns[name].rows:,} rows, and {names[0]} {rows:,}")
         if not rows:
             raise self._error("no rows")
         if rows * (4 + 8 * len(wanted)) > budget:

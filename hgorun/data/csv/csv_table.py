@@ -78,6 +78,10 @@ class CsvFile:
         """Text has dates as dates."""
         return False
 
+    def rows(self, column: str) -> int:
+        """A line has all columns."""
+        return -1
+
     def hint(self, column: str, names: Collection[str] = ()) -> str:
         """How many lines stand above the header, where a line below that which was taken for it has the column."""
         first = self._told.skip + 1
