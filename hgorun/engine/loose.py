@@ -15,6 +15,7 @@ from hgorun.engine.lane_tables import add_act_of, add_enter, add_rows_of, own
 from hgorun.engine.layout import WORD, HybridSystem
 from hgorun.engine.methods import Method, Rosenbrock
 from hgorun.engine.module import Module, move
+from hgorun.engine.moments import ROUNDING, SNAP
 from hgorun.engine.sums import advanced
 from hgorun.native.ir import hexadecimal
 
@@ -90,7 +91,7 @@ class _Loop:
         f = self.f
         start, now = f.intrinsic("fabs", self.read("start")), f.intrinsic("fabs", t1)
         largest = f.select(f.compare("ogt", start, now), start, now)
-        return f.add(f.mul(self.read("h"), f.constant(1e-9)), f.mul(largest, f.constant(1e-15)))
+        return f.add(f.mul(self.read("h"), f.constant(SNAP)), f.mul(largest, f.constant(ROUNDING)))
 
     def due(self, t1: str) -> str:
         """Where there are output points in the steps that end at t1."""

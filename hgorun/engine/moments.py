@@ -5,6 +5,8 @@ from __future__ import annotations
 from hgorun.engine.module import Module
 from hgorun.native.ir import Function
 
+SNAP, ROUNDING = 1e-9, 1e-15  # of a step, and of the times: what an output point may lie before an event that it is at
+
 
 class Moments:
     """What a loop over steps does with times and lengths of steps.
@@ -77,4 +79,4 @@ class Moments:
     def snap(self, t1: str, h: str) -> str:
         """How far from an output point a time is its own, in a step that ends at t1."""
         largest = self.largest(self.absolute(t1), self.absolute(self.start))  # what times in between are rounded like
-        return self.timed("fadd", self.timed("fmul", h, 1e-9), self.timed("fmul", largest, 1e-15))
+        return self.timed("fadd", self.timed("fmul", h, SNAP), self.timed("fmul", largest, ROUNDING))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -173,10 +173,10 @@ class PreparedEstimate:
         """The inputs at several times, shape (len(times), m)."""
         system, numbers = self.run.structure.system, self.run.numbers
         if self.inputs is not None and self.inputs.levels.shape[1] == len(self.run.plant.model.inputs):
-            return self.inputs.at(times)
+            return self._shown_inputs.at(times)
         u = self.run.structure.inputs.along(times, numbers.p, np.zeros(system.states)).copy()
         if self.inputs is not None:
-            u[:, list(self._truth.recorded)] = self.inputs.at(times)
+            u[:, list(self._truth.recorded)] = self._shown_inputs.at(times)
         return u
 
     def held(self, times: Floats) -> Floats | None:
@@ -185,7 +185,8 @@ class PreparedEstimate:
             return None
         layout = self.run.structure.system.held
         w = np.zeros((times.size, layout.size))
-        for i, (values, slopes) in enumerate(zip(self.inputs.at(times).T, self.inputs.slopes_at(times).T, strict=True)):
+        shown = self._shown_inputs
+        for i, (values, slopes) in enumerate(zip(shown.at(times).T, shown.slopes_at(times).T, strict=True)):
             value, slope, since, _ = layout.input(i)
             w[:, value], w[:, slope], w[:, since] = values, slopes, times
         return w
@@ -201,6 +202,12 @@ class PreparedEstimate:
         """Of every observer what it knows of its errors."""
         run = self.run
         return [Covariance.of(run.experiment, run.structure, run.numbers.p, b) for b in run.observers]
+
+    @cached_property
+    def _shown_inputs(self) -> RecordedInputs:
+        """The recorded inputs, where there are some, as output points show them."""
+        assert self.inputs is not None
+        return self.inputs.shown_from(self.run.schedule.events, self.run.step)
 
     @property
     def _truth(self) -> Recording:

@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from hgorun.engine.layout import SET, Held
+from hgorun.engine.moments import ROUNDING, SNAP
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import stepped_between
 from hgorun.measurement.schedule import nearest_event
 from hgorun.native.places import places_in
 from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.kinds import Kind, Numbered
+from hgorun.simulation.steps import steps_needed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -28,12 +30,15 @@ class RecordedInputs:
         u(t) = level + slope (t - time); held values have slope zero.
     held : bool
         Whether all are: then levels alone are set.
+    shown : ndarray, shape (N,), optional
+        Where output points begin to show a line, see :meth:`shown_from`.
     """
 
     times: np.ndarray
     levels: np.ndarray
     slopes: np.ndarray
     held: bool = False
+    shown: np.ndarray | None = None
 
     def first(self, numbers: Sequence[int]) -> Recorded:
         """How they begin, by their numbers among all inputs."""
@@ -41,14 +46,34 @@ class RecordedInputs:
 
     def at(self, times: np.ndarray) -> np.ndarray:
         """u at several times, shape (len(times), m)."""
-        i = last_of(self.times, times)
+        i = self._lines(times)
         if self.held:
             return np.asarray(self.levels[i] + 0.0)  # nothing is -0, as where slopes are multiplied
         return np.asarray(self.levels[i] + self.slopes[i] * (times - self.times[i])[:, None])
 
     def slopes_at(self, times: np.ndarray) -> np.ndarray:
         """u' at several times, where it jumps the one behind them, shape (len(times), m)."""
-        return np.asarray(self.slopes[last_of(self.times, times)])
+        return np.asarray(self.slopes[self._lines(times)])
+
+    def shown_from(self, events: np.ndarray, step: float) -> RecordedInputs:
+        """The same for output points: one that counts as an event for states shows the inputs from that event on.
+
+        Parameters
+        ----------
+        events : ndarray
+            Of the run.
+        step : float
+            The longest.
+        """
+        at = nearest_event(events, np.maximum(self.times, events[0]))
+        gaps = events[at] - events[np.maximum(at - 1, 0)]
+        largest = np.maximum(np.abs(events[at]), abs(events[0]))
+        shown = events[at] - (SNAP * gaps / steps_needed(gaps, step) + ROUNDING * largest)
+        return replace(self, shown=shown)
+
+    def _lines(self, times: np.ndarray) -> np.ndarray | slice:
+        """Which line holds at each of several times."""
+        return last_of(self.times if self.shown is None else self.shown, times)
 
     def values(self, channels: Sequence[Channel], *, before: bool) -> list[np.ndarray]:
         """What is set in w: of every time the numbers of every line; at every sample the inputs ``before``."""

@@ -10,6 +10,7 @@ import numpy as np
 
 from hgorun.config.models import Time
 from hgorun.data.recording import InputSignal, Recording
+from hgorun.engine.moments import ROUNDING, SNAP
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.samples import Sampled, channel, recorded_inputs, rounding_of
 from hgorun.measurement.channels import Channel, HeardBefore
@@ -209,7 +210,7 @@ def points_before(grid: Floats | EvenPoints, stretch: Stretch, step: float) -> i
         return grid.size
     before, end = stretch.prepared.run.schedule.events[-2:]
     h = (end - before) / float(count_steps(np.array([end - before]), step)[0])
-    until = end - (1e-9 * h + 1e-15 * end)
+    until = end - (SNAP * h + ROUNDING * end)
     return grid.before(until) if isinstance(grid, EvenPoints) else int(np.searchsorted(grid, until, side="left"))
 
 
