@@ -15,11 +15,14 @@ import numpy as np
 from hgorun.config.nearest import nearest
 from hgorun.config.tokens import short
 from hgorun.data.cells import PLAIN_NUMBER
+from hgorun.data.date_texts import looks_like_iso
 from hgorun.errors import ConfigError
 from hgorun.symbolic.evaluate import Floats
 
 INPUT = "standard input"
 _COLUMNS = ("t", "signal", "y", "available")
+_VALUES = ("value", "val", "v", "reading")  # what others call y
+_TIMES = ": times of a stream are numbers in the unit time.unit, on the clock of time.start"
 _BYTES = 1 << 16  # of a pipe that are read at once: as much as it holds
 
 
@@ -205,7 +208,9 @@ def _require_keys(found: Mapping[str, object], line: int) -> None:
     """Refuse an object where a key is missing, or is called nearly like one that may be missing."""
     missing = [name for name in _COLUMNS if name not in found]
     for key in found:
-        if key not in _COLUMNS and (meant := nearest(key, missing)):
+        is_value = "y" in missing and key.lower() in _VALUES
+        meant = " Did you mean `y`?" if is_value else nearest(key, missing)
+        if key not in _COLUMNS and meant:
             raise ConfigError(f"unknown key {short(key)!r}.{meant}", file=INPUT, line=line)
     for name in missing:
         if name != "available":
@@ -218,8 +223,13 @@ def _require_numbers(found: Mapping[str, object], line: int) -> None:
     for name in ("t", "y", "available"):
         value = found.get(name)
         if isinstance(value, str) and not (name == "y" and value.strip().lower() in ("", "nan")):
-            told = f"{name}: expected a number, found the text {short(value)!r}"
+            told = f"{name}: expected a number, found the text {short(value)!r}{_instead(name, value)}"
             raise ConfigError(told, file=INPUT, line=line)
+
+
+def _instead(name: str, value: object) -> str:
+    """What is to be written in place of a date."""
+    return _TIMES if name != "y" and isinstance(value, str) and looks_like_iso(value.strip()) else ""
 
 
 def _cells(line: str) -> list[str]:
@@ -243,7 +253,8 @@ def _number(line: int, name: str, value: object) -> float:
     except (TypeError, ValueError, OverflowError):
         number = float("nan")
     if isinstance(value, bool) or (name != "y" and not math.isfinite(number)) or math.isinf(number):
-        raise ConfigError(f"{name}: expected a number, found {value!r:.50}", file=INPUT, line=line)
+        told = f"{name}: expected a number, found {value!r:.50}{_instead(name, value)}"
+        raise ConfigError(told, file=INPUT, line=line)
     if name == "y" and number != number and str(value).strip().lower() != "nan":
         raise ConfigError(f"y: expected a number, found {value!r:.50}", file=INPUT, line=line)
     return number

@@ -228,5 +228,7 @@ def _closest(name: str, known: Iterable[str]) -> str | None:
     import difflib
 
     alike = [other for other in known if len(other) > 1 or len(name) < 3]  # a word is not meant to be a letter
+    if len(name) < 4:  # some letters of a long word are no part of it that is written
+        alike = [other for other in alike if len(other) <= 2 * len(name) or other.startswith(name.lower())]
     close = difflib.get_close_matches(name[:100].lower(), alike, n=1, cutoff=0.5 if len(name) < 4 else 0.6)
     return close[0] if close else None

@@ -53,6 +53,13 @@ def test_cells_are_numbers_as_in_files(
         ('{"t": 0.1, "signal": "a", "y": "1"}', "y: expected a number, found the text '1'"),
         ('{"t": "0.1", "signal": "a", "y": 1}', "t: expected a number, found the text '0.1'"),
         ('{"t": 0.1, "signal": "a", "y": 1, "available": "0.2"}', "available: expected a number, found the text"),
+        (
+            '{"t": "2026-11-28T10:00:00Z", "signal": "a", "y": 1}',
+            "t: expected a number, found the text '2026-11-28T10:00:00Z': times",
+        ),
+        ('{"t": 0.1, "signal": "a", "val": 1}', "unknown key 'val'. Did you mean `y`?"),
+        ('{"t": 0.1, "signal": "a", "vol": 1}', "the key y is missing"),
+        ('{"t": 0.1, "signal": "a", "y": 1, "avail": 1}', "unknown key 'avail'. Did you mean `available`?"),
         ('{"t": 0.1, "signal": "a", "y": 1, "y": 2}', "the key y stands twice"),
         ("t,signal,y,t", "the column t stands twice"),
     ],
@@ -69,6 +76,21 @@ def test_a_missing_value_may_be_text(shell: Shell, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(sys, "stdin", io.StringIO("\n".join(lines)))
     code, out, _ = shell("estimate", "pendulum.yaml", "-")
     assert (code, len(out.splitlines())) == (0, 5)
+
+
+def test_a_further_key_is_none_that_has_some_of_its_letters(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO('{"t": 0.1, "signal": "a", "y": 0.1, "val": 2}\n'))
+    code, out, _ = shell("estimate", "pendulum.yaml", "-")
+    assert (code, len(out.splitlines())) == (0, 1)
+
+
+def test_a_date_as_time_is_told_how_times_are_counted(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("t,signal,y\n2026-11-28 10:00:00,a,1\n"))
+    code, _, err = shell("estimate", "pendulum.yaml", "-")
+    assert code == 2
+    assert (
+        "t: expected a number, found '2026-11-28 10:00:00': times of a stream are numbers in the unit time.unit" in err
+    )
 
 
 @pytest.mark.parametrize(
