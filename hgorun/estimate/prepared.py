@@ -25,7 +25,7 @@ from hgorun.estimate.steps.again import again_of
 from hgorun.estimate.steps.bound import beginning_of, bound_with, known_at
 from hgorun.estimate.steps.first_steps import first_steps
 from hgorun.measurement.late import HeardOtherwise, heard
-from hgorun.measurement.schedule import build_schedule
+from hgorun.measurement.schedule import at_events, build_schedule, tolerances
 from hgorun.observers.treatment import treatment_of
 from hgorun.simulation.checks import check_corrections, check_punctual
 from hgorun.simulation.experiment import Experiment
@@ -149,7 +149,7 @@ class PreparedEstimate:
     ) -> Plan:
         """The tables of a run, all at once or perhaps in parts; see :func:`~hgorun.simulation.tables.build_plan`."""
         return build_plan(
-            self.run.timeline_on(grid),
+            self.run.timeline_on(at_events(grid, self.run.schedule.events, self.tolerance)),
             self.run.structure.system,
             Stepping(longest=step, always_slope=bool(METHODS[self.method].error), uneven=uneven),
             inputs=self.inputs,
@@ -157,6 +157,11 @@ class PreparedEstimate:
             in_parts=not (self.gated or whole),
             shared=shared,
         )
+
+    @property
+    def tolerance(self) -> float:
+        """How far apart events are one, and how much before one an output point is at it."""
+        return tolerances(self.run.channels, self.run.step)[1]
 
     def start(self) -> Start:
         """Where it begins."""
@@ -207,7 +212,7 @@ class PreparedEstimate:
     def _shown_inputs(self) -> RecordedInputs:
         """The recorded inputs, where there are some, as output points show them."""
         assert self.inputs is not None
-        return self.inputs.shown_from(self.run.schedule.events, self.run.step)
+        return self.inputs.shown_from(self.run.schedule.events, self.tolerance)
 
     @property
     def _truth(self) -> Recording:

@@ -238,6 +238,13 @@ def _following(first: int, count: int) -> np.ndarray:
     return _FOLLOWING.get((first, count), made)
 
 
+def at_events(times: np.ndarray, events: np.ndarray, tolerance: float) -> np.ndarray:
+    """Times with those at events that lie before one by no more than a tolerance; events ascend."""
+    following = events[np.minimum(np.searchsorted(events, times), events.size - 1)]
+    before = (times < following) & (following - times <= tolerance)
+    return np.where(before, following, times) if before.any() else times
+
+
 def nearest_event(events: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Index of the event nearest to each time."""
     if times.size and events.size:  # where times are events one after the other, as those of samples, nothing is sought

@@ -8,14 +8,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hgorun.engine.layout import SET, Held
-from hgorun.engine.moments import ROUNDING, SNAP
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import stepped_between
 from hgorun.measurement.schedule import nearest_event
 from hgorun.native.places import places_in
 from hgorun.simulation.first_inputs import Recorded
 from hgorun.simulation.kinds import Kind, Numbered
-from hgorun.simulation.steps import steps_needed
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -55,21 +53,18 @@ class RecordedInputs:
         """u' at several times, where it jumps the one behind them, shape (len(times), m)."""
         return np.asarray(self.slopes[self._lines(times)])
 
-    def shown_from(self, events: np.ndarray, step: float) -> RecordedInputs:
+    def shown_from(self, events: np.ndarray, tolerance: float) -> RecordedInputs:
         """The same for output points: one that counts as an event for states shows the inputs from that event on.
 
         Parameters
         ----------
         events : ndarray
             Of the run.
-        step : float
-            The longest.
+        tolerance : float
+            How much before an event a point counts as one at it.
         """
         at = nearest_event(events, np.maximum(self.times, events[0]))
-        gaps = events[at] - events[np.maximum(at - 1, 0)]
-        largest = np.maximum(np.abs(events[at]), abs(events[0]))
-        shown = events[at] - (SNAP * gaps / steps_needed(gaps, step) + ROUNDING * largest)
-        return replace(self, shown=shown)
+        return replace(self, shown=events[at] - tolerance)
 
     def _lines(self, times: np.ndarray) -> np.ndarray | slice:
         """Which line holds at each of several times."""

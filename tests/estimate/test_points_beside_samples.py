@@ -61,3 +61,15 @@ def test_inputs_of_a_clock_that_is_off_by_rounding_change_with_the_sample() -> N
     late[[0, -1]] = TAKEN[[0, -1]]  # as the run begins and ends
     for one, other in zip(of_file(block), of_file(block, late), strict=True):
         np.testing.assert_array_equal(one, other)
+
+
+def test_steps_of_any_length_leave_points_beside_samples_there() -> None:
+    """With times since long ago rounding is more than a part of a short step."""
+    far = {"time": {"start": START + 1e6, "end": float(TAKEN[-1]) + 1e6, "output_step": PERIOD}}
+    taken = TAKEN + 1e6
+    log = recording(signal("y", taken, Y), u=held_input("u", taken, U))
+    rows = []
+    for step in (PERIOD / 2, PERIOD / 500):
+        block = config({"type": "savgol", "window": 5}) | far | {"solver": {"step": step}}
+        rows.append(estimate(source(block), log, sensitivity=False).observers["O"].xhat)
+    np.testing.assert_allclose(*rows, rtol=1e-9, atol=1e-9)

@@ -210,7 +210,7 @@ def points_before(grid: Floats | EvenPoints, stretch: Stretch, step: float) -> i
         return grid.size
     before, end = stretch.prepared.run.schedule.events[-2:]
     h = (end - before) / float(count_steps(np.array([end - before]), step)[0])
-    until = end - (SNAP * h + ROUNDING * end)
+    until = end - max(SNAP * h + ROUNDING * end, stretch.prepared.tolerance)
     return grid.before(until) if isinstance(grid, EvenPoints) else int(np.searchsorted(grid, until, side="left"))
 
 
