@@ -37,6 +37,7 @@ _ALSO = {
     "initial": ("plant.initial", f"observers.{_ANY}.initial"),
     "outputs": ("measurement.outputs", "data.outputs"),
 }  # where there are several
+_BEHIND = ("delay", "lag", "latency")  # how late samples are
 _AT_TOP = "at the top of the file"
 
 
@@ -51,6 +52,8 @@ def belongs(place: KeyPath, key: str, *, recorded: bool = True) -> str:
     recorded : bool
         Whether the configuration has recorded data: a key of these alone is not proposed to a simulation.
     """
+    if place[:2] == ("data", "outputs") and key in _BEHIND:
+        return f" The column of times at which samples are known is `{_dotted((*place, 'available'))}`."
     written = _ALSO.get(key) or ((_WRITTEN[key],) if key in _WRITTEN else ())
     found = [_from(place, one) for one in written if _fits(place, one)]
     if written and not recorded and all(one.startswith("data.") for one in written):

@@ -83,6 +83,7 @@ _HINTS = {
     "[": "there are no lists and no subscripts, so write x1 for x[1]",
     "'": "there is no text in an expression, and digits are not grouped",
     '"': "there is no text in an expression",
+    ":": "a date or a time of day is a number, of time.unit since data.origin or the first date",
     "#": "a comment stands outside the expression",
 }
 

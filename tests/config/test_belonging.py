@@ -60,7 +60,6 @@ def test_every_place_has_the_key() -> None:
         ((), "initial", "`plant.initial` or `observers.NAME.initial`"),
         (("plant",), "std", "`measurement.noise: [{type: gaussian, std: ...}]`"),
         (("data", "outputs", "y", "time"), "gate", "`data.outputs.y.gate`"),
-        (("data", "outputs", "y"), "delay", ""),
         (("measurement", "phases", 0, "outputs", "y", "noise"), "mode", "`measurement.phases.0.outputs.y.mode`"),
         (("plant",), "inital", ""),
         (("measurement",), "delay", ""),
@@ -118,3 +117,9 @@ def test_of_a_path_to_no_list_the_deepest_block_is_told() -> None:
         with pytest.raises(ConfigError) as caught:
             base.varied({path: 1})
         assert message in str(caught.value)
+
+
+def test_how_late_samples_are_is_a_column_of_recorded_data() -> None:
+    told = " The column of times at which samples are known is `data.outputs.S.available`."
+    assert belongs(("data", "outputs", "S"), "delay") == told
+    assert belongs(("data", "inputs", "F"), "delay") == ""

@@ -116,6 +116,7 @@ def test_any_text_is_an_expression_or_an_expression_error(text: str) -> None:
             ("x.^2", "write `**` for `.^`"),
             ("x./2", "write `/` for `./`"),
             ("x.y", "there are no attributes"),
+            ("12.10.2026 10:00", "a date or a time of day is a number, of time.unit"),
         ],
         *[
             ("sin(1, 2)", "sine of x"),
