@@ -109,6 +109,9 @@ def _finder(
     return finder.chosen(observer.map, chains, noise)
 
 
+_AT = "that is by plant.initial, 0 where it has none, whatever observers begin with"
+
+
 def _refuse_undefined(plant: BuiltPlant) -> None:
     """Refuse initial values at which the plant itself is not defined, whatever its inputs: no observer takes it there.
 
@@ -125,7 +128,7 @@ def _refuse_undefined(plant: BuiltPlant) -> None:
     for i, name in enumerate(model.states):
         why = None if defined[0][i] or defined[1][i] else first_undefined(model.dynamics[i], symbols, some[1], names)
         if why is not None:
-            what = f"the right-hand side of {name} is not a finite number at the start of the run: {why}"
+            what = f"the right-hand side of {name} is not a finite number at the start of the run: {why}; {_AT}"
             raise Problem(("plant", *plant.block.place_of(name)), what)
 
 
