@@ -55,7 +55,7 @@ DATA_FLOORS: list[set[str]] = [
     {"samples", "tags", "times"},
     {"cells", "recording"},
     {"table", "told_once", "units"},
-    {"clocks"},
+    {"clocks", "lengths"},
     {"faults"},
     {"csv", "input_ends"},
     {"arrays"},
