@@ -15,7 +15,7 @@ import numpy as np
 from hgorun.config.nearest import nearest
 from hgorun.config.tokens import short
 from hgorun.data.cells import PLAIN_NUMBER
-from hgorun.data.date_texts import looks_like_iso
+from hgorun.data.times.date_texts import looks_like_iso
 from hgorun.errors import ConfigError
 from hgorun.symbolic.evaluate import Floats
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 from examples import Block, inline
-from hgorun.estimate.estimator import Estimator
 from recordings import held_input, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
+from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.experiment import Experiment
 
 START, PERIOD = 3.6, 0.01
