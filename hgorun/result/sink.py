@@ -17,27 +17,54 @@ from hgorun.files import written_whole
 from hgorun.result.written_at import write_at
 
 if TYPE_CHECKING:
-    from _typeshed import ReadableBuffer
+    from _typeshed import ReadableBuffer, WriteableBuffer
+
+
+_KEPT = 1 << 16  # bytes: what HDF5 reads again is its own lists of what there is, in pieces no longer than that
 
 
 class Sink(io.FileIO):
-    """A file for HDF5, which crashes where a write fails: it never sees one fail, and we say what happened."""
+    """A file for HDF5, which crashes where a write fails: it never sees one fail, and we say what happened.
+
+    It crashes as well where it reads something else than what it has written, so that this is kept from then on.
+    """
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "w+")
         self.failed: OSError | None = None
+        self._unwritten: dict[int, bytes] = {}  # by place
         self._reserved = False
         self._turn = threading.Lock()
 
     def write(self, data: ReadableBuffer) -> int:
-        left = memoryview(data).cast("B")
-        size = len(left)
+        left = whole = memoryview(data).cast("B")
+        place = self.tell()
         try:
             while left and self.failed is None:
-                left = left[super().write(left) or 0 :]
+                left = left[self.put(left) :]
         except OSError as error:
             self.failed = error
-        return size
+        if left and len(whole) <= _KEPT:
+            self._unwritten[place] = bytes(whole)
+        return len(whole)
+
+    def put(self, data: memoryview) -> int:
+        """Write bytes: how many of them there was room for."""
+        return super().write(data) or 0
+
+    def readinto(self, room: WriteableBuffer) -> int:
+        """What HDF5 reads again; zeros where that is lost."""
+        whole = memoryview(room).cast("B")
+        start, done = self.tell(), super().readinto(room) or 0
+        if self.failed is None:
+            return done
+        end = start + len(whole)
+        whole[done:] = bytes(len(whole) - done)
+        for place, piece in self._unwritten.items():
+            first, last = max(place, start), min(place + len(piece), end)
+            if first < last:
+                whole[first - start : last - start] = piece[first - place : last - place]
+        return len(whole)
 
     def write_at(self, place: int, data: memoryview) -> None:
         """Write bytes at a place, beside what HDF5 writes at others.

@@ -269,9 +269,8 @@ def test_a_full_disk_leaves_no_half_file(tmp_path: Path, monkeypatch: pytest.Mon
     carry_out_all(store)
 
     class Full(sink.Sink):
-        def write(self, data: Any) -> int:
-            self.failed = OSError(28, "No space left on device")
-            return memoryview(data).nbytes
+        def put(self, data: memoryview) -> int:
+            raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
         patch.setattr(sink, "Sink", Full)

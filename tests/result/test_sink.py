@@ -6,9 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from errno import ENOSPC, EOPNOTSUPP
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
-from hgorun.result.sink import Sink, hdf5_and_sink
+from hgorun.errors import HgorunError
+from hgorun.result.sink import Sink, hdf5_and_sink, hdf5_written_whole
 
 
 def test_what_is_written_is_there(tmp_path: Path) -> None:
@@ -115,3 +118,37 @@ def test_threads_write_one_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyP
         list(pool.map(lambda k: sink.write_at(12 * k, memoryview(pieces[k])), range(8)))
     assert (tmp_path / "file").read_bytes() == b"".join(pieces)
     assert most == [1]
+
+
+class Full(Sink):
+    def put(self, data: memoryview) -> int:
+        raise OSError(28, "No space left on device")
+
+
+def test_hdf5_reads_what_it_has_written_where_no_room_was_left_for_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It reads its own lists again, and crashed the process where these were something else."""
+    monkeypatch.setattr("hgorun.result.sink.Sink", Full)
+    words = np.array([f"name {k} " * 60 for k in range(40)], dtype=object)
+
+    def written() -> None:
+        with hdf5_written_whole(tmp_path / "a.h5") as file:
+            for number in range(50):
+                data = file.create_dataset(f"names {number}", words.shape, h5py.string_dtype(), track_times=False)
+                data[...] = words
+            file.flush()
+            np.testing.assert_array_equal(file["names 3"].asstr()[...], words)
+
+    with pytest.raises(HgorunError, match="No space left on device"):
+        written()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_lost_reads_as_zeros(tmp_path: Path) -> None:
+    with Full(tmp_path / "a") as sink:
+        sink.write(b"abcd")
+        sink.seek(2)
+        room = bytearray(b"xxxx")
+        assert sink.readinto(room) == 4
+        assert bytes(room) == b"cd\0\0"
