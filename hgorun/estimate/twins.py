@@ -52,6 +52,14 @@ class Twins:
                 known[start + at[equal]] = True
         return cls(same, known, timed & ~known)
 
+    @property
+    def by_chance(self) -> bool:
+        """Whether the second signal is another measurement, of which some values are equal as those of coarse ones are.
+
+        More than a quarter of the samples of equal time have another value then.
+        """
+        return 3 * int(np.count_nonzero(self.otherwise)) > int(np.count_nonzero(self.compared))
+
 
 def _slack(given: np.ndarray, compared: np.ndarray) -> float:
     """By how much times may differ that are equal on paper."""
@@ -62,6 +70,8 @@ def _slack(given: np.ndarray, compared: np.ndarray) -> float:
 
 def without_twins(given: Signal, held: Signal, words: str) -> tuple[Signal, list[Note]]:
     """An output without the samples that are held out from a file and stand in the log as well, and what is told.
+
+    A file with another measurement of the same holds nothing out.
 
     Parameters
     ----------
@@ -79,12 +89,15 @@ def without_twins(given: Signal, held: Signal, words: str) -> tuple[Signal, list
             f"{words}: all samples of the output {held.name} stand there, if under another name, and observers would "
             f"get none: hold out some of them, --holdout {held.name}=5"
         )
-    notes += given_to_none(given, twins.given)
+    held_out = twins.given & (not twins.by_chance)
+    notes += given_to_none(given, held_out)
     if other := int(np.count_nonzero(twins.otherwise)):
         samples = "1 sample that is held out has" if other == 1 else f"{other} samples that are held out have"
         told = f"{samples} the time of one in the log, but not its value: observers get the one in the log"
+        if twins.by_chance and twins.compared.any():
+            told += ", also where values are equal, since this is another measurement"
         notes.append(note_of(held.name, held, twins.otherwise, told))
-    return (part(given, ~twins.given) if twins.given.any() else given), notes
+    return (part(given, ~held_out) if held_out.any() else given), notes
 
 
 def used_nevertheless(recording: Recording, compared: Signal, key: str, what: str) -> Iterator[Note]:
@@ -98,10 +111,11 @@ def used_nevertheless(recording: Recording, compared: Signal, key: str, what: st
         What the samples are called, and what they are.
     """
     for name, given in recording.outputs.items():
-        twins = Twins.of(given, compared).compared
+        found = Twins.of(given, compared)
+        twins = found.compared
         count = int(np.count_nonzero(twins))
         moves = np.ptp(compared.values[twins]) > 0 if count else False
-        if 2 * count > twins.size and (moves or name == compared.name):
+        if 2 * count > twins.size and not found.by_chance and (moves or name == compared.name):
             which = "the only sample" if twins.size == 1 else f"{count} of {twins.size} samples"
             told = f"observers get {which} {what} as the output {name}: estimates are compared with what they use"
             yield note_of(key, compared, twins, told)

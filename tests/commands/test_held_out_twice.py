@@ -98,6 +98,23 @@ def test_another_value_at_that_time_is_told(shell: Shell) -> None:
     assert "log.csv:42: outputs.a: 1 sample of this output has the time" in scores(shell, "--holdout", "a=part.csv")[1]
 
 
+def test_equal_values_of_another_measurement_hold_nothing_out(shell: Shell) -> None:
+    """Of two coarse sensors many values agree: to leave out just these would choose samples by their errors."""
+    other = Y.copy()
+    other[HELD[:4]] += 0.1
+    write(shell.folder / "part.csv", HELD, y=other)
+    found, err = scores(shell, "--holdout", "a=part.csv")
+    assert "of this output have" not in err
+    assert (
+        f"4 samples that are held out {OTHERWISE}, also where values are equal, since this is another measurement"
+        in err
+    )
+    plain, _ = scores(shell)
+    assert found["innovation_rms"] == plain["innovation_rms"]
+    _, err = scores(shell, "--set", "data.reference.a={file: part.csv, column: angle}")
+    assert "samples of the reference" not in err
+
+
 def test_a_copy_of_the_whole_log_leaves_nothing(shell: Shell) -> None:
     write(shell.folder / "copy.csv", range(60))
     code, out, err = shell("estimate", "pendulum.yaml", "--holdout", "a=copy.csv", *QUIET)
