@@ -10,7 +10,7 @@ import numpy as np
 from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data.clocks import EXACT, duration_shown, shown
-from hgorun.data.faults import faults
+from hgorun.data.faults import clock_changes, faults
 from hgorun.data.faults.periods import means, unwrapped
 from hgorun.data.faults.said_places import samples_said, where
 from hgorun.data.recording import Note, Origin
@@ -51,6 +51,7 @@ class Sorting:
     ) -> None:
         self._told, self._measured, self._origin, self._period, self._tags = told, measured, origin, period, tags
         self.notes: list[Note] = []
+        self._twice = clock_changes.HourTwice(origin)
 
     def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
         """Finite values in the order of their times.
@@ -160,14 +161,15 @@ class Sorting:
             return self._by_arrival(samples)
         k, told = int(back[0]), self._told.backwards
         what = f"the time stamp {shown(samples.taken[k], self._origin, samples.time_unit)} lies before one above it"
+        hint = "faults: {backwards: sort} or {backwards: drop} if this is known"
+        what, hint, noted = self._twice.told(samples.taken, what, hint)
         if told == "drop":
             wrong = np.zeros(samples.values.size, dtype=bool)
             wrong[back] = True
-            return self._by_arrival(self._kept(samples, wrong, "backwards", what, None))
+            return self._by_arrival(self._kept(samples, wrong, "backwards", noted, None))
         if told != "sort" and not samples.late:
-            hint = "faults: {backwards: sort} or {backwards: drop} if this is known"
             raise self._refused(samples, k, what, hint)
-        self._note("backwards", samples, k, back.size, f"{samples_said(back.size)} sorted by time: {what}")
+        self._note("backwards", samples, k, back.size, f"{samples_said(back.size)} sorted by time: {noted}")
         return self._by_arrival(samples)
 
     def _by_arrival(self, samples: Samples) -> Samples:
@@ -190,9 +192,10 @@ class Sorting:
         what = f"the time stamp {stamp} has come before, on {above}"
         if samples.coarse:
             what += f", or is the same only as a double, which are {samples.coarse:.3g} apart here: {EXACT}"
+        what, hint, noted = self._twice.told(samples.taken, what, of_several(self._tags(), _IF_KNOWN))
         if told is None or told == "refuse":
-            raise self._refused(samples, k, what, of_several(self._tags(), _IF_KNOWN))
-        self._note("repeated", samples, k, again.size, f"{samples_said(again.size)} ({told}): {what}")
+            raise self._refused(samples, k, what, hint)
+        self._note("repeated", samples, k, again.size, f"{samples_said(again.size)} ({told}): {noted}")
         if told == "keep":
             return samples
         first = np.ones(samples.values.size, dtype=bool)
@@ -207,6 +210,8 @@ class Sorting:
         return replace(kept, values=means(samples.values, starts, self._period))
 
     def _gaps(self, samples: Samples) -> None:
+        if (forward := clock_changes.put_forward(samples.taken, self._origin)).size:
+            self._note("clock", samples, int(forward[0]), forward.size, clock_changes.PUT_FORWARD, clock_changes.RIGHT)
         found = faults.gaps(samples.taken)
         if not found.size:
             return
