@@ -38,6 +38,9 @@ class ExtendedObserver(ConstantGain):
     right and nothing disturbs the plant, choose ``shgo`` or a filtered observer, whose noise is smaller. On a chain
     of integrators with the input b_0 u this is the linear extended-state observer of active disturbance rejection.
     Other observers of chains estimate an unknown input as well with their key ``extend``.
+
+    Result files have sigma as an internal state; figures, tables, streams and exported C show states of the plant.
+    With d as one of them, d' = 0, ``shgo`` gives the same estimates, and that of d everywhere.
     """
 
     reference = "Freidovich, Khalil 2008; Gao 2003 for the chain of integrators"
