@@ -28,6 +28,8 @@ _BEGINS_AS_NUMBER = re.compile(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with
 _LETTERS = re.compile(r"[^\W\d_]{2}")
 # a number, and the unit that follows it
 _WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*((?![eE][-+]?$)[^\W\d_¹²³][^\s\d]{0,9}|%|°[A-Z])")
+_WITH_LIMIT = re.compile(r"[<>≤≥]=?\s*[-+]?\d+(?:[.,]\d+)?")  # < 0.1: below what the instrument tells
+_WITH_MARK = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*([^\w\s.,;:()%°+-]{1,3})")  # 12.3 *
 _OF_MICROSOFT = re.compile(r"[-+]?1\.#[A-Z]+\d*")  # 1.#QNAN, -1.#IND: what C once wrote there for no number
 _DASHES = "\u2010\u2011\u2012\u2013\u2212"
 _WORD = 40  # characters of a text that may mean a missing value
@@ -114,6 +116,12 @@ def _no_number(text: str, decimal: str, thousands: str | None, cells: Numbers) -
         return f"{said}; dates are read as time stamps, with {clock_key(key, column, 'iso')}"
     if behind := _WITH_UNIT.fullmatch(text):
         return f"{said}; a cell holds the number alone, and {behind[1]} is the unit of its column"
+    left_out = f"csv: {{missing: [{json.dumps(text, ensure_ascii=False)}]}} leaves it out"
+    if key != "time" and _WITH_LIMIT.fullmatch(text):
+        return f"{said}; a limit is no measured value: {left_out}"
+    if key != "time" and (behind := _WITH_MARK.fullmatch(text)):
+        mark = f"a mark such as {behind[1]} has a column of its own, for quality"
+        return f"{said}; a cell holds the number alone, and {mark}; {left_out}"
     if text.lower() in _TRUTH:
         return f"{said}; write 1 for true and 0 for false"
     if hint := other_hint(text, key, column, beside, _plain):

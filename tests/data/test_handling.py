@@ -275,6 +275,17 @@ def test_lines_above_the_header(tmp_path: Path) -> None:
     np.testing.assert_array_equal(signal.lines, np.arange(4, 64))
 
 
+@pytest.mark.parametrize("stated", ["sep=;", '"sep=;"', "SEP=;\r"])
+def test_a_first_line_that_states_the_separator_is_no_header(tmp_path: Path, stated: str) -> None:
+    """As Excel writes and reads it; the names alone would be divided by commas."""
+    content = f"{stated}\n" + "t;glucose;a,b,c\n0;1,5;7\n1;2,5;8\n"
+    signal = recorded(tmp_path, content).outputs["S"]
+    assert (signal.values.tolist(), signal.lines.tolist()) == ([1.5, 2.5], [3, 4])
+    assert recorded(tmp_path, content, {"csv": {"skip": 1}}).outputs["S"].values.tolist() == [1.5, 2.5]
+    tabs = content.replace(";", "\t")
+    assert recorded(tmp_path, tabs, {"csv": {"separator": "\t"}}).outputs["S"].values.tolist() == [1.5, 2.5]
+
+
 def test_names_that_stand_twice(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="2 columns called 'glucose'"):
         recorded(tmp_path, "t,glucose,glucose\n0,1,2\n1,2,3\n")

@@ -126,12 +126,33 @@ def test_what_the_message_says_to_write_makes_a_word_a_missing_value(tmp_path: P
 
 
 @pytest.mark.parametrize(
-    "cell", ["<0.1", "1.2.3", "5 %", "> 100", "0x1f", "12 bar", "word " * 20, "1e", "−5.5", "(12.5)", "$12", "≥5", "½"]
+    "cell", ["1.2.3", "5 %", "0x1f", "12 bar", "word " * 20, "1e", "−5.5", "(12.5)", "$12", "5 +", "½"]
 )
 def test_what_begins_as_a_number_or_is_long_is_not_called_missing(tmp_path: Path, cell: str) -> None:
     with pytest.raises(ConfigError, match="expected a number, found") as error:
         recorded(tmp_path, table(TIMES, VALUES) + f"99,{cell}\n")
     assert "missing" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("cell", "said"),
+    [
+        ("<0.1", "a limit is no measured value"),
+        ("> 100", "a limit is no measured value"),
+        ("≥5,5", "a limit is no measured value"),
+        ("<= 1", "a limit is no measured value"),
+        ("12.3 *", "a mark such as * has a column of its own, for quality"),
+        ("12.3!", "a mark such as ! has a column of its own, for quality"),
+    ],
+)
+def test_a_limit_or_a_mark_beside_a_number_has_a_way_out(tmp_path: Path, cell: str, said: str) -> None:
+    content = table(TIMES, VALUES) + f'99,"{cell}"\n'
+    with pytest.raises(ConfigError, match="expected a number, found") as error:
+        recorded(tmp_path, content)
+    assert said in str(error.value)
+    told = yaml.safe_load("csv: " + str(error.value).partition("csv: ")[2].partition(" leaves it out")[0])
+    assert told == {"csv": {"missing": [cell]}}
+    assert recorded(tmp_path, content, told).outputs["S"].values.tolist() == VALUES.tolist()
 
 
 def test_the_words_of_the_page_are_those_of_the_program(tmp_path: Path) -> None:

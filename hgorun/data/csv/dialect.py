@@ -26,6 +26,7 @@ _LOOKED_AT = 200  # rows that decide how numbers are written
 _FEW = 8  # columns whose names a message writes
 
 _SPACED = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # cells between spaces
+_STATED = re.compile(r'"?sep=(.)"?\r?', re.IGNORECASE)  # a first line by which Excel knows the separator
 _QUOTED = re.compile(r'"[^"]*"')
 
 _OTHER = {".": ",", ",": "."}  # what a sign between thousands leaves for decimals
@@ -102,14 +103,13 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
         When there is no header or no row below it, or when it cannot be told what a comma in a number means.
     """
     comments: list[_Line] = []
+    stated = told.separator or _stated(block, told)
     lines = list(_lines(block, told, comments))
     if not lines:
         raise ConfigError("no lines but comments: nothing was measured", file=str(path), line=1)
-    count, whole = whole_header(
-        [one.text for one in lines], (told.separator,) if told.separator else (*_SEPARATORS, SPACES)
-    )
+    count, whole = whole_header([one.text for one in lines], (stated,) if stated else (*_SEPARATORS, SPACES))
     lines[:count] = [_Line(lines[0].number, whole)]
-    separator = told.separator or _separator(lines)
+    separator = stated or _separator(lines)
     rows = [(line, cells_of(line.text, separator)) for line in lines]
     header, names = rows[0]
     body = rows[1:]
@@ -198,12 +198,19 @@ def _between_spaces(line: str) -> list[str]:
     return [plain or quoted.replace('""', '"') for quoted, plain in _SPACED.findall(line)]
 
 
+def _stated(block: Block, told: Csv) -> str | None:
+    """The separator that the first line of a file states, where it is not skipped: such a line is no header."""
+    first = block.text.partition(b"\n")[0].decode("utf-8", "replace")
+    found = None if told.skip else _STATED.fullmatch(first)
+    return found[1] if found else None
+
+
 def _lines(block: Block, told: Csv, comments: list[_Line]) -> Iterator[_Line]:
     """The first lines of a file that are neither empty nor comments."""
     found, missing = 0, missing_texts(told)
     for number, raw in enumerate(block.text.split(b"\n", told.skip + 50 * _LOOKED_AT), start=block.line):
         text = raw.decode("utf-8", "replace")
-        if number - block.line < told.skip or not text.strip():
+        if number - block.line < told.skip or not text.strip() or (number == block.line and _stated(block, told)):
             continue
         if is_comment(text, told.comment, missing, told.separator):
             comments.append(_Line(number, text))
