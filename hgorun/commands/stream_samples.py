@@ -20,7 +20,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.data.units.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
-from hgorun.estimate.scores.shut_out import told_row, too_many
+from hgorun.estimate.scores.shut_out import told_row, too_many, too_small
 from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.estimate.stream.first_told import NoStart
@@ -123,6 +123,8 @@ def _ignored(block: Data, experiment: Experiment) -> Iterator[str]:
     for name, measured in block.outputs.items():
         if measured.plausible is not None:
             yield f"data.outputs.{name}.plausible: samples of a stream are taken whatever they are"
+        if measured.quality is not None:
+            yield f"data.outputs.{name}.quality: a stream has no such column: send samples that are good alone"
 
 
 def refuse_results(options: Estimate) -> None:
@@ -207,7 +209,7 @@ def tell_left_out(one_by_one: OneByOne, stream: Stream) -> None:
         if count:
             why = told_row(row)
             if too_many(count, offered, row):
-                small = f"whether std or the gate of {stream.said.gates[output]:g} is too small"
+                small = too_small(experiment.observers[label], stream.said.gates[output])
                 why += f", too many for outliers: look at their unit, the model, and {small}"
             say(f"hgorun: {label}: the gate of {output} left out {count} of {offered} samples{why}")
 

@@ -18,7 +18,7 @@ from hgorun.estimate.scores.compared import unseen
 from hgorun.estimate.scores.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.scores.far_off import far_off
 from hgorun.estimate.scores.first_gain import too_large_at_first
-from hgorun.estimate.scores.shut_out import shut_out, told_row
+from hgorun.estimate.scores.shut_out import shut_out, told_row, too_small
 from hgorun.estimate.scores.why_left import why_left
 from hgorun.estimate.start.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.start.left_at_start import told_of_first
@@ -217,15 +217,15 @@ def _not_scored(found: Evaluated, set_aside: Mapping[str, int]) -> Iterator[str]
 
 def _shut_out(prepared: PreparedEstimate, recording: Recording, result: Result) -> Iterator[str]:
     """What is told of gates that leave out too much; an input without a column is what its plant has for it."""
-    gates = {one.output: one.gate for one in prepared.samples}
+    gates = {one.output: one.gate for one in prepared.samples if one.gate is not None}
     without = [name for name in prepared.experiment.plant.model.inputs if name not in recording.inputs]
     inputs = f", whether data.inputs should name columns of {', '.join(without)}" if without else ""
     for one in shut_out(result):
         row = "" if one.row is None else told_row(one.row.count, f" (t = {one.row.first:g} to {one.row.last:g})")
+        small = too_small(prepared.experiment.observers[one.label], gates[one.output])
         yield (
             f"{one.label}: the gate of {one.output} left out {one.left_out} of {one.count} samples{row}, too many for "
-            f"outliers: look at the unit of the column, the model{inputs}, and whether std or the gate of "
-            f"{gates[one.output]:g} is too small"
+            f"outliers: look at the unit of the column, the model{inputs}, and {small}"
         )
 
 

@@ -63,7 +63,7 @@ def test_what_a_stream_leaves_undone_is_told(shell: Shell, monkeypatch: pytest.M
         "plant.units={a: rad}",
         "data.inputs={w: {column: w, hold: linear}}",
         "data.time={column: t, unit: ms}",
-        "data.outputs.a={column: angle, unit: deg, plausible: [-1, 1]}",
+        "data.outputs.a={column: angle, unit: deg, plausible: [-1, 1], quality: {column: state, good: [0]}}",
     )
     text = "t,signal,y\n0,w,0.1\n0.1,a,0.1\n"
     code, _, err = piped(shell, monkeypatch, text, *(word for one in of_file for word in ("--set", one)))
@@ -73,6 +73,7 @@ def test_what_a_stream_leaves_undone_is_told(shell: Shell, monkeypatch: pytest.M
         "data.outputs.a.unit",
         "data.inputs.w.hold",
         "data.outputs.a.plausible",
+        "data.outputs.a.quality",
     ]
     plain = (*of_file[:3], "data.inputs={w: w}", "data.outputs.a.unit=rad")
     code, _, err = piped(shell, monkeypatch, text, *(word for one in plain for word in ("--set", one)))

@@ -12,7 +12,7 @@ from recordings import PENDULUM, START, assessed_of, recorded_of, recording, sig
 
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.scores.row_left_out import _longest
-from hgorun.estimate.scores.shut_out import shut_out
+from hgorun.estimate.scores.shut_out import shut_out, too_small
 from hgorun.estimate.stream import notes
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.reading import read
@@ -57,6 +57,7 @@ def test_as_many_as_outliers_never_are_is_told(away: int, told: bool) -> None:
     assert bool(said) == told == any(shut_out(result))
     if told:
         assert f"left out {away + 2} of {COUNT} samples, {away} of them one after the other (t = 9.1 to" in said[0]
+        assert said[0].endswith("the model, and whether std, Q or the gate of 5 is too small")
 
 
 def test_a_stream_counts_alike_also_from_checkpoints() -> None:
@@ -74,6 +75,19 @@ def test_a_stream_counts_alike_also_from_checkpoints() -> None:
             estimator.restore(kept)
     assert estimator.gated_in_a_row == wanted
     assert wanted["E"]["a"] == 130 - STEPPED > wanted["S"]["a"] > 20  # the outlier there is what the filter expects
+
+
+@pytest.mark.parametrize(
+    ("observer", "numbers"),
+    [
+        (SHGO, "std or the gate of 5"),
+        ({"type": "ekf", "theta": 2, "R": 0.01}, "std, theta or the gate of 5"),
+        ({"type": "savgol", "window": 5}, "std or the gate of 5"),
+    ],
+)
+def test_what_may_be_too_small_is_what_the_observer_has(observer: Block, numbers: str) -> None:
+    (one,) = experiment(PENDULUM, {"O": observer}, end=1.0).observers.values()
+    assert too_small(one, GATE) == f"whether {numbers} is too small"
 
 
 def test_a_file_of_a_result_has_none(tmp_path: Path) -> None:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.observers.base import AnyObserver
+from hgorun.observers.covariance import BeginsWithCovariance
 from hgorun.result.recorded import InARow
 from hgorun.result.result import Result
 
@@ -42,6 +44,13 @@ def too_many(left_out: int, count: int, in_a_row: int = 0) -> bool:
 def told_row(in_a_row: int, when: str = "") -> str:
     """What is told of samples that were left out one after the other; nothing of a few."""
     return f", {in_a_row} of them one after the other{when}" if too_many(0, 0, in_a_row) else ""
+
+
+def too_small(observer: AnyObserver, gate: float) -> str:
+    """Which numbers may be too small where a gate leaves out too many samples: of a filter also what P grows by."""
+    of_filter = observer.model_fields_set if isinstance(observer, BeginsWithCovariance) else frozenset[str]()
+    grows = "".join(f", {key}" for key in ("Q", "q", "theta") if key in of_filter)
+    return f"whether std{grows} or the gate of {gate:g} is too small"
 
 
 def shut_out(result: Result) -> Iterator[ShutOut]:
