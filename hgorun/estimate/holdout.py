@@ -66,7 +66,8 @@ def held_out(recording: Recording, chosen: list[HoldOut]) -> tuple[Recording, Ma
         out = np.zeros(signal.taken.size, dtype=bool)
         out[one.every // 2 :: one.every] = True
         if not out.any() or out.all():
-            raise ConfigError(f"--holdout {one.output}={one.every}: there are {out.size} samples only")
+            few = "is 1 sample" if out.size == 1 else f"are {out.size} samples"
+            raise ConfigError(f"--holdout {one.output}={one.every}: there {few} only")
         given, told = given_of(signal, ~out)
         if not given.taken.size:
             raise ConfigError(f"--holdout {one.output}={one.every}: no sample is left that is not held out")

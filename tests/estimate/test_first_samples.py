@@ -203,6 +203,12 @@ def test_samples_most_of_which_are_known_too_late_are_told(known: list[float], t
     assert [words.partition(", at")[0] for words in found] == told
 
 
+def test_one_sample_that_is_known_too_late_is_told_of_as_one() -> None:
+    (words,) = known_too_late(recording(signal("a", [0.0], [0.7], [9.0])))
+    said = "a: its one sample becomes known only after the last of the log is taken, at t = 0, at 9: is data.outputs.a"
+    assert words.startswith(said)
+
+
 @pytest.mark.parametrize(
     ("known", "end", "told"),
     [

@@ -201,6 +201,8 @@ def test_hold_outs() -> None:
         held_out(log, [HoldOut("E", 5)])
     with pytest.raises(ConfigError, match="12 samples only"):
         held_out(log, [HoldOut("S", 50)])
+    with pytest.raises(ConfigError, match="there is 1 sample only"):
+        held_out(recording(signal("S", np.zeros(1), np.zeros(1))), [HoldOut("S", 5)])
 
 
 def test_an_estimate_that_is_undefined_for_moments_leaves_the_scores_what_they_are() -> None:

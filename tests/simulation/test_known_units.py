@@ -147,6 +147,23 @@ def test_with_a_factor_nothing_is_said_of_a_derivative(right_side: str) -> None:
     assert not remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"}))
 
 
+@pytest.mark.parametrize(
+    ("speed", "rate", "told"),
+    [
+        ("rpm", "rad/s^2", "u is in rad/s^2, and its derivative in rpm/s, with time in s: 1 rpm/s is 0.10472 rad/s^2"),
+        ("turn", "rad/s", "u is in rad/s, and its derivative in turn/s, with time in s: 1 turn/s is 6.28319 rad/s"),
+        ("rad/s", "rpm/s", "u is in rpm/s, and its derivative in rad/s^2, with time in s: 1 rad/s^2 is 9.5493 rpm/s"),
+        ("rpm", "rpm/s", ""),
+        ("rpm", "1/s^2", ""),  # which does not say what it counts
+    ],
+)
+def test_turns_beside_angles_are_told_of_inputs_too(speed: str, rate: str, told: str) -> None:
+    """A turn is 2 pi radians."""
+    plant = inline({"n": "u"}, "n", inputs={"u": "sin(t)"}, units={"n": speed, "u": rate})
+    found = remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"}))
+    assert [told in one for one in found] == [True] * bool(told)
+
+
 FED = {"S": "g/L", "X": "mg/L", "D": "1/h"}
 
 

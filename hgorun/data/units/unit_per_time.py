@@ -20,6 +20,7 @@ _OFFSET = re.compile(r"(?<!\w)deg([CF])(?!\w)")  # of a rate only differences co
 _NEAR = 1e-6
 _SIDE_BY_SIDE = re.compile(r"(?<=[\w)])\s+(?=[\w(])")
 _ONE = frozenset(("rad", "radian", "radians"))  # beside which a number is the same
+_TURNS = frozenset(("turn", "turns", "rev", "revolution", "cycle", "cycles"))
 _SIGNS = {"%": "percent", "‰": "permille", "°": "deg"}
 _NUMBERS = frozenset(("deg", "degree", "degrees", "percent", "ppm", "ppb", "arcmin", "arcsec", "permille", "grade"))
 
@@ -100,7 +101,7 @@ def product(one: Factors, other: Factors, power: int = 1) -> Factors:
 
 
 def size_of(factors: Factors) -> float | None:
-    """The number that a unit is; None of one that is no number, and where it counts turns.
+    """The number that a unit is; None of one that is no number, and where it counts turns, and no angles beside them.
 
     Told without pint where units of time alone are left, or a single factor: to import it takes long.
     """
@@ -108,10 +109,11 @@ def size_of(factors: Factors) -> float | None:
     if left.keys() <= SECONDS.keys():
         size = math.prod(SECONDS[name] ** exponent for name, exponent in left.items())
         return float(size) if not sum(left.values()) else None
-    if len(left) == 1 and next(iter(left)) not in _NUMBERS:
+    name = next(iter(left))
+    if len(left) == 1 and name not in _NUMBERS and (name not in _TURNS or len(factors) == 1):
         return None
     try:
-        (size,) = converted(np.ones(1), written(left), "-", ()).tolist()
+        (size,) = converted(np.ones(1), written(factors), "-", ()).tolist()
     except Problem:
         return None
     return float(size)

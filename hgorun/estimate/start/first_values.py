@@ -39,9 +39,12 @@ def known_too_late(recording: Recording) -> Iterator[str]:
         known = signal.available
         late = int(np.count_nonzero(known > end))
         if 2 * late > known.size:
+            many = known.size > 1
+            what = f"{late} of {known.size} samples become" if many else "its one sample becomes"
+            when = f"one at {float(known.max()):g}" if many else f"at {float(known[0]):g}"
             yield (
-                f"{name}: {late} of {known.size} samples become known only after the last of the log is taken, at "
-                f"t = {end:g}, one at {float(known.max()):g}: is data.outputs.{name}.available right?"
+                f"{name}: {what} known only after the last of the log is taken, at "
+                f"t = {end:g}, {when}: is data.outputs.{name}.available right?"
             )
 
 
