@@ -60,6 +60,8 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
     HgorunError
         When the file cannot be written.
     """
+    if "\0" in str(path):
+        raise HgorunError(f"{str(path)!r}: cannot be written: a name of a file has no NUL")
     try:
         if path.is_symlink():
             path = real_path(path)  # what it points to is replaced, not the link
@@ -167,10 +169,12 @@ def refuse_no_result(path: Path, argument: str) -> None:
     ------
     ConfigError
     """
-    if called_otherwise(path, RESULT_SUFFIXES):
+    file = real_path(path) if os.path.islink(path) else path  # what a link points to would be replaced
+    if called_otherwise(path, RESULT_SUFFIXES) or called_otherwise(file, RESULT_SUFFIXES):
         kinds = ", ".join(sorted(RESULT_SUFFIXES))
-        instead = _IN_ITS_PLACE.get(path.suffix.lower(), "")
-        raise ConfigError(f"{argument}: expected the name of a file {kinds}, found {path}{instead}")
+        found = str(path) if file is path else f"{path}, a link to {file}"
+        instead = _IN_ITS_PLACE.get(file.suffix.lower(), "")
+        raise ConfigError(f"{argument}: expected the name of a file {kinds}, found {found}{instead}")
 
 
 def write_text(path: Path, text: str) -> None:

@@ -11,8 +11,8 @@ from pathlib import Path
 import pytest
 
 from hgorun import files
-from hgorun.errors import ConfigError
-from hgorun.files import held_alone, remove_leftovers, write_text, written_whole
+from hgorun.errors import ConfigError, HgorunError
+from hgorun.files import held_alone, refuse_no_result, remove_leftovers, write_text, written_whole
 
 
 def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
@@ -25,6 +25,26 @@ def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     write_text(path, "ξ")
     assert path.read_bytes() == "ξ".encode()
     assert [p.name for p in path.parent.iterdir()] == ["file.txt"]
+
+
+def test_a_link_to_a_file_of_another_kind_is_no_name_of_a_result(tmp_path: Path) -> None:
+    """What it points to would be replaced."""
+    (tmp_path / "plant.yaml").write_text("plant: x")
+    for name, end in (("l.h5", "plant.yaml"), ("l2.h5", "l.h5"), ("there.h5", "later.h5"), ("l.csv", "later.h5")):
+        (tmp_path / name).symlink_to(end)
+    for name, end in (("l.h5", "plant.yaml"), ("l2.h5", "plant.yaml"), ("l.csv", "later.h5")):
+        with pytest.raises(ConfigError, match=rf"save: expected .* found .*{name}, a link to .*{end}"):
+            refuse_no_result(tmp_path / name, "save")
+    refuse_no_result(tmp_path / "there.h5", "save")
+    refuse_no_result(tmp_path / "new.h5", "save")
+
+
+def test_a_name_with_a_nul_is_refused_as_others_are(tmp_path: Path) -> None:
+    name = tmp_path / "\0.h5"
+    refuse_no_result(name, "save")
+    with pytest.raises(HgorunError, match=r"cannot be written: a name of a file has no NUL"), written_whole(name):
+        pass
+    assert not list(tmp_path.iterdir())
 
 
 def test_what_fails_leaves_the_old_file_and_nothing_else(tmp_path: Path) -> None:
