@@ -56,11 +56,12 @@ def tune(options: Tune) -> int:
     page = Page.named(options.width, options.style)
     options = replace(options, config=configuration(options.config, "tune"))
     text, source = read_source(options.config, options.overrides)
-    if isinstance(source.data, dict) and {"data", "tune"} <= source.data.keys():
+    blocks = source.data.keys() if isinstance(source.data, dict) else set()
+    if {"data", "tune"} <= blocks:
         from hgorun.commands.tune_data import tune_data
 
         return tune_data(options, text, source)
-    if options.data:
+    if options.data and "data" not in blocks:
         raise ConfigError(f"{options.data[0]}: files are for recordings, and the configuration has no data")
     asked = load_tuning(options.config, options.overrides, run=options.run)
     found, missed = _all_tuned(asked, options)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from examples import Block, inline
 from recordings import POLES, assessed_of, recorded_of, recording, signal, source
+from scipy.integrate import solve_ivp
 
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
@@ -147,3 +148,32 @@ def test_a_start_is_sought_for_a_model_that_is_no_number_at_zero() -> None:
     config["observers"] = {"O": OBSERVERS["O"]}
     with pytest.raises(ConfigError, match="leaves all bounds"):
         start(np.where(np.arange(COUNT) == 0, 0.0, level), 3)
+
+
+COUPLED: Block = {
+    key: x
+    for key, x in inline(
+        {"a": "b", "b": "-20*sin(a) - 0.1*b + 5*(c - a)", "c": "d", "d": "-30*sin(c) + 5*(a - c) - 0.1*d"},
+        {"y": "a", "z": "c"},
+    ).items()
+    if key != "initial"
+}
+
+
+@pytest.mark.parametrize("outlier", [0.0, 3.0])
+def test_slow_samples_are_judged_no_later_than_fast_ones(outlier: float) -> None:
+    """No fit knows the swings far ahead: good samples were taken for outliers, and the outlier for a good one."""
+
+    def swing(t: float, x: np.ndarray) -> list[float]:
+        a, b, c, d = x
+        return [b, -20 * np.sin(a) - 0.1 * b + 5 * (c - a), d, -30 * np.sin(c) + 5 * (a - c) - 0.1 * d]
+
+    fast, random = np.arange(0, 1200) / 16, np.random.default_rng(5)
+    x = solve_ivp(swing, (0, 75), [1.0, 0.0, 0.5, 0.0], t_eval=fast, rtol=1e-9, atol=1e-9).y
+    y, z = (x[k] + 0.02 * random.standard_normal(fast.size) for k in (0, 2))
+    y[0] += outlier
+    log = recording(signal("y", fast, y, gate=GATE, std=STD), signal("z", fast[::100], z[::100], gate=GATE, std=STD))
+    ekf = {"type": "ekf", "Q": {"b": 0.01, "d": 0.01}}
+    config = {"time": {"start": 0.0, "end": 75.0}, "plant": COUPLED, "observers": {"F": ekf}}
+    found = estimate(source(config), log, sensitivity=False)
+    assert assessed_of(found, "F").scores["gated"] == {"y": 1 if outlier else 0, "z": 0}

@@ -54,13 +54,42 @@ class StartTask:
     weights: Floats | float = 1.0
 
     @classmethod
-    def of(cls, prepared: PreparedEstimate, count: int, without: Sequence[Integers] | None = None) -> StartTask:
-        """That of the first samples of each output, some of which may be left out: their numbers, for each."""
+    def of(
+        cls,
+        prepared: PreparedEstimate,
+        count: int,
+        without: Sequence[Integers] | None = None,
+        *,
+        together: bool = False,
+    ) -> StartTask:
+        """That of the first samples of each output.
+
+        Parameters
+        ----------
+        prepared : PreparedEstimate
+        count : int
+            How many of each.
+        without : sequence of ndarray of int, optional
+            The numbers of samples that are left out, for each output.
+        together : bool
+            Whether those of slow outputs end where the fastest one has so many: over a longer time what the model lacks
+            counts more than the noise.
+        """
         model, known = prepared.run.plant.model, stated(prepared.experiment)
         firsts = [np.argsort(one.taken, kind="stable") for one in prepared.samples]
         if without is not None:
             firsts = [first[~np.isin(first, left)] for first, left in zip(firsts, without, strict=True)]
         firsts = [first[:count] for first in firsts]
+        if together:
+            end = min(
+                (
+                    one.taken[first[-1]]
+                    for one, first in zip(prepared.samples, firsts, strict=True)
+                    if first.size == count
+                ),
+                default=np.inf,
+            )
+            firsts = [first[one.taken[first] <= end] for one, first in zip(prepared.samples, firsts, strict=True)]
         taken = [one.taken[first] for one, first in zip(prepared.samples, firsts, strict=True)]
         times = distinct(np.concatenate([[0.0], *taken]))
         seen = [

@@ -79,7 +79,7 @@ def judged_start(prepared: PreparedEstimate) -> tuple[list[Integers], dict[str, 
     As many are looked at as of a start that is fitted to few.
     """
     x = _guess(prepared)
-    task = StartTask.of(prepared, 2 * x.size + _SPARE)
+    task = StartTask.of(prepared, 2 * x.size + _SPARE, together=True)
     found = _FITS.get((1, x.tobytes(), task.key), lambda: _without_outliers(task, x))
     return ([one[:0] for one in task.numbers], {}) if found is None else (found.left, rounded(prepared, found))
 
@@ -99,7 +99,7 @@ def _fitted(prepared: PreparedEstimate, count: FirstSamples, x: Floats) -> _Fit 
     looked_at = 2 * x.size + _SPARE
     left: list[Integers] | None = None
     if count == AUTO or count < looked_at:
-        more = StartTask.of(prepared, looked_at)
+        more = StartTask.of(prepared, looked_at, together=True)
         judged = _without_outliers(more, x) if np.isfinite(more.gates).any() else None
         left = judged.left if judged is not None and any(one.size for one in judged.left) else None
     if left is None:
