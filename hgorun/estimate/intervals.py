@@ -45,8 +45,10 @@ def period_of(taken: np.ndarray, stated: object = None) -> float:
     step = median_step(taken)
     if np.isnan(step):
         return 1.0
+    if not isinstance(stated, (int, float)):
+        return step
     rounding = 4 * float(np.spacing(np.max(np.abs(taken))))
-    return float(stated) if isinstance(stated, (int, float)) and abs(stated - step) <= rounding else step
+    return float(stated) if abs(stated - step) <= rounding else step
 
 
 def offset_of(taken: np.ndarray, start: float) -> dict[str, float]:

@@ -108,7 +108,7 @@ def _moved(
     labels = [label for label, own in observers if state in start and own.initial.get(state) == start[state]]
     if prepared.first_samples != 1 or not count or not labels:
         return
-    first = float(one.values[np.argsort(one.taken, kind="stable")[0]])
+    first = float(one.values[np.argmin(one.taken)])
     which, them = (
         ("the first sample is an outlier", "it") if count == 1 else (f"the first {count} are outliers", "them")
     )
@@ -143,7 +143,7 @@ def _judged(prepared: PreparedEstimate) -> tuple[Sequence[Integers], dict[str, f
     for one, out in zip(prepared.samples, left, strict=True):
         state = measures.get(one.output)
         if state is not None and one.values.size:
-            first = float(one.values[np.argsort(one.taken, kind="stable")[0]])
+            first = float(one.values[np.argmin(one.taken)])
             start.setdefault(state, others[state] if _leading(one, out) else first)
     return left, start
 
@@ -160,5 +160,7 @@ def _judges(prepared: PreparedEstimate) -> bool:
 
 def _leading(one: Sampled, out: Integers) -> int:
     """How many of the samples of an output that were taken first are outliers."""
+    if not out.size:
+        return 0
     outlier = np.isin(np.argsort(one.taken, kind="stable"), out)
     return 0 if outlier.all() else int(outlier.argmin())
