@@ -108,7 +108,7 @@ def _moved(
     labels = [label for label, own in observers if state in start and own.initial.get(state) == start[state]]
     if prepared.first_samples != 1 or not count or not labels:
         return
-    first = float(one.values[np.argmin(one.taken)])
+    first = _first(one)
     which, them = (
         ("the first sample is an outlier", "it") if count == 1 else (f"the first {count} are outliers", "them")
     )
@@ -143,8 +143,7 @@ def _judged(prepared: PreparedEstimate) -> tuple[Sequence[Integers], dict[str, f
     for one, out in zip(prepared.samples, left, strict=True):
         state = measures.get(one.output)
         if state is not None and one.values.size:
-            first = float(one.values[np.argmin(one.taken)])
-            start.setdefault(state, others[state] if _leading(one, out) else first)
+            start.setdefault(state, others[state] if _leading(one, out) else _first(one))
     return left, start
 
 
@@ -156,6 +155,11 @@ def _judges(prepared: PreparedEstimate) -> bool:
     """Whether a gate and the noise of an output say what an outlier is."""
     known = stated(prepared.experiment)
     return any(one.gate is not None and one.output in known for one in prepared.samples)
+
+
+def _first(one: Sampled) -> float:
+    """The value of the sample that was taken first."""
+    return float(one.values[np.argmin(one.taken)])
 
 
 def _leading(one: Sampled, out: Integers) -> int:
