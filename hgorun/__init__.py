@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from hgorun.estimate.stream.estimator import Estimator
     from hgorun.result.reading import read
     from hgorun.result.result import Result
-    from hgorun.simulation.experiment import Experiment
+    from hgorun.simulation.experiment.experiment import Experiment
     from hgorun.study.loading import load, load_study
     from hgorun.study.python import simulate
 
@@ -45,7 +45,7 @@ __all__ = [
 # Imported when first used: the command line's help must not wait for numpy.
 _LAZY = {
     "Estimator": "hgorun.estimate.stream.estimator",
-    "Experiment": "hgorun.simulation.experiment",
+    "Experiment": "hgorun.simulation.experiment.experiment",
     "Result": "hgorun.result.result",
     "Sweep": "hgorun.ensemble.growing",
     "analyze": "hgorun.analysis.report",

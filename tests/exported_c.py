@@ -15,7 +15,7 @@ from hgorun.export.c_files import c_files
 from hgorun.export.observer import Exported
 from hgorun.measurement.schedule import nearest_event
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.simulation.passes import as_given, carry_out, plan_of
+from hgorun.simulation.passes.passes import as_given, carry_out, plan_of
 from hgorun.simulation.prepared import PreparedRun
 
 COMPILERS = tuple(name for name in ("gcc", "clang") if shutil.which(name))

@@ -18,8 +18,8 @@ from hgorun.errors import PluginError, called
 from hgorun.files import json_value
 from hgorun.result.result import Result
 from hgorun.result.theory import Transient
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.outcome import since_start
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.outcome.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 

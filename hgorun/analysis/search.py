@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.analysis.reasons import NoValue
 from hgorun.errors import HgorunError
 from hgorun.measurement.blocks import noise_blocks
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import simulate
 
 _LEFT = 0.01  # of the error at the start: what may be left in the last tenth of the run

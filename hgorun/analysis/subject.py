@@ -11,8 +11,8 @@ from hgorun.analysis.reasons import Outcome, outcome
 from hgorun.observers.base import AnyObserver
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.system.observer_block import ObserverBlock
 from hgorun.symbolic.forms import Form
 
 if TYPE_CHECKING:

@@ -23,8 +23,8 @@ from hgorun.config.validation import validate
 from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.files import json_value, write_text
 from hgorun.measurement.blocks import noise_blocks
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.study.loading import load
 from hgorun.version import __version__
 

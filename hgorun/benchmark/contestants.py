@@ -15,7 +15,7 @@ from hgorun.config.nearest import listed, nearest
 from hgorun.errors import Problem
 from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.observers.capabilities import Differentiator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 _EVALUATIONS = 1e6  # of the equations: a run that takes more is taken for lost
 

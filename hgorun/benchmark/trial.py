@@ -24,10 +24,10 @@ from hgorun.config.benchmark import Contestant, Seeds, Tries
 from hgorun.ensemble.block import Block, compute
 from hgorun.ensemble.members import Members
 from hgorun.errors import HgorunError
-from hgorun.simulation.control import controlled
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.passes import as_given, integrate
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.error_control.control import controlled
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.passes.passes import as_given, integrate
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.simulate import simulate
 
 TRANSIENT = 3  # one part in so many of a run; the rest is steady

@@ -22,7 +22,7 @@ from hgorun.config.shell import assigned
 from hgorun.errors import ConfigError
 from hgorun.figures.page import Page
 from hgorun.plants.names import states_of
-from hgorun.simulation.blocks import of_a_log
+from hgorun.simulation.experiment.blocks import of_a_log
 from hgorun.simulation.simulate import prepare
 from hgorun.study.loading import experiment_of
 from hgorun.tables import analysis as table

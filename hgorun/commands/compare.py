@@ -26,7 +26,7 @@ from hgorun.errors import ConfigError
 from hgorun.files import remove_leftovers
 from hgorun.process import say
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 

@@ -21,7 +21,7 @@ from hgorun.commands.outputs import NOT_OK
 from hgorun.errors import HgorunError
 from hgorun.native.compiler import cache_folder, processor, vector_doubles, why_not_kept
 from hgorun.process import processors
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.tables.layout import entry, wrapped
 from hgorun.version import __version__

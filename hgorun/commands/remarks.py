@@ -11,7 +11,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.errors import printable
 from hgorun.result.data import PLANT, Integration
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 _COARSE, _FINE = 1e-2, 1e-3  # errors of given steps that are told, and that would do
 

@@ -17,9 +17,9 @@ from hgorun.files import RESULT_SUFFIXES, remove_leftovers
 from hgorun.result.reading import read, stored_digests
 from hgorun.result.result import Result
 from hgorun.result.writing import digests_of
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.experiment.unused import without_places
 from hgorun.simulation.simulate import prepare
-from hgorun.simulation.unused import without_places
 
 DIFFERENT = 3
 

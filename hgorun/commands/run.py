@@ -12,8 +12,8 @@ from hgorun.commands.options import Configured
 from hgorun.config.refusals import Refusals
 from hgorun.progress import shown
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.other_faults import check_parts
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.other_faults import check_parts
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import simulate_prepared
 from hgorun.study.check import check_figures

@@ -25,9 +25,9 @@ from hgorun.errors import ConfigError
 from hgorun.files import RESULT_SUFFIXES, real_path, remove_leftovers, write_text
 from hgorun.progress import shown
 from hgorun.result.result import Result
-from hgorun.simulation.grid import LONG
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_into
+from hgorun.simulation.timeline.grid import LONG
 from hgorun.study.loading import refuse_twins
 
 if TYPE_CHECKING:

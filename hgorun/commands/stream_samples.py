@@ -27,7 +27,7 @@ from hgorun.estimate.stream.first_told import NoStart
 from hgorun.estimate.stream.lateness import why_refused
 from hgorun.observers.treatment import treatment_of
 from hgorun.process import say, uninterrupted
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 REMEMBERED = 1000

@@ -12,7 +12,7 @@ from hgorun.commands.first import First, number_text
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.base import OBSERVERS
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
 FOLLOWS = 0.25  # of what a state moves through: the error of an estimate that follows it

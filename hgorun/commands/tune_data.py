@@ -27,7 +27,7 @@ from hgorun.estimate.samples import stated
 from hgorun.estimate.twins import of_references
 from hgorun.files import json_value, write_text
 from hgorun.process import say
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tuning.gain import Gain, at_an_end, refuse_ends
 from hgorun.tuning.loading import is_of_tune

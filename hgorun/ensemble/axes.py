@@ -13,7 +13,7 @@ from hgorun.config.expressions import parse
 from hgorun.ensemble.members import Column, Members
 from hgorun.measurement.noise import is_relative
 from hgorun.noise.base import RandomNoise
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 Place = tuple[int, int, int]  # of an item of noise: output, stretch, number
 

@@ -25,8 +25,8 @@ from hgorun.errors import ConfigError, HgorunError, Problem, SimulationError
 from hgorun.memo import Memo, same
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import finished, located, simulate_prepared
 

@@ -19,8 +19,8 @@ from hgorun.ensemble.store import Store
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
 from hgorun.errors import ConfigError
 from hgorun.files import refuse_no_result
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.resolved import plain
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.experiment.resolved import plain
 
 
 def sweep(

@@ -14,9 +14,9 @@ from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.found import FAILED, Block
 from hgorun.errors import HgorunError
 from hgorun.result.data import PLANT
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.grid import LONG
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import simulate
+from hgorun.simulation.timeline.grid import LONG
 
 _MOST = 3  # members
 _OF_EACH = 100  # alone a member takes up to ten times what it takes among others

@@ -17,7 +17,7 @@ from hgorun.config.named import Named, name_keys
 from hgorun.config.nearest import listed
 from hgorun.errors import ConfigError, printable
 from hgorun.result.status import STATUSES
-from hgorun.simulation.grid import points_up_to
+from hgorun.simulation.timeline.grid import points_up_to
 
 SEED = "seed"
 _NAMED = 20  # values of an axis in a message

@@ -10,7 +10,7 @@ from hgorun.ensemble.found import Floats
 from hgorun.ensemble.lanes import Passed
 from hgorun.ensemble.lot import Lot
 from hgorun.result.windows import MetricSettings, points_in
-from hgorun.simulation.error_estimate import Estimate, difference, plant_difference, size_of
+from hgorun.simulation.error_control.error_estimate import Estimate, difference, plant_difference, size_of
 from hgorun.simulation.prepared import PreparedRun
 
 

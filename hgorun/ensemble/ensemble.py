@@ -26,7 +26,7 @@ from hgorun.result.quantities import kinds, of_loops, read_quantity
 from hgorun.result.quantity import Quantity
 from hgorun.result.quoted import quoted
 from hgorun.result.windows import points_in
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 _BITS = 32  # of a coordinate of a Sobol point
 

@@ -23,12 +23,12 @@ from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import heard
 from hgorun.measurement.long import AnySchedule
 from hgorun.memo import Memo, same
-from hgorun.simulation.checks import check_run
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_step import plant_rates, rate_of, step_for
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.checks.checks import check_run
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.first_step import plant_rates, rate_of, step_for
+from hgorun.simulation.preparation.preparation import prepare
+from hgorun.simulation.preparation.scheduling import schedule_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.scheduling import schedule_of
 
 _BETWEEN = 3  # members that are prepared in full, beside those at the ends of the axes
 

@@ -12,7 +12,7 @@ from hgorun.errors import HgorunError
 from hgorun.result.data import PLANT
 from hgorun.result.result import Result
 from hgorun.result.status import STATUSES
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]

@@ -19,12 +19,12 @@ from hgorun.ensemble.found import Floats, Integers
 from hgorun.ensemble.members import Column, Members
 from hgorun.errors import HgorunError
 from hgorun.memo import Memo, same
-from hgorun.simulation.checks import check_run
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_step import rate_of
-from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.preparation import check_limit
+from hgorun.simulation.checks.checks import check_run
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.first_step import rate_of
+from hgorun.simulation.preparation.preparation import check_limit
 from hgorun.simulation.prepared import Numbers, PreparedRun
+from hgorun.simulation.system.observer_block import ObserverBlock
 
 _KINDS = 64  # of blocks that are all designed
 _LOOKED_AT = 9  # values of a column that is written: among them the smallest and the largest

@@ -12,7 +12,7 @@ from hgorun.ensemble.ladder import searched_in_lanes
 from hgorun.ensemble.lanes import fits
 from hgorun.ensemble.lot import Lot, Numbers, settings_of
 from hgorun.ensemble.members import Members
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 
 _NUMBERS = (

@@ -19,8 +19,7 @@ from hgorun.ensemble.lot import Lot
 from hgorun.ensemble.tolerances import controlled_steps, may_be_controlled
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.metrics.base import all_metrics
-from hgorun.simulation.between_steps import may_miss
-from hgorun.simulation.ladder import (
+from hgorun.simulation.error_control.ladder import (
     UNEVEN,
     finest_rung,
     first_stage,
@@ -30,7 +29,8 @@ from hgorun.simulation.ladder import (
     step_counts,
     steps_left,
 )
-from hgorun.simulation.passes import Pass, part_of_error
+from hgorun.simulation.passes.between_steps import may_miss
+from hgorun.simulation.passes.passes import Pass, part_of_error
 from hgorun.simulation.prepared import PreparedRun
 
 

@@ -15,10 +15,10 @@ from hgorun.errors import Problem, SimulationError
 from hgorun.result.measure import from_origin
 from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.result.windows import MetricSettings
-from hgorun.simulation.lanes import control_of, reduction_of
-from hgorun.simulation.passes import Pass, as_given, plan_of
+from hgorun.simulation.divergence.verdict import enough_late, late_points, may_be_astray, may_have_left, size_of
+from hgorun.simulation.passes.lanes import control_of, reduction_of
+from hgorun.simulation.passes.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.verdict import enough_late, late_points, may_be_astray, may_have_left, size_of
 from hgorun.symbolic.evaluate import evaluate
 
 

@@ -13,7 +13,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.misdirected import refuse_lost
 from hgorun.config.nearest import listed
 from hgorun.errors import ConfigError
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 Column: TypeAlias = NDArray[Any]  # of numbers, or of objects where values are text or lists
 _ALL = ("observers", "*")  # how a path begins that means every observer
@@ -70,7 +70,7 @@ class Members:
         return Members({path: column[places] for path, column in self.columns.items()}, places.size)
 
     def changes(self, i: int) -> dict[str, Any]:
-        """What member i changes, for :meth:`hgorun.simulation.experiment.Experiment.varied`."""
+        """What member i changes, for :meth:`hgorun.simulation.experiment.experiment.Experiment.varied`."""
         values = {path: column[i] for path, column in self.columns.items()}
         return {path: v.item() if isinstance(v, np.generic) else v for path, v in values.items()}
 

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.preparation import prepare
 
 _TO_A_BLOCK = 2  # keys of a path to a block: what is longer leads into it, as to a state in plant.initial
 

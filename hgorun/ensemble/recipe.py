@@ -13,8 +13,8 @@ from hgorun.config.sweeps import SweepBlocks
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.memo import Memo
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.resolved import plain
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.experiment.resolved import plain
 
 _NOT_OF_A_MEMBER = ("figures", "claims", "tune", "runs")
 _ENSEMBLES: Memo[Ensemble] = Memo(4)

@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.preparation import prepare
 
 
 def refuse_base(ensemble: Ensemble) -> None:

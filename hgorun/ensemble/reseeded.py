@@ -19,8 +19,8 @@ from hgorun.ensemble.retimed import Retimed, is_plain
 from hgorun.errors import HgorunError, Problem
 from hgorun.measurement.chance import OfSeeds
 from hgorun.measurement.noise import is_relative
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.preparation import prepare, reseeded
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.preparation import prepare, reseeded
 from hgorun.simulation.prepared import PreparedRun
 
 _FEW = 8  # members that are prepared one by one

@@ -21,12 +21,12 @@ from hgorun.measurement.chance import OfSeeds
 from hgorun.measurement.noise import is_relative
 from hgorun.measurement.sampling import samples_by_chance
 from hgorun.measurement.schedule import Schedule, clipped, inward_of, nearest_event, tolerances
-from hgorun.simulation.checks import longest_step
-from hgorun.simulation.passes import as_given, plan_of
+from hgorun.simulation.checks.checks import longest_step
+from hgorun.simulation.passes.passes import as_given, plan_of
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.steps import steps_needed, steps_of_a_piece
-from hgorun.simulation.tabulated import rows_in_last_steps
+from hgorun.simulation.timeline.steps import steps_needed, steps_of_a_piece
+from hgorun.simulation.timeline.tabulated import rows_in_last_steps
 
 _APART = 4.0  # times how near events are one: so far apart they have to be
 

@@ -1,8 +1,8 @@
 """Members that seem to have lost an observer: looked at as single runs are, with their passes made side by side.
 
 What is said of such a member takes passes without a bound and with steps 4 and 16 times shorter, see
-:mod:`hgorun.simulation.confirmation`. Each of these passes is made for several members when the first of them asks, and
-ends when nothing is left of the suspect observers of all that are side by side.
+:mod:`hgorun.simulation.divergence.confirmation`. Each of these passes is made for several members when the first of
+them asks, and ends when nothing is left of the suspect observers of all that are side by side.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Plan
 from hgorun.ensemble.lot import Lot, Numbers, times_of
 from hgorun.errors import PlantDiverged, Problem, SimulationError
-from hgorun.simulation import passes
-from hgorun.simulation.confirmation import ends_with_suspects, suspects_of
-from hgorun.simulation.lanes import control_of
-from hgorun.simulation.passes import Pass, as_given, plan_of
+from hgorun.simulation.divergence.confirmation import ends_with_suspects, suspects_of
+from hgorun.simulation.passes import passes
+from hgorun.simulation.passes.lanes import control_of
+from hgorun.simulation.passes.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 
 # what side by side a step of all lanes takes, alone it takes one; with one plan for all, and with one for each
@@ -72,7 +72,7 @@ class Suspects:
         Parameters
         ----------
         until : sequence of int
-            As of :class:`hgorun.simulation.loss.Again`.
+            As of :class:`hgorun.simulation.passes.loss.Again`.
 
         Raises
         ------
@@ -247,7 +247,7 @@ def _how(run: PreparedRun, shorter: int) -> Pass:
 
 @dataclass(frozen=True, eq=False)
 class Again:
-    """One member once more, see :class:`hgorun.simulation.loss.Again`."""
+    """One member once more, see :class:`hgorun.simulation.passes.loss.Again`."""
 
     suspects: Suspects
     i: int

@@ -1,8 +1,9 @@
 """Automatic steps that an error estimate controls, side by side: the search of each member, with the passes of many.
 
 A member looks for the method that finishes with few steps, and makes its tolerance tighter until two passes agree, as
-:meth:`hgorun.simulation.search.Search.controlled` does for it alone. Members with the same method and tolerance make a
-pass together. Who is lost, passes something that is narrow in a state, or needs more than that is carried out alone.
+:meth:`hgorun.simulation.error_control.search.Search.controlled` does for it alone. Members with the same method and
+tolerance make a pass together. Who is lost, passes something that is narrow in a state, or needs more than that is
+carried out alone.
 """
 
 from __future__ import annotations
@@ -20,12 +21,12 @@ from hgorun.ensemble.lanes import Passed, carry_out, write_down
 from hgorun.ensemble.lot import Lot
 from hgorun.errors import Problem, SimulationError
 from hgorun.result.metrics.base import all_metrics
-from hgorun.simulation.between_steps import may_miss
-from hgorun.simulation.ladder import steps_left
-from hgorun.simulation.lanes import control_of
-from hgorun.simulation.passes import Pass
+from hgorun.simulation.error_control.ladder import steps_left
+from hgorun.simulation.error_control.search import MORE, TIGHTEST, TRIES, first_tolerance, next_tolerance, to_tolerance
+from hgorun.simulation.passes.between_steps import may_miss
+from hgorun.simulation.passes.lanes import control_of
+from hgorun.simulation.passes.passes import Pass
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.search import MORE, TIGHTEST, TRIES, first_tolerance, next_tolerance, to_tolerance
 
 
 def may_be_controlled(run: PreparedRun) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 _LEVELS = ("std", "size", "low", "high", "amplitude")  # keys of noise that are in the unit of its output
 

@@ -14,7 +14,7 @@ from hgorun.engine.plan import Plan
 from hgorun.estimate.gate.gated import GatedRun
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.sessions import session_of
-from hgorun.simulation.steps import part_of_difference, steps_between
+from hgorun.simulation.timeline.steps import part_of_difference, steps_between
 from hgorun.symbolic.evaluate import Floats
 
 UNEVEN = 1.62  # steps of the second pass, for each of the first
@@ -222,7 +222,7 @@ def relative_error(part: float, sizes: Floats, gaps: Floats) -> Floats:
     Parameters
     ----------
     part : float
-        See :func:`~hgorun.simulation.steps.part_of_difference`.
+        See :func:`~hgorun.simulation.timeline.steps.part_of_difference`.
     sizes, gaps : ndarray, shape (m, n)
         The largest estimates, and differences.
     """

@@ -22,8 +22,8 @@ from hgorun.estimate.steps.output_step import FEWEST, output_step
 from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import units_of
-from hgorun.simulation.blocks import plant_of
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.blocks import plant_of
+from hgorun.simulation.experiment.experiment import Experiment
 
 _OF_NOISE = ("noise", "mode")  # what a measurement block says beside data: when samples come is in these
 
@@ -44,7 +44,7 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
         The configuration, its ``data`` included.
     recording : Recording
     name, text : str
-        As of :class:`~hgorun.simulation.experiment.Experiment`.
+        As of :class:`~hgorun.simulation.experiment.experiment.Experiment`.
 
     Raises
     ------

@@ -8,10 +8,10 @@ import numpy as np
 
 from hgorun.estimate.samples import stated
 from hgorun.observers.kalman import KalmanFilter
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.readout import Readout
-from hgorun.simulation.structure import Structure
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.system.observer_block import ObserverBlock
+from hgorun.simulation.system.readout import Readout
+from hgorun.simulation.system.structure import Structure
 from hgorun.symbolic.evaluate import Floats, evaluate
 
 

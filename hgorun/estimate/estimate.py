@@ -30,10 +30,10 @@ from hgorun.result.observer import ObserverResult
 from hgorun.result.recorded import Assessed, Recorded, RecordedOutput
 from hgorun.result.result import Result
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.left_out import told_left_out
-from hgorun.simulation.outcome import internal
-from hgorun.simulation.units import unit_remarks
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.outcome.left_out import told_left_out
+from hgorun.simulation.outcome.outcome import internal
+from hgorun.simulation.remarks.units import unit_remarks
 
 _MOST = 200_000  # samples for which runs with other gains are made
 _TOO_LONG = "it diverges with steps of {:.3g}, but not at that time with others: give a shorter solver.step"

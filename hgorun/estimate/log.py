@@ -84,7 +84,7 @@ class Log:
 
     def _to_add(self, name: str, file: Path) -> str:
         """The line that names the column of a quantity in a file; empty where the plant has no such quantity."""
-        from hgorun.simulation.blocks import plant_of  # long to import: only here
+        from hgorun.simulation.experiment.blocks import plant_of  # long to import: only here
 
         plant = plant_of(self.source)
         if name not in (*plant.state_names, *plant.output_names):

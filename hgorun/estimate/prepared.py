@@ -27,22 +27,22 @@ from hgorun.estimate.steps.first_steps import first_steps
 from hgorun.measurement.late import HeardOtherwise, heard
 from hgorun.measurement.schedule import at_events, build_schedule, tolerances
 from hgorun.observers.treatment import treatment_of
-from hgorun.simulation.checks import check_corrections, check_punctual
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_step import nominal_step
-from hgorun.simulation.jump_checks import check_jumps
-from hgorun.simulation.other_faults import told_together
+from hgorun.simulation.checks.checks import check_corrections, check_punctual
+from hgorun.simulation.checks.jump_checks import check_jumps
+from hgorun.simulation.checks.start import check_start
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_kinks
-from hgorun.simulation.preparation import numbers_of
+from hgorun.simulation.preparation.first_step import nominal_step
+from hgorun.simulation.preparation.other_faults import told_together
+from hgorun.simulation.preparation.preparation import numbers_of
+from hgorun.simulation.preparation.treatments import in_groups, treatments_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.recorded_inputs import RecordedInputs
-from hgorun.simulation.start import check_start
-from hgorun.simulation.structure import structure_of
-from hgorun.simulation.tables import build_plan
-from hgorun.simulation.tabulated import Stretchwise
-from hgorun.simulation.timeline import Stepping
-from hgorun.simulation.treatments import in_groups, treatments_of
-from hgorun.simulation.truth import Recording, SameTruth, Truth
+from hgorun.simulation.system.structure import structure_of
+from hgorun.simulation.system.truth import Recording, SameTruth, Truth
+from hgorun.simulation.timeline.recorded_inputs import RecordedInputs
+from hgorun.simulation.timeline.tables import build_plan
+from hgorun.simulation.timeline.tabulated import Stretchwise
+from hgorun.simulation.timeline.timeline import Stepping
 from hgorun.symbolic.evaluate import Floats, evaluate
 
 
@@ -147,7 +147,7 @@ class PreparedEstimate:
         *,
         whole: bool = False,
     ) -> Plan:
-        """The tables of a run, all at once or perhaps in parts; see :func:`~hgorun.simulation.tables.build_plan`."""
+        """The tables of a run, all at once or perhaps in parts; see :func:`build_plan`."""
         return build_plan(
             self.run.timeline_on(at_events(grid, self.run.schedule.events, self.tolerance)),
             self.run.structure.system,

@@ -9,10 +9,10 @@ import numpy as np
 from hgorun.errors import Problem
 from hgorun.estimate.samples import Sampled
 from hgorun.observers.base import SampledObserver
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.preparation import check_limit
-from hgorun.simulation.structure import Structure
-from hgorun.simulation.treatments import check_treatments
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.preparation import check_limit
+from hgorun.simulation.preparation.treatments import check_treatments
+from hgorun.simulation.system.structure import Structure
 from hgorun.symbolic.plant import PlantModel
 
 

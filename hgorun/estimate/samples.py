@@ -14,8 +14,8 @@ from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.noise import StretchNoise, deviations
 from hgorun.measurement.samples import Samples
 from hgorun.pieces import all_true
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.recorded_inputs import RecordedInputs, last_of
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.timeline.recorded_inputs import RecordedInputs, last_of
 from hgorun.symbolic.levels import distinct
 
 

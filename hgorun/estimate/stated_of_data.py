@@ -15,7 +15,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.errors import Problem
 from hgorun.measurement.availability import Stretch
 from hgorun.noise.gaussian import GaussianNoise
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 
 @dataclass(frozen=True, eq=False, repr=False)

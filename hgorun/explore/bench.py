@@ -16,7 +16,7 @@ from hgorun.explore.knobs import Knob, by_name
 from hgorun.explore.promises import Promise
 from hgorun.explore.state import State, from_query
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 
 @dataclass(frozen=True, eq=False)

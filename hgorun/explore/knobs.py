@@ -20,7 +20,7 @@ from hgorun.noise.uniform import UniformNoise
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.constant_gain import PlacedGain
 from hgorun.observers.keys import Keys
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 Scale = Literal["linear", "log", "integer"]
 _FACTOR = 10.0  # a value is varied between a tenth of that in the file and ten times that

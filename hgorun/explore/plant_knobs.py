@@ -14,7 +14,7 @@ from hgorun.config.types import number
 from hgorun.explore.knobs import Knob, of_number
 from hgorun.explore.target import Target, numbers_in, with_number
 from hgorun.plants.base import units_of
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 GROUP = "plant"
 _MOST_FACTOR = 3.0  # of a state at the start

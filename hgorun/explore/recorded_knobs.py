@@ -12,7 +12,7 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.explore.knobs import Knob, of_gains, of_number
 from hgorun.observers.base import AnyObserver
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 
 def knobs_of(experiment: Experiment, said: Source) -> tuple[Knob, ...]:

@@ -22,7 +22,7 @@ from hgorun.explore.knobs import Knob
 from hgorun.explore.recorded_knobs import knobs_of
 from hgorun.explore.state import State
 from hgorun.memo import Memo
-from hgorun.simulation.resolved import as_yaml, changed
+from hgorun.simulation.experiment.resolved import as_yaml, changed
 
 Samples = tuple[Recording, Mapping[str, Signal]]  # what observers get, and what is held out between
 

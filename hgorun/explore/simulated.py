@@ -20,11 +20,11 @@ from hgorun.explore.plant_knobs import of_plant
 from hgorun.explore.promises import Promise, compile_theory, numbers_of, promise_of
 from hgorun.explore.state import State
 from hgorun.memo import Memo
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.experiment.resolved import as_yaml
 from hgorun.simulation.known import Known
-from hgorun.simulation.outcome import since_start
+from hgorun.simulation.outcome.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.resolved import as_yaml
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
 _NEAR = 1, -1, 2  # steps of an order that are carried out before they are asked for

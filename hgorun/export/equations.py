@@ -15,11 +15,11 @@ from hgorun.measurement.availability import Stretch
 from hgorun.measurement.variants import HELD
 from hgorun.observers.base import AnyObserver, ContinuousObserver, CorrectedObserver, SampledObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.simulation.design import Design
-from hgorun.simulation.groups import Group
-from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.system import build_system
-from hgorun.simulation.truth import PlantNumbers, Recording
+from hgorun.simulation.design.design import Design
+from hgorun.simulation.system.groups import Group
+from hgorun.simulation.system.observer_block import ObserverBlock
+from hgorun.simulation.system.system import build_system
+from hgorun.simulation.system.truth import PlantNumbers, Recording
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.parameters import Parameters
 

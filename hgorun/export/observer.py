@@ -17,8 +17,8 @@ from hgorun.export.operations import Operations
 from hgorun.observers.base import ContinuousObserver, CorrectedObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.status import Verdict
-from hgorun.simulation.design import Design
-from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.design.design import Design
+from hgorun.simulation.system.observer_block import ObserverBlock
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)

@@ -32,9 +32,9 @@ from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
 from hgorun.result.status import Verdict
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.truth import Recording
+from hgorun.simulation.system.truth import Recording
 
 _OUTPUTS = 32
 

@@ -17,9 +17,9 @@ from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.scores.why_left import why_left
 from hgorun.estimate.steps.first_steps import early
 from hgorun.result.status import OK, Verdict
-from hgorun.simulation.checks import longest_step
-from hgorun.simulation.control import Controlled, controlled
-from hgorun.simulation.passes import Pass, as_given, plan_of
+from hgorun.simulation.checks.checks import longest_step
+from hgorun.simulation.error_control.control import Controlled, controlled
+from hgorun.simulation.passes.passes import Pass, as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import simulate_prepared
 

@@ -24,7 +24,7 @@ from hgorun.interop.traced import NotTraced, traced
 from hgorun.observers.base import DecidedObserver
 from hgorun.observers.capabilities import NotExported
 from hgorun.observers.recalling import RecallingObserver
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare
 
 if TYPE_CHECKING:

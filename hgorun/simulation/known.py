@@ -12,10 +12,10 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.memo import Memo, same
-from hgorun.simulation.passes import Pass, as_given, integrate
-from hgorun.simulation.preparation import numbers_of
+from hgorun.simulation.passes.passes import Pass, as_given, integrate
+from hgorun.simulation.preparation.preparation import numbers_of
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.structure import structure_of
+from hgorun.simulation.system.structure import structure_of
 
 _OBSERVERS = 16  # that are kept, with the arrays of the runs that they were in
 
@@ -46,7 +46,7 @@ class Known:
     _parts: Memo[Apart] = field(default_factory=lambda: Memo(1))  # of a run that is looked at first, then carried out
 
     def integrate(self, run: PreparedRun, how: Pass) -> Raw:
-        """As :func:`hgorun.simulation.passes.integrate`, to the last bit.
+        """As :func:`hgorun.simulation.passes.passes.integrate`, to the last bit.
 
         Raises
         ------

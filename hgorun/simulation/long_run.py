@@ -26,11 +26,11 @@ from hgorun.result.result import Result
 from hgorun.result.running import LONGEST_MEAN, RunningMetrics
 from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings, points_in
-from hgorun.simulation.confirmation import confirmed, plant_lost
-from hgorun.simulation.control import controlled
-from hgorun.simulation.given import LaterEstimate
-from hgorun.simulation.measured import Measured, measured
-from hgorun.simulation.outcome import (
+from hgorun.simulation.divergence.confirmation import confirmed, plant_lost
+from hgorun.simulation.error_control.control import controlled
+from hgorun.simulation.error_control.given import LaterEstimate
+from hgorun.simulation.outcome.measured import Measured, measured
+from hgorun.simulation.outcome.outcome import (
     continuous_measurements,
     inputs_of,
     internal,
@@ -39,7 +39,7 @@ from hgorun.simulation.outcome import (
     outputs_of,
     record,
 )
-from hgorun.simulation.passes import Again, Pass, as_given, integrate
+from hgorun.simulation.passes.passes import Again, Pass, as_given, integrate
 from hgorun.simulation.prepared import PreparedRun
 
 Progress = Callable[[float], None] | None

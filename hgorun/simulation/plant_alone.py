@@ -21,7 +21,7 @@ from hgorun.measurement.extremes import Unknown, extremes, usual_rate
 from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.plants.build import BuiltPlant, SymbolicPlant
-from hgorun.simulation.steps import count_steps, in_pieces
+from hgorun.simulation.timeline.steps import count_steps, in_pieces
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import evaluate
 

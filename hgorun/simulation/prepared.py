@@ -13,12 +13,12 @@ from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, heard
 from hgorun.measurement.long import AnySchedule
 from hgorun.plants.build import BuiltPlant
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_inputs import Recorded
-from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.design.first_inputs import Recorded
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.plant_alone import PlantRun
-from hgorun.simulation.structure import Structure
-from hgorun.simulation.timeline import Timeline
+from hgorun.simulation.system.observer_block import ObserverBlock
+from hgorun.simulation.system.structure import Structure
+from hgorun.simulation.timeline.timeline import Timeline
 from hgorun.symbolic.forms import Form
 
 

@@ -11,17 +11,17 @@ from hgorun.engine.memory import Raw
 from hgorun.errors import NoStep, PlantDiverged, SimulationError
 from hgorun.result.data import Integration
 from hgorun.result.result import Result
-from hgorun.simulation import loss
-from hgorun.simulation.confirmation import confirmed, plant_lost
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.given import LaterEstimate
-from hgorun.simulation.grid import LONG
+from hgorun.simulation.divergence.confirmation import confirmed, plant_lost
+from hgorun.simulation.error_control.given import LaterEstimate
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.known import Known
-from hgorun.simulation.measured import measured
-from hgorun.simulation.outcome import record
-from hgorun.simulation.passes import Again, as_given, integrate
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.outcome.measured import measured
+from hgorun.simulation.outcome.outcome import record
+from hgorun.simulation.passes import loss
+from hgorun.simulation.passes.passes import Again, as_given, integrate
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.timeline.grid import LONG
 
 __all__ = ["prepare", "simulate", "simulate_prepared"]
 
@@ -69,7 +69,7 @@ def simulate_prepared(
             if found is not None:
                 return found
         if run.solver.controlled:
-            from hgorun.simulation.control import controlled  # not for the short runs of a given step
+            from hgorun.simulation.error_control.control import controlled  # not for the short runs of a given step
 
             best = controlled(run, progress)
             return record(
@@ -82,7 +82,7 @@ def simulate_prepared(
         except PlantDiverged as error:
             raise plant_lost(run, error, again) from error
         except NoStep as error:
-            from hgorun.simulation.escape import escaped, explained  # not for runs that can be followed
+            from hgorun.simulation.divergence.escape import escaped, explained  # not for runs that can be followed
 
             raise escaped(run) or explained(run, error) from error
         return finished(run, raw, again, check_step=check_step)
@@ -135,7 +135,7 @@ def finished(run: PreparedRun, raw: Raw, again: loss.Again, *, check_step: bool 
     how = as_given(run)
     raw, verdicts = confirmed(run, raw, again)
     if verdicts and how.tolerance:
-        from hgorun.simulation.stopped import crossed  # not for runs in which nothing is lost
+        from hgorun.simulation.divergence.stopped import crossed  # not for runs in which nothing is lost
 
         verdicts = crossed(run, raw, verdicts)
     found = measured(run, raw, verdicts)

@@ -14,7 +14,7 @@ from hgorun.errors import KeyPath, Problem
 from hgorun.result.quantities import inside, kinds, of_loops
 from hgorun.result.quantity import Quantity
 from hgorun.result.windows import points_in
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.study.claimed import places_of
 from hgorun.study.study import Run, Study
 from hgorun.study.varied_paths import refuse_paths

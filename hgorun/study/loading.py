@@ -14,8 +14,8 @@ from hgorun.config.reading import overridden, read_source, require_list
 from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
-from hgorun.simulation.configured import written
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.configured import written
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.study.check import check_figures_of
 from hgorun.study.study import Run, Study, study_of
 

@@ -9,7 +9,7 @@ from typing import Any
 from hgorun.config.types import describe
 from hgorun.errors import ConfigError
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import simulate as simulated
 from hgorun.study.loading import load
 

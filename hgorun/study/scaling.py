@@ -20,7 +20,7 @@ from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.result.quantities import measure_quantity
 from hgorun.result.quantity import Quantity
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 from hgorun.study.measured import Numbers
 from hgorun.study.study import Run, Study

@@ -19,8 +19,8 @@ from hgorun.ensemble.members import written_out
 from hgorun.errors import ConfigError
 from hgorun.noise.base import RandomNoise
 from hgorun.result.quantity import Quantity
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.other_faults import check_parts
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.other_faults import check_parts
 from hgorun.study.claimed import check_values, sentences_of
 from hgorun.study.sentences import Sentence
 from hgorun.study.split import OF_THE_FILE, check_ensemble, parts

@@ -16,7 +16,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.ensemble.ensemble import Ensemble
 from hgorun.errors import ConfigError
 from hgorun.result.not_yet import steps_to_an_ensemble
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.study.ensembles import ensemble_of
 from hgorun.study.loading import load
 from hgorun.study.study import Run, study_of

@@ -17,7 +17,7 @@ from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserve
 from hgorun.observers.capabilities import FilterOrder, HighGain, Punctual
 from hgorun.observers.eso import LinearExtendedStateObserver
 from hgorun.observers.kalman import KalmanFilter
-from hgorun.simulation.left_out import uncorrected
+from hgorun.simulation.outcome.left_out import uncorrected
 from hgorun.tables.layout import number, wrapped
 from hgorun.tables.typeset import printable
 

@@ -17,7 +17,7 @@ from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, Sam
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.plants.build import BuiltPlant, build_plant
 from hgorun.plants.inline import InlinePlant
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.testing.contract import Broken
 from hgorun.testing.equations import Equations
 

@@ -23,7 +23,7 @@ from hgorun.observers.base import (
 )
 from hgorun.observers.returned import Misfit, fitting, numbers
 from hgorun.plants.build import BuiltPlant
-from hgorun.simulation.first_inputs import started
+from hgorun.simulation.design.first_inputs import started
 from hgorun.symbolic.forms import Copy, Form, ModelCopy
 from hgorun.symbolic.parameters import Parameters
 from hgorun.symbolic.states import StateBlock, Symmetric

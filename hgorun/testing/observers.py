@@ -21,7 +21,7 @@ from hgorun.observers.base import (
     SampledObserver,
 )
 from hgorun.observers.capabilities import Differentiator, NotLinear, SlidingMode
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.symbolic.states import Symmetric
 from hgorun.testing.cases import CHAINS, WRONG_PLANTS, Case, Keys, Subject, as_tuple, built, lent
 from hgorun.testing.contract import Broken, Law, NotApplicable, Report, hold_to, keys_are_described

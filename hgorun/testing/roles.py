@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.observers.base import ContinuousObserver
-from hgorun.simulation.filters_at_rest import not_at_zero, rates_and_sizes
+from hgorun.simulation.error_dynamics.filters_at_rest import not_at_zero, rates_and_sizes
 from hgorun.testing.cases import Subject
 from hgorun.testing.contract import Broken, NotApplicable
 from hgorun.testing.equations import Equations

@@ -11,8 +11,8 @@ from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import Averaged, Differentiator, Punctual, SlidingMode
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.passes import as_given, integrate, integrate_lanes
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.simulate import simulate
 from hgorun.symbolic.forms import ModelCopy
 from hgorun.symbolic.states import Symmetric

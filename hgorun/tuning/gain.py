@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from hgorun.config.tuning import Range
 from hgorun.errors import ConfigError, Problem
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 _FARTHER = (1.0, 0.5, 0.1)  # how much wider a range is advised, the widest that is admissible
 

@@ -17,7 +17,7 @@ from hgorun.config.validation import validate
 from hgorun.ensemble.refused import refuse
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.plants.names import states_of
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.study.loading import load
 from hgorun.tuning.task import Task, tasks
 

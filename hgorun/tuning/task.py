@@ -19,8 +19,8 @@ from hgorun.result.metrics.base import all_metrics
 from hgorun.result.metrics.smoothness import HF, nothing_moves
 from hgorun.result.quantity import Quantity
 from hgorun.result.windows import MetricSettings
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.grid import metric_step
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.timeline.grid import metric_step
 from hgorun.study.sentences import Sentence, read_sentence
 from hgorun.tuning.gain import Gain, refuse_ends
 

@@ -9,7 +9,7 @@ from hgorun.benchmark.contestants import absent, contestant_in
 from hgorun.errors import ConfigError
 from hgorun.observers.base import OBSERVERS
 from hgorun.reproduce.shipped import folder
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 
 
 @pytest.mark.costly

@@ -32,13 +32,13 @@ from hgorun.export.c_files import c_files
 from hgorun.export.observer import Exported
 from hgorun.export.prepared import exported
 from hgorun.observers.base import OBSERVERS
-from hgorun.simulation.loss import UNBOUNDED
+from hgorun.simulation.passes.loss import UNBOUNDED
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
-from hgorun.simulation.structure import parameter_values, structure_of
-from hgorun.simulation.tables import build_plan
-from hgorun.simulation.timeline import Stepping, Timeline
-from hgorun.simulation.truth import Recording
+from hgorun.simulation.system.structure import parameter_values, structure_of
+from hgorun.simulation.system.truth import Recording
+from hgorun.simulation.timeline.tables import build_plan
+from hgorun.simulation.timeline.timeline import Stepping, Timeline
 from hgorun.testing.cases import Subject
 
 BAR = 1.5

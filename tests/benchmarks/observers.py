@@ -33,7 +33,7 @@ from hgorun.engine.member_numbers import MemberNumbers
 from hgorun.errors import HgorunError
 from hgorun.observers.base import OBSERVERS
 from hgorun.observers.homogeneous import powers
-from hgorun.simulation.passes import as_given, plan_of
+from hgorun.simulation.passes.passes import as_given, plan_of
 from hgorun.simulation.simulate import prepare
 
 Block = dict[str, Any]

@@ -24,7 +24,7 @@ from bench import Row, WrongNumbers, at_most, table
 from hgorun import Experiment
 from hgorun.config.models import Method
 from hgorun.engine.member_numbers import MemberNumbers
-from hgorun.simulation.passes import as_given, plan_of
+from hgorun.simulation.passes.passes import as_given, plan_of
 from hgorun.simulation.simulate import prepare
 
 ACCURACY = 1e-9

@@ -14,7 +14,7 @@ import numpy as np
 import yaml
 
 import hgorun
-from hgorun.simulation.passes import as_given, plan_of
+from hgorun.simulation.passes.passes import as_given, plan_of
 from hgorun.simulation.simulate import prepare
 
 Run = Callable[[], np.ndarray]  # the final state

@@ -28,9 +28,9 @@ import numpy as np
 from scipy.integrate import solve_ivp
 
 from hgorun.engine.memory import Tolerance
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.passes import as_given, plan_of
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.passes.passes import as_given, plan_of
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
 BAR = 1.5

@@ -26,7 +26,7 @@ from hgorun.engine.member_numbers import MemberNumbers, Outcome
 from hgorun.ensemble.block import compute
 from hgorun.ensemble.members import Members
 from hgorun.reproduce import shipped
-from hgorun.simulation.passes import as_given, plan_of
+from hgorun.simulation.passes.passes import as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate
 

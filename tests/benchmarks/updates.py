@@ -12,7 +12,7 @@ from time import process_time
 from typing import Any
 
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 PLANT = {
     "states": ["a", "b"],

@@ -8,7 +8,7 @@ import pytest
 
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.study.loading import load_study
 
 BASE = """\

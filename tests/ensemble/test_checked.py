@@ -12,7 +12,7 @@ from hgorun.ensemble import checked
 from hgorun.ensemble.statistics import largest_errors
 from hgorun.errors import ConfigError
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.tables import ensemble as tables
 from hgorun.tables.ensemble_data import as_json
 

@@ -12,7 +12,7 @@ from test_bits import AXES, COUNT, MEASURED, alone, van_der_pol
 from hgorun.ensemble.block import Block, _Work, compute
 from hgorun.ensemble.members import Members
 from hgorun.result.status import STATUSES
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 TOLERANCES = {"method": "dopri5", "rtol": 1e-6}
 STIFF = {"method": "rodas5p", "rtol": 1e-6, "atol": 1e-9}

@@ -15,7 +15,7 @@ from hgorun.ensemble.members import Members
 from hgorun.ensemble.reseeded import reseeded_members, retimed_lots
 from hgorun.measurement.chance import OfSeed, OfSeeds
 from hgorun.noise.gaussian import GaussianNoise
-from hgorun.simulation.passes import as_given, plan_of
+from hgorun.simulation.passes.passes import as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 

@@ -14,7 +14,7 @@ from hgorun.config.yaml_source import Source, parse
 from hgorun.data.recording import InputSignal, Origin, Recording, Signal
 from hgorun.result.recorded import Assessed, Recorded
 from hgorun.result.result import Result
-from hgorun.simulation.passes import as_given, integrate
+from hgorun.simulation.passes.passes import as_given, integrate
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 

@@ -30,7 +30,7 @@ from plain_observers import Array, Plain
 
 from hgorun.errors import ConfigError
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 Case = tuple[Block, Plain, tuple[str, ...]]  # the observer's block, the same as plain NumPy, late samples
 BOTH, BACK = ("innovation", "replay"), ("replay",)

@@ -17,7 +17,7 @@ from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.completed import completed
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare
 
 MEASUREMENT = {"sampling": {"period": 0.1, "jitter": 0.02}, "noise": NOISE}

@@ -14,7 +14,7 @@ from hgorun.estimate.carrying import lost_apart
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import estimate
 from hgorun.result.result import Result
-from hgorun.simulation.first_step import first_moments, nominal_step
+from hgorun.simulation.preparation.first_step import first_moments, nominal_step
 
 PLANT = {"states": ["x", "v"], "dynamics": {"x": "v", "v": "-x"}, "output": "x"}
 KALMAN = {"KB": {"type": "kalman_bucy", "Q": {"v": 0.001}}}

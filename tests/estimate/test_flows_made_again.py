@@ -17,7 +17,7 @@ from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
-from hgorun.simulation import steps
+from hgorun.simulation.timeline import steps
 
 GAP, COUNT, STD = 0.125, 17, 1e-4
 END = GAP * (COUNT - 1)
@@ -129,7 +129,9 @@ def test_flows_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     whole = of_file(text, rows).observers["UKF"].xhat
     monkeypatch.setattr(steps, "_PIECE", 24)
     monkeypatch.setattr("hgorun.engine.careful_session._AT_ONCE", 1)
-    monkeypatch.setattr("hgorun.simulation.tables._TABLES", type("None_", (), {"get": lambda _, key, make: make()})())
+    monkeypatch.setattr(
+        "hgorun.simulation.timeline.tables._TABLES", type("None_", (), {"get": lambda _, key, make: make()})()
+    )
     np.testing.assert_array_equal(of_file(text, rows).observers["UKF"].xhat, whole)
 
 

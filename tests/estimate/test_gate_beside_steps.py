@@ -13,7 +13,7 @@ from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 GATE = 5.0
 _GAPS = np.random.default_rng(3).choice([1, 2, 3], 48)

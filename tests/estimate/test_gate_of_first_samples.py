@@ -13,7 +13,7 @@ from hgorun.data.recording import FirstSamples
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 PERIOD, COUNT, GATE, STD = 0.125, 24, 5.0, 0.02  # exact times: a file and a stream make the same steps
 TAKEN = PERIOD * np.arange(COUNT)

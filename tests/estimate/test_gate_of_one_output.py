@@ -11,7 +11,7 @@ from hgorun.data.recording import Recording
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 PLANT = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, {"ya": "a", "yb": "b"})
 NOISE: Block = {"sampling": {"period": 0.2}, "noise": [{"type": "gaussian", "std": 0.05}]}

@@ -11,7 +11,7 @@ from examples import Block, experiment, inline
 
 from hgorun.errors import ConfigError
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 PLANT = inline({"a": "b", "b": "-sin(a) + u + v"}, {"y": "a"}, inputs={"u": "0", "v": "0"})
 SHGO: Block = {"type": "shgo", "theta": 2, "poles": -1, "initial": {"b": 1}}

@@ -12,7 +12,7 @@ from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.estimate.steps.breaks import KinksAhead, breaks_of
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 STEP = 1 / 64
 SHGO: Block = {"type": "shgo", "theta": 2, "poles": -1, "initial": {"a": 0.5, "b": 0.0}}

@@ -12,7 +12,7 @@ from recordings import recorded_of, recording, signal, source
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 PERIOD, STEP, COUNT = 0.25, 1 / 64, 45  # exact times: steps are the same to the last bit
 TAKEN = PERIOD * np.arange(COUNT)

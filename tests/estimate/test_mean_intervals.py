@@ -12,7 +12,7 @@ from recordings import recording, signal, source
 from hgorun.estimate.completed import completed, streamed
 from hgorun.estimate.holdout import HoldOut, held_out
 from hgorun.estimate.stated_of_data import StatedOfData
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 PLANT = {"states": ["x", "v"], "dynamics": {"x": "v", "v": "-x"}, "output": "x"}
 START = {"x": 1.0, "v": 0.0}

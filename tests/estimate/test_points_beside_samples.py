@@ -9,7 +9,7 @@ from recordings import held_input, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 START, PERIOD = 3.6, 0.01
 TAKEN = np.round(START + PERIOD * np.arange(60), 2)  # from the start they are not the multiples of the period

@@ -13,7 +13,7 @@ from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 END, PERIOD, GATE = 3.0, 0.125, 5.0
 ONCE = PERIOD * np.arange(1, 25)

@@ -11,7 +11,7 @@ from recordings import held_input, recording, signal, source
 
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 TAKEN = 0.125 * np.array([0, 1, 2, 4, 5, 8, 9, 10, 11, 13, 16, 17])  # exact, and not even
 Y, Z, U = np.cos(TAKEN), 0.4 * np.sin(TAKEN), np.sin(3 * TAKEN)

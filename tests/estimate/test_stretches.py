@@ -28,8 +28,8 @@ from hgorun.result.parts import ResultInParts
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 from hgorun.result.writing import digests_of
-from hgorun.simulation import tabulated
-from hgorun.simulation.actions import Actions
+from hgorun.simulation.timeline import tabulated
+from hgorun.simulation.timeline.actions import Actions
 
 COUNT = 300
 PLANT = inline(
@@ -269,7 +269,7 @@ def test_what_needs_the_whole_is_left_to_it(change: str, short: pytest.MonkeyPat
 
 
 def test_nobody_asks_for_all_output_points(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
-    short.setattr("hgorun.simulation.observed.grid_of", None)
+    short.setattr("hgorun.simulation.experiment.observed.grid_of", None)
     plant = inline({"a": "b", "b": "c", "c": "-a"}, {"a": "a"})
     del plant["initial"]
     config = source({"plant": plant, "observers": observers("shgo", initial={"b": 1.0}), **FIXED})

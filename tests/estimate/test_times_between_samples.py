@@ -7,8 +7,8 @@ import pytest
 
 from hgorun.estimate.scores.bands import Band, since_last
 from hgorun.estimate.scores.evaluated import first_undefined
-from hgorun.simulation.recorded_inputs import RecordedInputs
-from hgorun.simulation.steps import count_steps
+from hgorun.simulation.timeline.recorded_inputs import RecordedInputs
+from hgorun.simulation.timeline.steps import count_steps
 
 TAKEN = np.cumsum(np.random.default_rng(3).uniform(0.5, 1.5, 200))
 TIMES = {

@@ -15,7 +15,7 @@ from recordings import recording, signal, source
 from scipy.linalg import expm
 
 from hgorun.estimate.estimate import estimate
-from hgorun.simulation.apart import Apart
+from hgorun.simulation.error_dynamics.apart import Apart
 
 FREE = inline({"a": "b", "b": "0", "c": "d", "d": "0"}, {"y": "a", "z": "c"})
 COUPLED = inline({"a": "b", "b": "-a + 2*c", "c": "d", "d": "0.5*a - d"}, {"y": "a", "z": "c"})

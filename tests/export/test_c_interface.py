@@ -21,7 +21,7 @@ from hgorun.export.c_memory import bytes_of
 from hgorun.export.c_source import Source
 from hgorun.export.names import identifier
 from hgorun.export.prepared import Wanted, exported, only
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
 OK, OLD, NOT_FINITE, BAD_TIME, TOO_FAR, INCOMPLETE = range(6)

@@ -13,13 +13,13 @@ from exported_c import Compiled, load_all
 from hgorun import simulate
 from hgorun.engine.memory import Start
 from hgorun.export.prepared import Wanted, exported
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.recorded_inputs import RecordedInputs
-from hgorun.simulation.structure import parameter_values, structure_of
-from hgorun.simulation.tables import build_plan
-from hgorun.simulation.timeline import Stepping, Timeline
-from hgorun.simulation.truth import Recording
+from hgorun.simulation.system.structure import parameter_values, structure_of
+from hgorun.simulation.system.truth import Recording
+from hgorun.simulation.timeline.recorded_inputs import RecordedInputs
+from hgorun.simulation.timeline.tables import build_plan
+from hgorun.simulation.timeline.timeline import Stepping, Timeline
 
 PLANT = inline({"a": "b", "b": "-sin(a) - 0.1*b + u"}, "a", inputs={"u": "0.3"})
 OBSERVERS: dict[str, Block] = {

@@ -15,7 +15,7 @@ from hgorun.estimate.stream.estimator import Estimator
 from hgorun.export.c_files import c_files
 from hgorun.export.prepared import Wanted, exported
 from hgorun.observers.base import CorrectedObserver
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
 OK, OLD, NOT_FINITE, BAD_TIME, TOO_FAR, INCOMPLETE, BAD_GAP = range(7)

@@ -22,7 +22,7 @@ from hgorun.errors import HgorunError
 from hgorun.export.fmu import Compiler, compilers, fmu
 from hgorun.export.fmu_templates import VERSIONS, Version
 from hgorun.export.prepared import Wanted, exported
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
 
 NOISE = [{"type": "gaussian", "std": 0.05}]

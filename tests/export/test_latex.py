@@ -17,7 +17,7 @@ from hgorun.export.observer import Exported
 from hgorun.export.prepared import Wanted, exported
 from hgorun.export.typeset import Formula, _product, broken, dotted, number, written
 from hgorun.observers.base import OBSERVERS, SampledObserver
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.testing.cases import Subject
 
 SAMPLED: Block = {"sampling": {"period": 0.1}, "noise": [{"type": "gaussian", "std": 0.1}]}

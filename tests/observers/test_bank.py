@@ -13,8 +13,8 @@ from hgorun.errors import ConfigError
 from hgorun.observers.bank import ContinuousBank
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.passes import as_given, integrate, integrate_lanes
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.testing import check_observer
 
 VAN_DER_POL: Block = {"type": "van_der_pol", "parameters": {"mu": 0.5}, "initial": {"x1": 1, "x2": 0}}

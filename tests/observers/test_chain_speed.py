@@ -10,7 +10,7 @@ from scipy.linalg import expm
 from hgorun.analysis.convergence.gains import error_dynamics
 from hgorun.analysis.linear.nominal import chain
 from hgorun.errors import ConfigError
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 
 TWO = inline({"a": "a2", "a2": "0", "b": "b2", "b2": "0"}, {"y_a": "a", "y_b": "b"})
 THETA, SPEED = 4.0, 0.5

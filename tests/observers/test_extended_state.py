@@ -9,7 +9,7 @@ from scipy.integrate import solve_ivp
 
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
-from hgorun.simulation.overflow import overflow
+from hgorun.simulation.design.overflow import overflow
 from hgorun.simulation.simulate import prepare
 from hgorun.tables.advice import advice
 

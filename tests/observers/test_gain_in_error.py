@@ -11,7 +11,7 @@ import hgorun
 from hgorun.errors import ConfigError
 from hgorun.observers.homogeneous import HomogeneousObserver
 from hgorun.observers.prescribed_time import PrescribedTimeObserver
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.symbolic.observability import canonical_form
 from hgorun.testing.cases import built
 from hgorun.testing.equations import Equations

@@ -7,7 +7,7 @@ import re
 import pytest
 from examples import Block, chain, experiment
 
-from hgorun.simulation.scheduling import remarks
+from hgorun.simulation.preparation.scheduling import remarks
 
 CASES: list[tuple[int, Block, bool]] = [
     # by the criterion of Routh and Hurwitz: s^2 + a s + b needs a, b > 0; s^3 + a s^2 + b s + c also a b > c

@@ -16,8 +16,8 @@ from hgorun.observers.kkl_keys import KklObserver
 from hgorun.observers.kkl_map import _steps, left_inverse, of_linear_plant
 from hgorun.observers.orbits import Escaped
 from hgorun.result.result import Result
-from hgorun.simulation.passes import as_given, integrate, integrate_lanes
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.symbolic.drift import DriftForm
 
 OSCILLATOR = np.array([[0.0, 1.0], [-1.0, 0.0]])

@@ -15,8 +15,8 @@ from hgorun.ensemble.block import compute
 from hgorun.ensemble.members import Members
 from hgorun.errors import ConfigError
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.simulation.passes import as_given, integrate, integrate_lanes
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
+from hgorun.simulation.preparation.preparation import prepare
 
 A = np.array([[0.0, 1.0], [-1.0, -0.3]])
 DAMPED: Block = inline({"x1": "x2", "x2": "-x1 - 0.3*x2"}, "x1", initial={"x1": 1, "x2": 0.5})

@@ -14,8 +14,8 @@ from hgorun.analysis.finding import FINDINGS
 from hgorun.errors import ConfigError
 from hgorun.export.prepared import exported
 from hgorun.result.result import Result
-from hgorun.simulation.passes import as_given, integrate, integrate_lanes
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
+from hgorun.simulation.preparation.preparation import prepare
 
 OSCILLATOR: Block = inline({"x1": "x2", "x2": "-x1"}, "x1", initial={"x1": 1, "x2": 0})
 VAN_DER_POL: Block = {"type": "van_der_pol", "parameters": {"mu": 0.5}, "initial": {"x1": 1, "x2": 0}}

@@ -13,7 +13,7 @@ from hgorun.errors import ConfigError
 from hgorun.observers.base import OBSERVERS
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.testing import check_observer
 
 JERK = chain(3, "-0.6*x3 - x2 - sin(x1)", [1, 0, 0])

@@ -12,7 +12,7 @@ import hgorun
 from hgorun.errors import ConfigError
 from hgorun.export.prepared import exported
 from hgorun.observers.predictor_chain import PredictorChain, copy_limit
-from hgorun.simulation.passes import as_given, integrate, integrate_lanes
+from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.simulate import prepare
 from hgorun.testing import check_observer
 

@@ -16,7 +16,7 @@ from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
 from hgorun.explore.knobs import knobs_of
 from hgorun.observers.sampled_poles import damping
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.preparation.preparation import prepare
 
 
 def config(observer: Block, plant: Block | None = None) -> dict[str, Any]:

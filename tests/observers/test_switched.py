@@ -9,9 +9,9 @@ from scipy.linalg import expm
 
 from hgorun.errors import ConfigError
 from hgorun.export.prepared import exported
-from hgorun.simulation.checks import longest_step
-from hgorun.simulation.passes import as_given, integrate, integrate_lanes
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.checks.checks import longest_step
+from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
+from hgorun.simulation.preparation.preparation import prepare
 
 VAN_DER_POL: Block = {"type": "van_der_pol", "parameters": {"mu": 0.5}, "initial": {"x1": 1, "x2": 0}}
 SWITCHED: Block = {"type": "switched", "theta_1": 20, "theta_2": 4, "delta": 0.05, "dwell": 0.1}

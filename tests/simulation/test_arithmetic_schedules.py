@@ -23,7 +23,7 @@ from hgorun.noise import compiled
 from hgorun.noise.normal import standard_normal
 from hgorun.noise.streams import Stream
 from hgorun.noise.uniform import UniformNoise
-from hgorun.simulation import preparation, scheduling
+from hgorun.simulation.preparation import preparation, scheduling
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 

@@ -17,9 +17,9 @@ from scipy.linalg import expm
 from hgorun import Experiment, Result, simulate
 from hgorun.errors import ConfigError
 from hgorun.result.status import Verdict
-from hgorun.simulation.control import _when
-from hgorun.simulation.preparation import prepare
-from hgorun.simulation.steps import part_of_difference, uneven_steps
+from hgorun.simulation.error_control.control import _when
+from hgorun.simulation.preparation.preparation import prepare
+from hgorun.simulation.timeline.steps import part_of_difference, uneven_steps
 
 Right = Callable[[float, float, float], float]
 

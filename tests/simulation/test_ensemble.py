@@ -12,8 +12,8 @@ import hgorun
 from hgorun.engine.loose import fits
 from hgorun.engine.member_numbers import MemberNumbers
 from hgorun.engine.methods import METHODS
-from hgorun.simulation.lanes import reduction_of
-from hgorun.simulation.passes import as_given, plan_of
+from hgorun.simulation.passes.lanes import reduction_of
+from hgorun.simulation.passes.passes import as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hgorun.simulation import error_estimate
+from hgorun.simulation.error_control import error_estimate
 
 
 @pytest.mark.parametrize("rows", [0, 1, 63, 64, 65, 200])

@@ -6,7 +6,7 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from hgorun.simulation.filters_at_rest import not_at_zero, rates_and_sizes, values_of
+from hgorun.simulation.error_dynamics.filters_at_rest import not_at_zero, rates_and_sizes, values_of
 from hgorun.symbolic.states import StateBlock, Symmetric
 
 th, w, x = ca.SX.sym("th"), ca.SX.sym("w"), ca.SX.sym("x")

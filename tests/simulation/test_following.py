@@ -11,7 +11,7 @@ from examples import load, run
 
 import hgorun
 from hgorun.ensemble.growing import Sweep
-from hgorun.simulation.verdict import astray, ends, may_be_astray, size_of
+from hgorun.simulation.divergence.verdict import astray, ends, may_be_astray, size_of
 
 T = np.linspace(0, 10, 1001)[:, None]
 LATE_POINTS = ends(1001)[1:]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hgorun.simulation.grid import EvenPoints
+from hgorun.simulation.timeline.grid import EvenPoints
 
 
 @pytest.mark.parametrize(("step", "every"), [(1e-3, 1), (1 / 3, 7), (0.1, 3), (1e-300, 2)])

@@ -13,7 +13,7 @@ from hgorun import Experiment, Result
 from hgorun.errors import SimulationError
 from hgorun.simulation import known as module
 from hgorun.simulation.known import Known
-from hgorun.simulation.passes import integrate
+from hgorun.simulation.passes.passes import integrate
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
 START = {"initial": {"x1": 1, "x2": 10}}

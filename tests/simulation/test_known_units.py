@@ -14,7 +14,7 @@ import hgorun
 from hgorun import ConfigError
 from hgorun.config.time_units import SECONDS, SHORT
 from hgorun.data.units.units import _registry, converted, not_known
-from hgorun.simulation.scheduling import remarks
+from hgorun.simulation.preparation.scheduling import remarks
 
 OBSERVER = {"S": {"type": "shgo", "theta": 2}}
 

@@ -15,8 +15,8 @@ import hgorun
 from hgorun import Result
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
-from hgorun.simulation.passes import as_given, integrate, integrate_lanes
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
+from hgorun.simulation.preparation.preparation import prepare
 
 PENDULUM = inline({"a": "b", "b": "-sin(a) - 0.1*b"}, "a", 0.8)
 EKF: Block = {"type": "ekf", "Q": {"b": 0.1}, "R": 0.01}

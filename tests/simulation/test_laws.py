@@ -16,7 +16,7 @@ from hgorun import Result, SimulationError
 from hgorun.engine.memory import Raw, Start
 from hgorun.engine.plan import Plan
 from hgorun.engine.program import Program
-from hgorun.simulation.passes import as_given, integrate
+from hgorun.simulation.passes.passes import as_given, integrate
 
 HELD = [{"type": "gaussian", "std": 0.1, "hold": 0.15}]
 DRAWN = [{"type": "uniform", "low": -0.1, "high": 0.2}]
@@ -156,7 +156,7 @@ def test_pieces_of_a_long_segment_do_not_change_bits(
 ) -> None:
     config = configuration(MEASUREMENTS[name] | {"noise": SINE}, {"S": SHGO, "F": FHGO})
     whole = run(tmp_path, config, "solver.step=0.0004")
-    monkeypatch.setattr("hgorun.simulation.steps._PIECE", 7)
+    monkeypatch.setattr("hgorun.simulation.timeline.steps._PIECE", 7)
     pieces = run(tmp_path, config, "solver.step=0.0004")
     assert same(whole, pieces, "S", "F")
 

@@ -14,9 +14,9 @@ from hgorun.cli import main
 from hgorun.engine.memory import history_pieces
 from hgorun.errors import ConfigError
 from hgorun.measurement.chance import generator
-from hgorun.simulation import steps as of_steps
 from hgorun.simulation.simulate import prepare
-from hgorun.simulation.steps import count_steps, in_pieces
+from hgorun.simulation.timeline import steps as of_steps
+from hgorun.simulation.timeline.steps import count_steps, in_pieces
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.shares import chain_lengths
 

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from examples import VAN_DER_POL, Block, experiment
 
-from hgorun.simulation import actions, tabulated
-from hgorun.simulation.passes import as_given, carry_out, plan_of
+from hgorun.simulation.passes.passes import as_given, carry_out, plan_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
+from hgorun.simulation.timeline import actions, tabulated
 
 DRAWN = {"type": "gaussian", "std": 0.1}
 HELD = {"type": "uniform", "low": -0.1, "high": 0.1, "hold": 0.07}

@@ -10,9 +10,9 @@ from examples import VAN_DER_POL, Block, experiment, inline, simulated
 
 from hgorun import simulate
 from hgorun.result.status import OK
-from hgorun.simulation.loss import of_estimate
-from hgorun.simulation.passes import as_given, integrate
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.passes.loss import of_estimate
+from hgorun.simulation.passes.passes import as_given, integrate
+from hgorun.simulation.preparation.preparation import prepare
 
 
 def test_a_root_in_a_jump() -> None:

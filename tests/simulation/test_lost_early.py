@@ -11,10 +11,10 @@ import pytest
 import yaml
 
 from hgorun import Experiment, simulate
-from hgorun.simulation import control
-from hgorun.simulation.between_steps import Missed
-from hgorun.simulation.passes import Again, Pass
-from hgorun.simulation.verdict import grow_alike
+from hgorun.simulation.divergence.verdict import grow_alike
+from hgorun.simulation.error_control import control
+from hgorun.simulation.passes.between_steps import Missed
+from hgorun.simulation.passes.passes import Again, Pass
 
 # A theta of 40 is far too large for samples every 0.2, and nothing else bounds the error of a chain of integrators.
 SAMPLED = """\

@@ -9,7 +9,7 @@ import pytest
 from examples import Block, inline, simulated
 
 from hgorun.errors import SimulationError
-from hgorun.simulation import control
+from hgorun.simulation.error_control import control
 
 SHGO: Block = {"S": {"type": "shgo", "theta": 4, "initial": {"x": 1}}}
 

@@ -11,14 +11,14 @@ from examples import Block, chain, experiment, inline
 from hgorun.engine.memory import Start
 from hgorun.measurement.schedule import build_schedule, nearest_event
 from hgorun.observers.base import SampledObserver
-from hgorun.simulation.passes import as_given, integrate
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.passes.passes import as_given, integrate
+from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.recorded_inputs import RecordedInputs
-from hgorun.simulation.structure import parameter_values, structure_of
-from hgorun.simulation.tables import build_plan
-from hgorun.simulation.timeline import Stepping, Timeline
-from hgorun.simulation.truth import Recording, SimulatedPlant
+from hgorun.simulation.system.structure import parameter_values, structure_of
+from hgorun.simulation.system.truth import Recording, SimulatedPlant
+from hgorun.simulation.timeline.recorded_inputs import RecordedInputs
+from hgorun.simulation.timeline.tables import build_plan
+from hgorun.simulation.timeline.timeline import Stepping, Timeline
 
 POLES: Block = {"theta": 2, "poles": -1}
 FAMILIES: dict[str, Block] = {

@@ -9,7 +9,7 @@ from examples import VAN_DER_POL, Block, experiment, inline
 
 import hgorun
 from hgorun import ConfigError
-from hgorun.simulation.scheduling import remarks
+from hgorun.simulation.preparation.scheduling import remarks
 from hgorun.simulation.simulate import prepare
 
 

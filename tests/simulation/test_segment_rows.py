@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hgorun.simulation.segment_rows import segment_rows
-from hgorun.simulation.steps import count_steps, unevenly
-from hgorun.simulation.tabulated import rows_in_last_steps
+from hgorun.simulation.timeline.segment_rows import segment_rows
+from hgorun.simulation.timeline.steps import count_steps, unevenly
+from hgorun.simulation.timeline.tabulated import rows_in_last_steps
 
 RANDOM = np.random.default_rng(0)
 REGULAR = 0.1 * np.arange(300)

@@ -7,8 +7,8 @@ import pytest
 from examples import VAN_DER_POL, Block, experiment, inline, simulated
 from scipy.integrate import solve_ivp
 
-from hgorun.simulation.error_estimate import Estimate, difference
-from hgorun.simulation.preparation import prepare
+from hgorun.simulation.error_control.error_estimate import Estimate, difference
+from hgorun.simulation.preparation.preparation import prepare
 
 PENDULUM = inline({"x": "v", "v": "-sin(x) - 0.1*v"}, "x") | {"initial": {"x": 1, "v": 0}}
 END, OUTPUT_STEP, Q = 5.0, 0.05, 0.01

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from hgorun.config.yaml_source import parse
-from hgorun.simulation.signs import sign_remarks
+from hgorun.simulation.remarks.signs import sign_remarks
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ import pytest
 
 from hgorun import simulate
 from hgorun.errors import ConfigError
-from hgorun.simulation.why_diverged import _sign_changes
+from hgorun.simulation.divergence.why_diverged import _sign_changes
 
 
 def config(dynamics: str, output: str = "x1", **observer: Any) -> dict[str, Any]:

@@ -18,21 +18,15 @@ from hgorun.engine import program
 from hgorun.measurement import events, sampling, signals
 from hgorun.native.compiler import NativeModule
 from hgorun.plants import build, expressions
-from hgorun.simulation import experiment as experiments
-from hgorun.simulation import (
-    first_step,
-    forms,
-    grid,
-    observed,
-    outcome,
-    plant_alone,
-    preparation,
-    scheduling,
-    steps,
-    structure,
-    tables,
-)
+from hgorun.simulation import plant_alone
+from hgorun.simulation.design import forms
+from hgorun.simulation.experiment import experiment as experiments
+from hgorun.simulation.experiment import observed
+from hgorun.simulation.outcome import outcome
+from hgorun.simulation.preparation import first_step, preparation, scheduling
 from hgorun.simulation.simulate import prepare
+from hgorun.simulation.system import structure
+from hgorun.simulation.timeline import grid, steps, tables
 from hgorun.symbolic import crossings
 from hgorun.symbolic.canonical import CanonicalForm
 

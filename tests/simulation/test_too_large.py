@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from examples import Block, chain, inline, simulated
 
-from hgorun.simulation import monodromy, small_errors
+from hgorun.simulation.error_dynamics import monodromy, small_errors
 
 PERIOD, LATE = {"sampling": {"period": 0.1}}, {"delay": 0.1}
 DUFFING = inline({"p": "q", "q": "p - p**3 - 0.2*q"}, "p") | {"initial": {"p": 1, "q": 0.5}}

@@ -8,7 +8,7 @@ from examples import Block, chain, simulated
 
 from hgorun.errors import HgorunError
 from hgorun.result.observer import ObserverResult
-from hgorun.simulation import too_large
+from hgorun.simulation.divergence import too_large
 
 PERIOD, LATE = {"sampling": {"period": 0.1}}, {"delay": 0.1}
 START: Block = {"initial": {"x1": 1}}

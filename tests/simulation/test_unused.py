@@ -12,8 +12,8 @@ from shell import Shell
 from hgorun.errors import ConfigError
 from hgorun.observers.kinetic_rate import KineticRateObserver
 from hgorun.plants.inline import InlinePlant
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.unused import refuse_unused_changes
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.experiment.unused import refuse_unused_changes
 
 SHGO = {"SHGO": {"type": "shgo", "theta": 2}}
 FILE = """

@@ -8,7 +8,7 @@ import pytest
 
 from hgorun import load
 from hgorun.config.tuning import Range
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.tuning.gain import Gain, at_an_end
 
 CONFIG = """\

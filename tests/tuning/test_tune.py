@@ -17,7 +17,7 @@ from hgorun.config.tuning import Tune
 from hgorun.ensemble.fronts import non_dominated
 from hgorun.errors import ConfigError, Problem
 from hgorun.figures.tuning import Tuned, tuning
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.tuning.evidence import Evidence, _shown, evidence
 from hgorun.tuning.search import search
 from hgorun.tuning.task import Task, tasks

@@ -17,9 +17,9 @@ from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import HighGain, SettlingGain
 from hgorun.observers.riccati import RiccatiGain
-from hgorun.simulation.design import Design
-from hgorun.simulation.filters_at_rest import not_at_zero, rates_and_sizes, values_of
-from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.design.design import Design
+from hgorun.simulation.error_dynamics.filters_at_rest import not_at_zero, rates_and_sizes, values_of
+from hgorun.simulation.system.observer_block import ObserverBlock
 from hgorun.symbolic.canonical import CanonicalForm
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.parameters import Parameters

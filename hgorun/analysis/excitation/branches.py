@@ -6,7 +6,7 @@ import numpy as np
 
 from hgorun.analysis.subject import Subject
 from hgorun.result.windows import points_in
-from hgorun.simulation.why_diverged import determinants
+from hgorun.simulation.divergence.why_diverged import determinants
 
 
 def on_another_branch(subject: Subject) -> bool:

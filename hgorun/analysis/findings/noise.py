@@ -17,7 +17,7 @@ from hgorun.analysis.reasons import NoValue, outcome, require_estimate
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
-from hgorun.simulation.outcome import since_start
+from hgorun.simulation.outcome.outcome import since_start
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
 

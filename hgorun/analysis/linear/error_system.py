@@ -27,9 +27,9 @@ from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.observer import ObserverResult
 from hgorun.result.result import Result
-from hgorun.simulation.filters_at_rest import not_at_zero, values_of
+from hgorun.simulation.error_dynamics.filters_at_rest import not_at_zero, values_of
+from hgorun.simulation.error_dynamics.slopes import filter_rates
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.slopes import filter_rates
 from hgorun.symbolic.states import StateBlock
 
 _SAME = 1e-7  # relative change below which the systems along a trajectory are one

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.analysis.linear.error_system import ErrorSystem
-from hgorun.simulation.monodromy import exponentials
+from hgorun.simulation.error_dynamics.monodromy import exponentials
 
 _FINE = 0.5  # of 1/rate: the longest step of a transition matrix
 _MAX_STEPS = 8_000

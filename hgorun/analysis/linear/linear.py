@@ -18,10 +18,10 @@ from hgorun.analysis.linear.coordinates import transformed
 from hgorun.analysis.reasons import RECALLS, NoValue
 from hgorun.observers.capabilities import NotLinear
 from hgorun.result.observer import ObserverResult
-from hgorun.simulation.first_inputs import started
-from hgorun.simulation.observer_block import ObserverBlock
+from hgorun.simulation.design.first_inputs import started
+from hgorun.simulation.error_dynamics.slopes import slopes
 from hgorun.simulation.prepared import PreparedRun
-from hgorun.simulation.slopes import slopes
+from hgorun.simulation.system.observer_block import ObserverBlock
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import HighGain
 from hgorun.result.result import Result
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_inputs import started
-from hgorun.simulation.outcome import since_start
-from hgorun.simulation.preparation import needs_given_steps
+from hgorun.simulation.design.first_inputs import started
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.outcome.outcome import since_start
+from hgorun.simulation.preparation.preparation import needs_given_steps
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.symbolic.forms import BlockForm, ChainForm, Form

@@ -8,7 +8,7 @@ import numpy as np
 
 from hgorun.analysis.linear.linear import Linear, Linearisation
 from hgorun.analysis.linear.transfer import response, steady_part
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.simulate import prepare
 

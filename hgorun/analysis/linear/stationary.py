@@ -11,8 +11,8 @@ import numpy as np
 
 from hgorun.analysis.reasons import NoValue
 from hgorun.observers.kalman import KalmanFilter
-from hgorun.simulation.observer_block import ObserverBlock
 from hgorun.simulation.prepared import PreparedRun
+from hgorun.simulation.system.observer_block import ObserverBlock
 from hgorun.symbolic.forms import ModelCopy
 
 _STABLE = 1e-9  # relative: poles nearer to the boundary are rounding away from it

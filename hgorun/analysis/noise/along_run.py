@@ -24,7 +24,7 @@ from hgorun.analysis.reasons import NO_SLOPES, NoValue, no_spectrum
 from hgorun.measurement.channels import Channel
 from hgorun.noise.base import Wave
 from hgorun.result.result import Result
-from hgorun.simulation.monodromy import exponentials
+from hgorun.simulation.error_dynamics.monodromy import exponentials
 from hgorun.simulation.prepared import PreparedRun
 
 _NUMBERS = 60_000  # states times points of the noise_free's output grid at which it is linearised

@@ -26,7 +26,7 @@ from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
 from hgorun.result.result import Result
 from hgorun.result.windows import points_in
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 
 _POINTS = 20  # of the steady window where the linearisation is looked at

@@ -6,7 +6,7 @@ import numpy as np
 
 from hgorun.analysis.linear.error_system import ErrorSystem
 from hgorun.analysis.linear.exponentials import interpolated, ordered_product, transitions
-from hgorun.simulation.monodromy import monodromy, on_their_way
+from hgorun.simulation.error_dynamics.monodromy import monodromy, on_their_way
 
 MAX_PERIODS = 20_000  # that a growth rate is taken over, the first ones of a trajectory
 

@@ -16,7 +16,7 @@ from hgorun.estimate.scores.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.scores.outlying import Errors, Mask
 from hgorun.estimate.scores.scores import settled
 from hgorun.estimate.start.starting import fitted_start
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 

@@ -20,7 +20,7 @@ from hgorun.engine.session import Session
 from hgorun.estimate.covariance import Covariance
 from hgorun.estimate.gate.entering import Entering
 from hgorun.estimate.samples import stated
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 _WINDOW = 61  # innovations whose median is taken

@@ -19,7 +19,7 @@ from hgorun.engine.plan import Integers
 from hgorun.errors import Problem
 from hgorun.observers.base import SampledObserver
 from hgorun.observers.sample_times import OnePeriod
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 

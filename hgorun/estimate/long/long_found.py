@@ -12,7 +12,7 @@ from hgorun.estimate.carrying import ORDER, UNEVEN, note_difference, relative_er
 from hgorun.estimate.scores.compared import Compared, Key
 from hgorun.estimate.scores.lag import Instrument
 from hgorun.result.recorded import RecordedOutput
-from hgorun.simulation.steps import part_of_difference
+from hgorun.simulation.timeline.steps import part_of_difference
 from hgorun.symbolic.evaluate import Floats
 
 _SHOWN = 10_000  # points, and samples of an output, that are kept for a picture

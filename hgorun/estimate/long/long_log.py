@@ -39,8 +39,8 @@ from hgorun.native.rows import in_one_piece
 from hgorun.result.parts import ResultInParts
 from hgorun.result.recorded import Assessed, Recorded
 from hgorun.result.result import Result
-from hgorun.simulation.grid import EvenPoints
-from hgorun.simulation.outcome import internal
+from hgorun.simulation.outcome.outcome import internal
+from hgorun.simulation.timeline.grid import EvenPoints
 from hgorun.symbolic.evaluate import Floats
 
 _ROWS = 1 << 15  # of a band that are written at a time

@@ -12,9 +12,9 @@ from hgorun.estimate.carrying import UNEVEN
 from hgorun.estimate.long.stretches import Stretch, Stretches, points_before
 from hgorun.estimate.scores.compared import Key
 from hgorun.estimate.scores.lag import Instrument, felt_of
-from hgorun.simulation.grid import EvenPoints
-from hgorun.simulation.steps import steps_between
-from hgorun.simulation.tabulated import Stretchwise
+from hgorun.simulation.timeline.grid import EvenPoints
+from hgorun.simulation.timeline.steps import steps_between
+from hgorun.simulation.timeline.tabulated import Stretchwise
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 

@@ -19,11 +19,11 @@ from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tole
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.covariance import KnownCovariance
 from hgorun.pieces import ascending
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.grid import EvenPoints
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_kinks
-from hgorun.simulation.steps import count_steps
-from hgorun.simulation.structure import structure_of
+from hgorun.simulation.system.structure import structure_of
+from hgorun.simulation.timeline.grid import EvenPoints
+from hgorun.simulation.timeline.steps import count_steps
 from hgorun.symbolic.evaluate import Floats
 
 LONG = 1 << 20  # samples and changes of inputs of a log that is gone through stretch by stretch

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.measurement.schedule import tolerances_of
 from hgorun.observers.kalman import KalmanFilter
-from hgorun.simulation.first_step import PART, rate_of
+from hgorun.simulation.preparation.first_step import PART, rate_of
 
 
 def too_large_at_first(prepared: PreparedEstimate, j: int) -> str:

@@ -10,9 +10,9 @@ import numpy as np
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
-from hgorun.simulation.apart import Apart
-from hgorun.simulation.timing import Timing
-from hgorun.simulation.too_large import too_large_for
+from hgorun.simulation.divergence.too_large import too_large_for
+from hgorun.simulation.error_dynamics.apart import Apart
+from hgorun.simulation.error_dynamics.timing import Timing
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 _BEYOND = 1e6  # times the length of a log: no run goes on for so long behind it
 

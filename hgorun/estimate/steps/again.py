@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from hgorun.engine.again import Again
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.structure import Structure
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.system.structure import Structure
 
 
 def again_of(experiment: Experiment, structure: Structure) -> Again | None:

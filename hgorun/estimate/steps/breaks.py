@@ -18,7 +18,7 @@ from hgorun.errors import Problem
 from hgorun.estimate.steps.first_steps import early
 from hgorun.measurement.events import merge
 from hgorun.measurement.schedule import inward_of, pulses_of, tolerances_of
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.plant_alone import breaks_in_time, plant_kinks
 
 _PIECE = 4096.0  # steps

@@ -10,11 +10,11 @@ import numpy as np
 from hgorun.config.models import Time
 from hgorun.errors import Problem
 from hgorun.plants.build import BuiltPlant
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_inputs import Recorded
-from hgorun.simulation.preparation import numbers_of
+from hgorun.simulation.design.first_inputs import Recorded
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.preparation import numbers_of
 from hgorun.simulation.prepared import Numbers
-from hgorun.simulation.structure import Structure
+from hgorun.simulation.system.structure import Structure
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -25,7 +25,7 @@ from hgorun.estimate.stream.given import as_number, positive_by_name, require_na
 from hgorun.estimate.stream.live_system import LiveSystem
 from hgorun.estimate.stream.remembered import Remembered
 from hgorun.estimate.stream.together import Together
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 
 class Estimator:

@@ -12,7 +12,7 @@ from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.steps.bound import known_at
 from hgorun.estimate.stream.event import Event
 from hgorun.estimate.stream.live_system import LiveSystem
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.symbolic.evaluate import Floats
 
 

@@ -6,8 +6,8 @@ import numpy as np
 
 from hgorun.errors import Problem
 from hgorun.observers.base import AnySampled, SampledObserver, SampleSchedule
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.jump_checks import check_schedule
+from hgorun.simulation.checks.jump_checks import check_schedule
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.symbolic.evaluate import along, compiled
 from hgorun.symbolic.forms import Form
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hgorun.errors import Problem
 from hgorun.observers.base import CorrectedObserver
 from hgorun.observers.treatment import late_to, treatment_of, why_punctual
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 
 
 def why_refused(experiment: Experiment) -> Problem | None:

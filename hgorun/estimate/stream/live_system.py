@@ -24,13 +24,13 @@ from hgorun.measurement.variants import HELD, SILENT
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.sample_times import BeginsWithASample
 from hgorun.observers.treatment import treatment_of
-from hgorun.simulation.design import Design
-from hgorun.simulation.experiment import Experiment
-from hgorun.simulation.first_step import nominal_step
-from hgorun.simulation.observer_block import ObserverBlock
-from hgorun.simulation.start import check_start
-from hgorun.simulation.structure import Structure, structure_of
-from hgorun.simulation.truth import Recording
+from hgorun.simulation.checks.start import check_start
+from hgorun.simulation.design.design import Design
+from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.preparation.first_step import nominal_step
+from hgorun.simulation.system.observer_block import ObserverBlock
+from hgorun.simulation.system.structure import Structure, structure_of
+from hgorun.simulation.system.truth import Recording
 from hgorun.symbolic.evaluate import evaluate
 from hgorun.symbolic.forms import Driven
 

@@ -16,7 +16,7 @@ from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.reasons import NoValue
 from hgorun.memo import Memo
 from hgorun.observers.lowpass import F
-from hgorun.simulation.design import Design
+from hgorun.simulation.design.design import Design
 from hgorun.simulation.simulate import prepare
 from hgorun.symbolic.forms import Form
 from hgorun.symbolic.matrices import hurwitz_gain

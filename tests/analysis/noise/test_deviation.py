@@ -11,7 +11,7 @@ from examples import Block, chain, experiment, inline, sinusoid
 from hgorun.analysis.noise.deviation import deviation_in_window
 from hgorun.analysis.noise.prediction import without_noise
 from hgorun.analysis.reasons import NO_SLOPES, SLIDING, NoValue
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 
 SHGO: Block = {"type": "shgo", "theta": 3}

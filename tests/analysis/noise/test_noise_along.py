@@ -9,7 +9,7 @@ import hgorun
 from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, without_noise
 from hgorun.analysis.reasons import NoValue
 from hgorun.reproduce.shipped import folder
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 
 THESIS = folder() / "robles2023"

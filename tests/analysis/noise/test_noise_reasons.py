@@ -15,7 +15,7 @@ from hgorun.analysis.noise.prediction import measured_noise, predicted_noise, wi
 from hgorun.analysis.noise.terms import NoiseTerms, grouped
 from hgorun.analysis.reasons import NEEDS_HOLD, NO_SLOPES, NoValue
 from hgorun.noise.base import Draws, Wave
-from hgorun.simulation.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate, simulate_prepared
 
 SHGO: Block = {"type": "shgo", "theta": 3}

@@ -1,0 +1,1 @@
+"""What can be refused of a prepared run before its first step."""

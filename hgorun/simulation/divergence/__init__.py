@@ -1,0 +1,1 @@
+"""Whether an observer has diverged, and why."""

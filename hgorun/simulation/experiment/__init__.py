@@ -1,0 +1,1 @@
+"""A validated configuration with its plant, its observers and its schedule."""

@@ -1,0 +1,1 @@
+"""From the engine's arrays to the result of a run."""

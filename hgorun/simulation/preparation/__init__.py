@@ -1,0 +1,1 @@
+"""From an experiment to a run that is ready to be integrated."""

@@ -1,0 +1,1 @@
+"""What should be known of a run although nothing is wrong: units, gains, measurements that reach nobody."""
