@@ -76,6 +76,18 @@ ESTIMATE_FLOORS: list[set[str]] = [
     {"estimate", "gains"},
     {"long"},
 ]
+SIMULATION_FLOORS: list[set[str]] = [
+    {"design"},
+    {"system", "timeline"},
+    {"experiment", "plant_alone"},
+    {"prepared", "remarks"},
+    {"checks", "error_dynamics"},
+    {"passes", "preparation"},
+    {"divergence", "known", "outcome"},
+    {"error_control"},
+    {"long_run"},
+    {"simulate"},
+]
 # (importing file, imported room): why it points upwards. At most three.
 EXCEPTIONS = {
     ("result/result.py", "figures"): "Result.plot() draws the default figure; imported when it is called",
@@ -175,7 +187,13 @@ def test_imports_run_downwards() -> None:
 
 
 @pytest.mark.parametrize(
-    ("room", "floors"), [("analysis", ANALYSIS_FLOORS), ("data", DATA_FLOORS), ("estimate", ESTIMATE_FLOORS)]
+    ("room", "floors"),
+    [
+        ("analysis", ANALYSIS_FLOORS),
+        ("data", DATA_FLOORS),
+        ("estimate", ESTIMATE_FLOORS),
+        ("simulation", SIMULATION_FLOORS),
+    ],
 )
 def test_rooms_inside_of_a_room_import_downwards(room: str, floors: list[set[str]]) -> None:
     inner = [{f"hgorun.{room}"}, *floors]
