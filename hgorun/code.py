@@ -42,13 +42,8 @@ RUN = (
 )
 ENSEMBLE = ("config/sweeps.py", "ensemble")
 FIGURE = (
-    "ensemble/collected.py",
-    "ensemble/fronts.py",
-    "ensemble/inference.py",
-    "ensemble/never.py",
-    "ensemble/points.py",
-    "ensemble/statistics.py",
-    "ensemble/unmoved.py",
+    "ensemble/collected/collected.py",
+    "ensemble/statistics",
     "figures",
     "tables/axis_names.py",
     "tables/typeset.py",

@@ -11,8 +11,8 @@ from examples import VAN_DER_POL, experiment
 
 from hgorun import Experiment
 from hgorun.config.sweeps import SweepBlocks
-from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.growing import read_sweep
+from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.ensemble.sweep import Place
 from hgorun.result.quantity import Quantity
 from hgorun.study.ensembles import carried_out, ensemble_of

@@ -15,7 +15,7 @@ from hgorun import ConfigError
 from hgorun.config.expressions import ExpressionError
 from hgorun.config.study import Figure
 from hgorun.config.sweeps import SweepBlocks
-from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.figures.drawing import draw
 from hgorun.result.quantities import measure_quantity, read_quantity
 from hgorun.study.check import check_figures

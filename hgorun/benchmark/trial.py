@@ -21,8 +21,8 @@ from hgorun.benchmark.contestants import with_knob
 from hgorun.benchmark.parabolas import Floats
 from hgorun.benchmark.scan import Scan, Search
 from hgorun.config.benchmark import Contestant, Seeds, Tries
-from hgorun.ensemble.block import Block, compute
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.blocks.block import Block, compute
+from hgorun.ensemble.members.members import Members
 from hgorun.errors import HgorunError
 from hgorun.simulation.error_control.control import controlled
 from hgorun.simulation.experiment.experiment import Experiment

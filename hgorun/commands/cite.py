@@ -21,8 +21,8 @@ from hgorun.config.reading import read_source
 from hgorun.config.tuning import TuneFile
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source, parse
-from hgorun.ensemble.manifest import Manifest
-from hgorun.ensemble.reading import base_of, is_sweep
+from hgorun.ensemble.collected.reading import base_of, is_sweep
+from hgorun.ensemble.folder.manifest import Manifest
 from hgorun.errors import ConfigError
 from hgorun.files import write_text
 from hgorun.noise.base import NOISE

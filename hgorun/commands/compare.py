@@ -87,7 +87,7 @@ def compare(options: Compare) -> int:
 def _refuse_what_is_not_there(path: Path, options: Compare) -> None:
     """Before anything is said of what the sources are: a file that is not there is neither a run nor an ensemble."""
     if os.path.isdir(path):
-        from hgorun.ensemble.reading import is_sweep
+        from hgorun.ensemble.collected.reading import is_sweep
 
         if not is_sweep(path):
             raise ConfigError("this folder is not that of an ensemble: name the files in it", file=str(path))

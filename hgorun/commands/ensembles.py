@@ -28,11 +28,11 @@ from hgorun.commands.remarks import coarse_members
 from hgorun.commands.run_options import Simulate
 from hgorun.config.expressions import nearest
 from hgorun.config.nearest import refuse_other
-from hgorun.ensemble.collected import Collected, levels
+from hgorun.ensemble.collected.collected import Collected, levels
+from hgorun.ensemble.collected.outcome import largest_of_ok, outcome_of
+from hgorun.ensemble.collected.reading import is_sweep
 from hgorun.ensemble.growing import read_sweep
-from hgorun.ensemble.outcome import largest_of_ok, outcome_of
-from hgorun.ensemble.reading import is_sweep
-from hgorun.ensemble.refused import refusal_of, told_where
+from hgorun.ensemble.members.refused import refusal_of, told_where
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.figures.page import Page

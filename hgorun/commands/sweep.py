@@ -17,13 +17,13 @@ from hgorun.commands.options import Printing
 from hgorun.commands.outputs import NOT_OK, RESULTS, refuse_other_kinds, refuse_unwritable
 from hgorun.commands.remarks import coarse_members
 from hgorun.config.nearest import refuse_other
+from hgorun.ensemble.collected.outcome import Outcome, outcome_of
 from hgorun.ensemble.collecting import collect
-from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import EXECUTORS, Executor, processes, threads
-from hgorun.ensemble.manifest import Manifest
-from hgorun.ensemble.outcome import Outcome, outcome_of
-from hgorun.ensemble.refused import refuse_base, told_where
-from hgorun.ensemble.store import Store
+from hgorun.ensemble.folder.manifest import Manifest
+from hgorun.ensemble.folder.store import Store
+from hgorun.ensemble.members.ensemble import Ensemble
+from hgorun.ensemble.members.refused import refuse_base, told_where
 from hgorun.ensemble.sweep import SUFFIX, Part, Place, carry_out, finished
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import RESULT_SUFFIXES, remove_file

@@ -16,7 +16,7 @@ from hgorun.commands.inputs import configuration
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, there, written
 from hgorun.config.reading import read_source
 from hgorun.config.written import rounded, with_values
-from hgorun.ensemble.units import units_of
+from hgorun.ensemble.collected.units import units_of
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.figures.page import Page
 from hgorun.files import write_text

@@ -15,7 +15,7 @@ from hgorun.config.tuning import Tune, require_few
 from hgorun.config.validation import validate
 from hgorun.config.written import rounded, with_values
 from hgorun.config.yaml_source import Source
-from hgorun.ensemble.members import written_out
+from hgorun.ensemble.members.members import written_out
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.completed import completed
 from hgorun.estimate.gains.cases import Case

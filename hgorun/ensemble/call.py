@@ -11,11 +11,11 @@ from hgorun.config.sweeps import Combine, SweepBlocks
 from hgorun.config.types import describe
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor
+from hgorun.ensemble.folder.store import Store
 from hgorun.ensemble.growing import Sweep, read_sweep
-from hgorun.ensemble.refused import refuse_base
-from hgorun.ensemble.store import Store
+from hgorun.ensemble.members.ensemble import Ensemble
+from hgorun.ensemble.members.refused import refuse_base
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
 from hgorun.errors import ConfigError
 from hgorun.files import refuse_no_result

@@ -9,10 +9,10 @@ from functools import partial
 from threading import Lock
 from typing import TYPE_CHECKING, Any
 
-from hgorun.ensemble.carried import Carried, carry_out
-from hgorun.ensemble.cuts import Cuts
+from hgorun.ensemble.blocks.carried import Carried, carry_out
+from hgorun.ensemble.blocks.cuts import Cuts
 from hgorun.ensemble.executors import Executor, Flow
-from hgorun.ensemble.fingerprint import own_code
+from hgorun.ensemble.members.fingerprint import own_code
 from hgorun.errors import ConfigError, HgorunError, SimulationError
 from hgorun.process import processors
 from hgorun.version import __version__

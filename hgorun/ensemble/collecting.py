@@ -19,16 +19,16 @@ from numpy.typing import NDArray
 
 from hgorun.config.sweeps import Worst
 from hgorun.engine.methods import METHODS
-from hgorun.ensemble.collected import Trajectories
-from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.collected.collected import Trajectories
+from hgorun.ensemble.collected.layout import MEMBER, Column, Layout
+from hgorun.ensemble.collected.reading import QUANTITIES
+from hgorun.ensemble.collected.rows import batches, part
+from hgorun.ensemble.collected.trajectories import chosen, follow
+from hgorun.ensemble.collected.units import units_of
+from hgorun.ensemble.folder.store import COLLECTED, Store
 from hgorun.ensemble.found import Block
-from hgorun.ensemble.layout import MEMBER, Column, Layout
-from hgorun.ensemble.reading import QUANTITIES
-from hgorun.ensemble.recipe import written
-from hgorun.ensemble.rows import batches, part
-from hgorun.ensemble.store import COLLECTED, Store
-from hgorun.ensemble.trajectories import chosen, follow
-from hgorun.ensemble.units import units_of
+from hgorun.ensemble.members.ensemble import Ensemble
+from hgorun.ensemble.members.recipe import written
 from hgorun.errors import HgorunError
 from hgorun.files import json_value, remove_leftovers, write_text
 from hgorun.observers.capabilities import FilterOrder

@@ -14,9 +14,9 @@ from concurrent.futures.process import BrokenProcessPool
 from functools import partial
 from typing import Protocol, TypeAlias
 
-from hgorun.ensemble.carried import Carried, carry_out
-from hgorun.ensemble.cuts import Cuts, Range
-from hgorun.ensemble.recipe import ensemble_of
+from hgorun.ensemble.blocks.carried import Carried, carry_out
+from hgorun.ensemble.blocks.cuts import Cuts, Range
+from hgorun.ensemble.members.recipe import ensemble_of
 from hgorun.errors import SimulationError
 from hgorun.process import serve
 

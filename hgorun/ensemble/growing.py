@@ -10,13 +10,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hgorun.ensemble.collected import Collected, Trajectories, as_text, last_point
-from hgorun.ensemble.ensemble import Ensemble
-from hgorun.ensemble.reading import QUANTITIES, read
-from hgorun.ensemble.rows import joined, part
-from hgorun.ensemble.store import Store
-from hgorun.ensemble.units import units_of
-from hgorun.ensemble.values import Drawn
+from hgorun.ensemble.collected.collected import Collected, Trajectories, as_text, last_point
+from hgorun.ensemble.collected.reading import QUANTITIES, read
+from hgorun.ensemble.collected.rows import joined, part
+from hgorun.ensemble.collected.units import units_of
+from hgorun.ensemble.folder.store import Store
+from hgorun.ensemble.members.ensemble import Ensemble
+from hgorun.ensemble.members.values import Drawn
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.status import STATUSES
@@ -29,7 +29,7 @@ _FLAGS = {"flag_values": np.arange(len(STATUSES), dtype=np.int8), "flag_meanings
 
 
 class Sweep(Collected):
-    """The members of an ensemble: the arrays of :class:`~hgorun.ensemble.collected.Collected`, with conveniences.
+    """The members of an ensemble: arrays of :class:`~hgorun.ensemble.collected.collected.Collected`, with conveniences.
 
     The most used ones, with N members, m observers and n states:
 

@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun import markup
-from hgorun.ensemble.collected import Collected, Floats, levels, shown
-from hgorun.ensemble.never import never
-from hgorun.ensemble.statistics import quantiles
+from hgorun.ensemble.collected.collected import Collected, Floats, levels, shown
+from hgorun.ensemble.statistics.never import never
+from hgorun.ensemble.statistics.statistics import quantiles
 from hgorun.result.metrics.base import unit_of
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from hgorun.ensemble.carried import Carried
+from hgorun.ensemble.blocks.carried import Carried
+from hgorun.ensemble.blocks.cuts import Cuts, Range, most_members
 from hgorun.ensemble.collecting import collect, is_collected
-from hgorun.ensemble.cuts import Cuts, Range, most_members
-from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor, threads
+from hgorun.ensemble.folder.store import Store
+from hgorun.ensemble.folder.stored import Damaged
 from hgorun.ensemble.found import FAILED
-from hgorun.ensemble.store import Store
-from hgorun.ensemble.stored import Damaged
+from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.errors import ConfigError
 from hgorun.files import remove_file
 from hgorun.process import processors

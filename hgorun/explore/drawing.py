@@ -25,11 +25,11 @@ from bokeh.models import (
 from bokeh.palettes import Viridis256
 from bokeh.plotting import figure as new_figure
 
-from hgorun.ensemble.collected import Collected, Floats, levels, shown
-from hgorun.ensemble.fronts import non_dominated
-from hgorun.ensemble.never import is_time
-from hgorun.ensemble.points import points, thinned
-from hgorun.ensemble.statistics import QUANTILES, quantiles
+from hgorun.ensemble.collected.collected import Collected, Floats, levels, shown
+from hgorun.ensemble.statistics.fronts import non_dominated
+from hgorun.ensemble.statistics.never import is_time
+from hgorun.ensemble.statistics.points import points, thinned
+from hgorun.ensemble.statistics.statistics import QUANTILES, quantiles
 from hgorun.explore.marks import MARKERS, dash, draw_band
 from hgorun.figures.data import magnitude_limits, state_limits
 from hgorun.figures.ensemble import Cast, drawable, limits, places

@@ -8,8 +8,8 @@ import numpy as np
 from bokeh.models import ColumnDataSource, HoverTool, LogScale
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Floats
-from hgorun.ensemble.statistics import QUANTILES
+from hgorun.ensemble.collected.collected import Floats
+from hgorun.ensemble.statistics.statistics import QUANTILES
 from hgorun.figures.ensemble import Cast
 from hgorun.figures.lost import bands, drawn_median, height_of_crosses
 

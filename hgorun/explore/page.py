@@ -8,7 +8,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from hgorun.ensemble.collected import Collected
+from hgorun.ensemble.collected.collected import Collected
 from hgorun.errors import HgorunError
 from hgorun.figures.bands import words_of_lost_along
 from hgorun.figures.ensemble import Cast, places

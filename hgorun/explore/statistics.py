@@ -7,7 +7,7 @@ from typing import Any
 
 from bokeh.models import ColumnDataSource, DataTable, HTMLTemplateFormatter, TableColumn
 
-from hgorun.ensemble.statistics import Statistics
+from hgorun.ensemble.statistics.statistics import Statistics
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import bracketed, short_axis, unit_of_axis
 from hgorun.tables.ensemble import NUMBERS, Compared, known_of, mean_and_half_of

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from hgorun.ensemble.collected import Collected, Floats, Trajectories, levels, shown
+from hgorun.ensemble.collected.collected import Collected, Floats, Trajectories, levels, shown
 from hgorun.errors import ConfigError
 from hgorun.figures.data import (
     MAX_POINTS,

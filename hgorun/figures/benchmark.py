@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from hgorun.ensemble.fronts import non_dominated
+from hgorun.ensemble.statistics.fronts import non_dominated
 from hgorun.figures.ensemble import logarithmic
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.page import LIGHT, NARROW, Page, on_page

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Collected, Floats, levels
-from hgorun.ensemble.never import never
-from hgorun.ensemble.unmoved import said_of_hf
+from hgorun.ensemble.collected.collected import Collected, Floats, levels
+from hgorun.ensemble.statistics.never import never
+from hgorun.ensemble.statistics.unmoved import said_of_hf
 from hgorun.figures.actors import Actor, texts
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.page import NARROW, TWO

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
-from hgorun.ensemble.collected import Collected
+from hgorun.ensemble.collected.collected import Collected
 from hgorun.figures.bands import bands, family
 from hgorun.figures.fronts import front
 from hgorun.figures.maps import heat_map

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from hgorun.ensemble.collected import Collected, Floats, Trajectories
+from hgorun.ensemble.collected.collected import Collected, Floats, Trajectories
 
 
 @dataclass(frozen=True)

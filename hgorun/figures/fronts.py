@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Collected, Floats, shown
-from hgorun.ensemble.fronts import non_dominated
-from hgorun.ensemble.never import never
-from hgorun.ensemble.points import points, thinned
-from hgorun.ensemble.statistics import quantiles
+from hgorun.ensemble.collected.collected import Collected, Floats, shown
+from hgorun.ensemble.statistics.fronts import non_dominated
+from hgorun.ensemble.statistics.never import never
+from hgorun.ensemble.statistics.points import points, thinned
+from hgorun.ensemble.statistics.statistics import quantiles
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, limits, scale_axis
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.lost import lost_or_unsettled

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Floats
-from hgorun.ensemble.statistics import QUANTILES, quantiles
+from hgorun.ensemble.collected.collected import Floats
+from hgorun.ensemble.statistics.statistics import QUANTILES, quantiles
 from hgorun.figures.style import ENDLESS, LARGEST_NUMBER, edged
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Collected, Floats, levels
-from hgorun.ensemble.never import never
-from hgorun.ensemble.statistics import quantiles
+from hgorun.ensemble.collected.collected import Collected, Floats, levels
+from hgorun.ensemble.statistics.never import never
+from hgorun.ensemble.statistics.statistics import quantiles
 from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, places, pooled_over, said_logarithmic
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.lost import lost_or_unsettled

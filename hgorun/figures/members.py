@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.study import Panel
-from hgorun.ensemble.collected import Floats
+from hgorun.ensemble.collected.collected import Floats
 from hgorun.figures.bands import POINTS, band, truth_of
 from hgorun.figures.data import Curve, error_limits, magnitude_limits, state_limits, thinned
 from hgorun.figures.ensemble import drawable

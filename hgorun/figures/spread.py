@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Collected, Floats, levels
-from hgorun.ensemble.never import is_time, never
+from hgorun.ensemble.collected.collected import Collected, Floats, levels
+from hgorun.ensemble.statistics.never import is_time, never
 from hgorun.figures.ensemble import (
     WIDTH,
     Cast,

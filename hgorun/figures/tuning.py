@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.fronts import non_dominated
+from hgorun.ensemble.statistics.fronts import non_dominated
 from hgorun.figures.actors import Actor, texts
 from hgorun.figures.ensemble import axis_label, drawable, limits, logarithmic, scale_axis
 from hgorun.figures.layout import TOP, finished, grid

@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
-from hgorun.ensemble.collected import Collected
-from hgorun.ensemble.outcome import outcome_of
-from hgorun.ensemble.reading import read
+from hgorun.ensemble.collected.collected import Collected
+from hgorun.ensemble.collected.outcome import outcome_of
+from hgorun.ensemble.collected.reading import read
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError
 from hgorun.figures.page import Page

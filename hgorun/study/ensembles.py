@@ -6,10 +6,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, Literal
 
 from hgorun.config.sweeps import SweepBlocks
-from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import threads
-from hgorun.ensemble.refused import refuse_base
-from hgorun.ensemble.store import Changed, Store
+from hgorun.ensemble.folder.store import Changed, Store
+from hgorun.ensemble.members.ensemble import Ensemble
+from hgorun.ensemble.members.refused import refuse_base
 from hgorun.ensemble.sweep import Count, Place, carry_out, finished
 from hgorun.files import remove_file
 from hgorun.process import processors

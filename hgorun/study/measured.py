@@ -10,9 +10,9 @@ from typing import TypeAlias
 import numpy as np
 
 from hgorun.config.study import Inequality
-from hgorun.ensemble.collected import Collected, Floats, shown
-from hgorun.ensemble.ensemble import Ensemble
-from hgorun.ensemble.refused import told_where
+from hgorun.ensemble.collected.collected import Collected, Floats, shown
+from hgorun.ensemble.members.ensemble import Ensemble
+from hgorun.ensemble.members.refused import told_where
 from hgorun.errors import SimulationError
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.quantities import exponent, inside, measure_quantity

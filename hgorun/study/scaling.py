@@ -11,8 +11,8 @@ import numpy as np
 from hgorun.analysis.noise.deviation import deviation_in_window
 from hgorun.analysis.noise.prediction import has_noise, without_noise
 from hgorun.analysis.reasons import NoValue, Outcome, outcome
-from hgorun.ensemble.collected import Collected, Floats
-from hgorun.ensemble.statistics import quantiles
+from hgorun.ensemble.collected.collected import Collected, Floats
+from hgorun.ensemble.statistics.statistics import quantiles
 from hgorun.figures.followed import MembersData
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.observers.capabilities import FilterOrder

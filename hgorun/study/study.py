@@ -15,7 +15,7 @@ from hgorun.config.study import Claim, Ensemble, Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.config.yaml_builder import Place
 from hgorun.config.yaml_source import Source
-from hgorun.ensemble.members import written_out
+from hgorun.ensemble.members.members import written_out
 from hgorun.errors import ConfigError
 from hgorun.noise.base import RandomNoise
 from hgorun.result.quantity import Quantity

@@ -13,7 +13,7 @@ from hgorun.config.refusals import within_run
 from hgorun.config.sweeps import SweepFile
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
-from hgorun.ensemble.ensemble import Ensemble
+from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.errors import ConfigError
 from hgorun.result.not_yet import steps_to_an_ensemble
 from hgorun.simulation.experiment.experiment import Experiment

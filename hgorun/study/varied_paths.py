@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from hgorun.config.models import File
 from hgorun.config.refusals import Refusals
-from hgorun.ensemble.members import written_out
+from hgorun.ensemble.members.members import written_out
 from hgorun.errors import ConfigError
 from hgorun.study.study import Run
 

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
-from hgorun.ensemble.collected import shown
+from hgorun.ensemble.collected.collected import shown
 from hgorun.tables.typeset import TIMES, printable, time_unit
 
 _LONG = 40  # columns; names of points that are longer have only the values

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields
 from typing import Any
 
-from hgorun.ensemble.collected import Collected, levels, shown
-from hgorun.ensemble.points import points
-from hgorun.ensemble.statistics import Difference, Statistics, Summary, largest_errors, statistics
-from hgorun.ensemble.unmoved import said_of_hf
+from hgorun.ensemble.collected.collected import Collected, levels, shown
+from hgorun.ensemble.statistics.points import points
+from hgorun.ensemble.statistics.statistics import Difference, Statistics, Summary, largest_errors, statistics
+from hgorun.ensemble.statistics.unmoved import said_of_hf
 from hgorun.result.metrics.base import all_metrics, unit_of
 from hgorun.tables.axis_names import bracketed, names_of_points, short_axis, unit_of_axis
 from hgorun.tables.layout import Name, apart, number, packed, wrapped

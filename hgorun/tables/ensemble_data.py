@@ -11,9 +11,9 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from hgorun.ensemble.collected import Collected, levels
-from hgorun.ensemble.never import is_time
-from hgorun.ensemble.statistics import Difference, Statistics, largest_errors
+from hgorun.ensemble.collected.collected import Collected, levels
+from hgorun.ensemble.statistics.never import is_time
+from hgorun.ensemble.statistics.statistics import Difference, Statistics, largest_errors
 from hgorun.files import json_value
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.ensemble import NUMBERS, Compared

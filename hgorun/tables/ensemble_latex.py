@@ -6,7 +6,7 @@ import re
 import textwrap
 from collections.abc import Sequence
 
-from hgorun.ensemble.statistics import Statistics
+from hgorun.ensemble.statistics.statistics import Statistics
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import names_of_values, short_axis, unit_of_axis
 from hgorun.tables.ensemble import Compared, best, said_of_numbers

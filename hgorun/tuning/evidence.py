@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.fronts import non_dominated
-from hgorun.ensemble.inference import interval
+from hgorun.ensemble.statistics.fronts import non_dominated
+from hgorun.ensemble.statistics.inference import interval
 from hgorun.measurement.chance import generator
 from hgorun.tuning.search import Found
 from hgorun.tuning.task import Floats, Task

@@ -14,7 +14,7 @@ from hgorun.config.nearest import no_file
 from hgorun.config.reading import mapping, read_source
 from hgorun.config.tuning import Tune, TuneFile
 from hgorun.config.validation import validate
-from hgorun.ensemble.refused import refuse
+from hgorun.ensemble.members.refused import refuse
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.plants.names import states_of
 from hgorun.simulation.experiment.experiment import Experiment

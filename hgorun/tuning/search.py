@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.fronts import knee, non_dominated
+from hgorun.ensemble.statistics.fronts import knee, non_dominated
 from hgorun.tuning.task import Floats, Task
 from hgorun.tuning.trials import Trials
 

@@ -13,7 +13,7 @@ from hgorun.config.expressions import ExpressionError
 from hgorun.config.nearest import listed, nearest
 from hgorun.config.tuning import Bound, Range, Tune, require_few
 from hgorun.config.types import SEEDS
-from hgorun.ensemble.members import written_out
+from hgorun.ensemble.members.members import written_out
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.metrics.smoothness import HF, nothing_moves

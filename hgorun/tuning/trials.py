@@ -8,9 +8,9 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.ensemble.block import compute
+from hgorun.ensemble.blocks.block import compute
 from hgorun.ensemble.found import Block
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.members.members import Members
 from hgorun.study.sentences import Sentence
 from hgorun.tuning.task import Floats, Task, is_plain
 

@@ -23,8 +23,8 @@ from hgorun import Experiment
 from hgorun.engine.ensemble import Ensemble
 from hgorun.engine.layout import HybridSystem
 from hgorun.engine.member_numbers import MemberNumbers, Outcome
-from hgorun.ensemble.block import compute
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.blocks.block import compute
+from hgorun.ensemble.members.members import Members
 from hgorun.reproduce import shipped
 from hgorun.simulation.passes.passes import as_given, plan_of
 from hgorun.simulation.prepared import PreparedRun

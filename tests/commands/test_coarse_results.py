@@ -12,8 +12,8 @@ from shell import Shell
 
 import hgorun
 from hgorun.commands.remarks import coarse, coarse_members
-from hgorun.ensemble import checked
-from hgorun.ensemble.outcome import largest_of_ok
+from hgorun.ensemble.blocks import checked
+from hgorun.ensemble.collected.outcome import largest_of_ok
 from hgorun.result.data import IntegrationError
 from hgorun.result.result import Result
 

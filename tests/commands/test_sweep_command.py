@@ -12,7 +12,7 @@ import yaml
 from shell import Shell
 
 import hgorun
-from hgorun.ensemble.fingerprint import fingerprint
+from hgorun.ensemble.members.fingerprint import fingerprint
 from hgorun.ensemble.sweep import Count
 
 BASE = """

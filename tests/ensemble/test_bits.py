@@ -12,9 +12,9 @@ from pydantic import Field
 
 from hgorun import Experiment, HgorunError, Result, simulate
 from hgorun.config.types import Positive
-from hgorun.ensemble.axes import Axes
-from hgorun.ensemble.block import Block, compute
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.blocks.block import Block, compute
+from hgorun.ensemble.members.members import Members
+from hgorun.ensemble.preparation.axes import Axes
 from hgorun.noise.base import NOISE, RandomNoise
 from hgorun.result.data import PLANT
 from hgorun.result.status import STATUSES

@@ -9,8 +9,8 @@ import pytest
 from examples import VAN_DER_POL, chain, experiment
 
 from hgorun import Experiment, simulate
-from hgorun.ensemble.block import Block, compute
-from hgorun.ensemble.members import Members, written_out
+from hgorun.ensemble.blocks.block import Block, compute
+from hgorun.ensemble.members.members import Members, written_out
 from hgorun.errors import ConfigError
 from hgorun.result.status import STATUSES
 

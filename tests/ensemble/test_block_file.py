@@ -14,10 +14,10 @@ import pytest
 from ensembles import small
 
 import hgorun
-from hgorun.ensemble.block_file import to_bytes
-from hgorun.ensemble.carried import carry_out
-from hgorun.ensemble.recipe import recipe_of
-from hgorun.ensemble.store import Store
+from hgorun.ensemble.blocks.carried import carry_out
+from hgorun.ensemble.folder.block_file import to_bytes
+from hgorun.ensemble.folder.store import Store
+from hgorun.ensemble.members.recipe import recipe_of
 from hgorun.errors import ConfigError
 
 

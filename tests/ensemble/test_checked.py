@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import hgorun
-from hgorun.ensemble import checked
-from hgorun.ensemble.statistics import largest_errors
+from hgorun.ensemble.blocks import checked
+from hgorun.ensemble.statistics.statistics import largest_errors
 from hgorun.errors import ConfigError
 from hgorun.result.result import Result
 from hgorun.simulation.experiment.experiment import Experiment

@@ -11,9 +11,9 @@ from examples import experiment, inline
 
 from hgorun import Experiment
 from hgorun.config.tuning import Tune
-from hgorun.ensemble.block import Block, compute
-from hgorun.ensemble.lanes import fits
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.blocks.block import Block, compute
+from hgorun.ensemble.members.members import Members
+from hgorun.ensemble.side_by_side.lanes import fits
 from hgorun.errors import Problem
 from hgorun.simulation.simulate import prepare, simulate
 from hgorun.tuning.task import tasks

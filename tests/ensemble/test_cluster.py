@@ -17,9 +17,9 @@ from ensembles import ensemble, small
 from hgorun.ensemble import cluster
 from hgorun.ensemble.cluster import dask, on_worker
 from hgorun.ensemble.collecting import collect
-from hgorun.ensemble.fingerprint import own_code
-from hgorun.ensemble.recipe import recipe_of
-from hgorun.ensemble.store import Store
+from hgorun.ensemble.folder.store import Store
+from hgorun.ensemble.members.fingerprint import own_code
+from hgorun.ensemble.members.recipe import recipe_of
 from hgorun.ensemble.sweep import Count, Place, carry_out, sweep_to
 from hgorun.errors import ConfigError, HgorunError, SimulationError
 from hgorun.version import __version__

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 from collected_files import write
 
-from hgorun.ensemble.collected import Collected
-from hgorun.ensemble.reading import is_sweep, read
+from hgorun.ensemble.collected.collected import Collected
+from hgorun.ensemble.collected.reading import is_sweep, read
 from hgorun.errors import ConfigError
 
 THETA, SEED = "observers.F.theta", "seed"

@@ -9,8 +9,8 @@ import pytest
 from examples import VAN_DER_POL, experiment, inline
 from test_bits import AXES, COUNT, MEASURED, alone, van_der_pol
 
-from hgorun.ensemble.block import Block, _Work, compute
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.blocks.block import Block, _Work, compute
+from hgorun.ensemble.members.members import Members
 from hgorun.result.status import STATUSES
 from hgorun.simulation.experiment.experiment import Experiment
 

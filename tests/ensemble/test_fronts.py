@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hgorun.ensemble.fronts import knee, non_dominated
+from hgorun.ensemble.statistics.fronts import knee, non_dominated
 
 NUMBERS = st.one_of(st.integers(0, 4).map(float), st.just(float("inf")), st.just(float("nan")))
 

@@ -9,10 +9,10 @@ import pytest
 from ensembles import base, ensemble, small
 
 import hgorun
-from hgorun.ensemble.carried import carry_out
-from hgorun.ensemble.outcome import outcome_of
-from hgorun.ensemble.recipe import recipe_of
-from hgorun.ensemble.store import Store
+from hgorun.ensemble.blocks.carried import carry_out
+from hgorun.ensemble.collected.outcome import outcome_of
+from hgorun.ensemble.folder.store import Store
+from hgorun.ensemble.members.recipe import recipe_of
 from hgorun.ensemble.sweep import Place, sweep_to
 from hgorun.errors import ConfigError
 

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from ensembles import ensemble
 
-from hgorun.ensemble.refused import told_where
+from hgorun.ensemble.members.refused import told_where
 
 
 @pytest.mark.parametrize(

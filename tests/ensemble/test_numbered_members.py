@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from ensembles import ensemble
 
-from hgorun.ensemble.recipe import ensemble_of, recipe_of
+from hgorun.ensemble.members.recipe import ensemble_of, recipe_of
 from hgorun.errors import ConfigError, Problem
 
 THETAS = "observers.*.theta"

@@ -9,10 +9,10 @@ import pytest
 from examples import VAN_DER_POL, experiment, inline
 
 from hgorun import Experiment
-from hgorun.ensemble import reseeded
-from hgorun.ensemble.lot import times_of
-from hgorun.ensemble.members import Members
-from hgorun.ensemble.reseeded import reseeded_members, retimed_lots
+from hgorun.ensemble.members.members import Members
+from hgorun.ensemble.preparation import reseeded
+from hgorun.ensemble.preparation.lot import times_of
+from hgorun.ensemble.preparation.reseeded import reseeded_members, retimed_lots
 from hgorun.measurement.chance import OfSeed, OfSeeds
 from hgorun.noise.gaussian import GaussianNoise
 from hgorun.simulation.passes.passes import as_given, plan_of

@@ -10,8 +10,8 @@ from ensembles import small
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hgorun.ensemble.block import compute
-from hgorun.ensemble.rows import batches, part, rectangles
+from hgorun.ensemble.blocks.block import compute
+from hgorun.ensemble.collected.rows import batches, part, rectangles
 
 
 @given(st.lists(st.integers(1, 4), min_size=1, max_size=4), st.data())

@@ -9,8 +9,8 @@ import pytest
 from examples import VAN_DER_POL, experiment
 
 from hgorun import Experiment, simulate
-from hgorun.ensemble.block import compute
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.blocks.block import compute
+from hgorun.ensemble.members.members import Members
 
 MOST = 40
 CHAIN = {"type": "integrator_chain", "n": 2, "phi": "-x1 - 0.1*x2", "initial": {"x1": 1, "x2": 0}}

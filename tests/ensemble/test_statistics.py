@@ -9,11 +9,11 @@ import pytest
 from collected_files import write
 from scipy import stats
 
-from hgorun.ensemble.collected import Collected
-from hgorun.ensemble.inference import holm
-from hgorun.ensemble.points import points, thinned
-from hgorun.ensemble.reading import read
-from hgorun.ensemble.statistics import quantiles, statistics
+from hgorun.ensemble.collected.collected import Collected
+from hgorun.ensemble.collected.reading import read
+from hgorun.ensemble.statistics.inference import holm
+from hgorun.ensemble.statistics.points import points, thinned
+from hgorun.ensemble.statistics.statistics import quantiles, statistics
 
 SEEDS, OBSERVERS, STATES = 40, ("F", "S", "T"), ("x1", "x2")
 DIVERGED, FAILED, INACCURATE = 2, 4, 1

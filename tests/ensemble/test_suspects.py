@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from hgorun.ensemble.suspects import side_by_side
+from hgorun.ensemble.side_by_side.suspects import side_by_side
 
 
 @pytest.mark.parametrize("ends", [[1.0] * 9, [0.1, 1.0, 0.1, 0.1, 0.1], [0.5], [0.2, 0.3, 0.9, 0.1, 0.8, 0.7], []])

@@ -23,14 +23,14 @@ from examples import VAN_DER_POL, experiment
 
 import hgorun
 from hgorun.ensemble import collecting, executors
-from hgorun.ensemble.carried import Carried, carry_out
+from hgorun.ensemble.blocks.carried import Carried, carry_out
+from hgorun.ensemble.blocks.cuts import Cuts, most_members
+from hgorun.ensemble.collected.reading import read
 from hgorun.ensemble.collecting import collect, is_collected
-from hgorun.ensemble.cuts import Cuts, most_members
-from hgorun.ensemble.ensemble import Ensemble
 from hgorun.ensemble.executors import Executor, processes, threads
-from hgorun.ensemble.reading import read
-from hgorun.ensemble.recipe import recipe_of
-from hgorun.ensemble.store import Store
+from hgorun.ensemble.folder.store import Store
+from hgorun.ensemble.members.ensemble import Ensemble
+from hgorun.ensemble.members.recipe import recipe_of
 from hgorun.ensemble.sweep import Count, Part, Place, finished, sweep_to
 from hgorun.ensemble.sweep import carry_out as carry_out_all
 from hgorun.errors import ConfigError, HgorunError, SimulationError

@@ -14,13 +14,14 @@ from ensembles import base, ensemble, small
 from examples import VAN_DER_POL, experiment
 
 import hgorun
-from hgorun.ensemble import fingerprint, store
-from hgorun.ensemble.block_file import Form, from_bytes, to_bytes
-from hgorun.ensemble.carried import Carried, carry_out
-from hgorun.ensemble.ensemble import Ensemble
-from hgorun.ensemble.recipe import ensemble_of, recipe_of
-from hgorun.ensemble.store import Changed, Store
-from hgorun.ensemble.stored import Damaged
+from hgorun.ensemble.blocks.carried import Carried, carry_out
+from hgorun.ensemble.folder import store
+from hgorun.ensemble.folder.block_file import Form, from_bytes, to_bytes
+from hgorun.ensemble.folder.store import Changed, Store
+from hgorun.ensemble.folder.stored import Damaged
+from hgorun.ensemble.members import fingerprint
+from hgorun.ensemble.members.ensemble import Ensemble
+from hgorun.ensemble.members.recipe import ensemble_of, recipe_of
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.result.metrics.base import METRICS, Metric
 

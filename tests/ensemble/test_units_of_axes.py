@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from examples import experiment, inline
 
-from hgorun.ensemble.units import units_of
+from hgorun.ensemble.collected.units import units_of
 
 KNOWN = {"x1": "m", "x2": "m/s"}
 GAUSSIAN = [{"type": "gaussian", "std": 0.1}]

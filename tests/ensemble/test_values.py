@@ -7,8 +7,8 @@ import pytest
 from scipy.special import ndtri
 
 from hgorun.config.sweeps import LinearAxis, ListAxis, LogAxis, NormalAxis, SeedAxis, UniformAxis
-from hgorun.ensemble.quantile import normal_quantile
-from hgorun.ensemble.values import Values, values_of
+from hgorun.ensemble.members.quantile import normal_quantile
+from hgorun.ensemble.members.values import Values, values_of
 
 
 def every(values: Values) -> np.ndarray:

@@ -14,8 +14,8 @@ from matplotlib.collections import QuadMesh
 from matplotlib.colors import to_hex
 from matplotlib.figure import Figure
 
-from hgorun.ensemble.collected import Collected, Trajectories
-from hgorun.ensemble.unmoved import said_of_hf
+from hgorun.ensemble.collected.collected import Collected, Trajectories
+from hgorun.ensemble.statistics.unmoved import said_of_hf
 from hgorun.errors import ConfigError
 from hgorun.figures.bands import bands, family
 from hgorun.figures.data import moving_maximum

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from test_ensemble_figures import THETA, THETAS, caption, made
 
-from hgorun.ensemble.collected import Collected
+from hgorun.ensemble.collected.collected import Collected
 from hgorun.figures.bands import bands as bands_along_time
 from hgorun.figures.bands import family
 from hgorun.figures.looks import family_colour

@@ -9,7 +9,7 @@ import pytest
 from drawn import luminance
 
 from hgorun.config.study import Figure
-from hgorun.ensemble.collected import Collected, Trajectories
+from hgorun.ensemble.collected.collected import Collected, Trajectories
 from hgorun.figures.drawing import draw
 from hgorun.figures.followed import MembersData
 from hgorun.figures.page import STYLES

@@ -11,8 +11,8 @@ from scipy.integrate import solve_ivp
 from scipy.linalg import expm
 
 import hgorun
-from hgorun.ensemble.block import compute
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.blocks.block import compute
+from hgorun.ensemble.members.members import Members
 from hgorun.errors import ConfigError
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes

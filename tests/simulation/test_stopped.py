@@ -9,8 +9,8 @@ import pytest
 from examples import experiment, inline
 
 import hgorun
-from hgorun.ensemble.block import compute
-from hgorun.ensemble.members import Members
+from hgorun.ensemble.blocks.block import compute
+from hgorun.ensemble.members.members import Members
 from hgorun.result.status import STATUSES
 
 END = 0.6

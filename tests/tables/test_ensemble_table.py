@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hgorun.ensemble.collected import Collected, last_point
+from hgorun.ensemble.collected.collected import Collected, last_point
 from hgorun.ensemble.notebook import as_html
 from hgorun.tables.ensemble import best, compared, text
 from hgorun.tables.ensemble_data import as_json, csv

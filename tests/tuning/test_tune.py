@@ -14,7 +14,7 @@ from shell import Shell
 
 from hgorun import load
 from hgorun.config.tuning import Tune
-from hgorun.ensemble.fronts import non_dominated
+from hgorun.ensemble.statistics.fronts import non_dominated
 from hgorun.errors import ConfigError, Problem
 from hgorun.figures.tuning import Tuned, tuning
 from hgorun.simulation.experiment.experiment import Experiment

@@ -1,0 +1,1 @@
+"""Members of one kind, prepared together: their numbers, and their times, for many at once."""
