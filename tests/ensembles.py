@@ -14,7 +14,7 @@ from hgorun.config.sweeps import SweepBlocks
 from hgorun.ensemble.growing import read_sweep
 from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.ensemble.sweep import Place
-from hgorun.result.quantity import Quantity
+from hgorun.result.quantities.quantity import Quantity
 from hgorun.study.ensembles import carried_out, ensemble_of
 from hgorun.study.measured import Numbers, beside_metrics, of_members
 from hgorun.study.study import Run

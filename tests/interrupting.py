@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from hgorun.result import growing
+from hgorun.result.hdf5 import growing
 
 
 def interrupt_writing(patch: pytest.MonkeyPatch, after: int) -> None:

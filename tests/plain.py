@@ -16,7 +16,7 @@ from examples import VAN_DER_POL, Block, chain, sinusoid
 
 import hgorun
 from hgorun import Experiment
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.simulation.simulate import prepare
 
 Array = np.ndarray

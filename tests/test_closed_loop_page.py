@@ -17,7 +17,7 @@ from hgorun.config.study import Figure
 from hgorun.config.sweeps import SweepBlocks
 from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.figures.drawing import draw
-from hgorun.result.quantities import measure_quantity, read_quantity
+from hgorun.result.quantities.quantities import measure_quantity, read_quantity
 from hgorun.study.check import check_figures
 from hgorun.study.loading import load_study
 from hgorun.tables.metrics import as_json

@@ -39,7 +39,7 @@ NEEDED_BY_OTHERS = (
     "hgorun.observers.kalman",
     "hgorun.observers.levant",
     "hgorun.observers.red",
-    "hgorun.result.columns",
+    "hgorun.result.evaluation.columns",
     "hgorun.result.reading",
     "hgorun.simulation.error_control.control",
     "hgorun.simulation.divergence.escape",

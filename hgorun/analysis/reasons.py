@@ -16,7 +16,7 @@ from hgorun.errors import HgorunError, SimulationError
 from hgorun.observers.base import AnyObserver, SampledObserver
 from hgorun.observers.capabilities import NotLinear, SlidingMode
 from hgorun.observers.treatment import treatment_of
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.simulation.prepared import PreparedRun
 
 T = TypeVar("T")

@@ -16,8 +16,8 @@ from hgorun.analysis.subject import Context, Subject
 from hgorun.config.named import Named, name_keys
 from hgorun.errors import PluginError, called
 from hgorun.files import json_value
+from hgorun.result.records.theory import Transient
 from hgorun.result.result import Result
-from hgorun.result.theory import Transient
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.outcome.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeVar, cast
 
 from hgorun.analysis.reasons import Outcome, outcome
 from hgorun.observers.base import AnyObserver
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.system.observer_block import ObserverBlock

@@ -59,7 +59,7 @@ def _refused(path: Path, command: str, what: str, right: str) -> ConfigError:
 
 def _of_hdf5(path: Path, command: str) -> tuple[str, str]:
     """What a file says that it is, for which it is opened, and what would be right."""
-    from hgorun.result.forms import RESULT, SWEEP, form_of, said_of  # not for simulate, which has to be quick
+    from hgorun.result.hdf5.forms import RESULT, SWEEP, form_of, said_of  # not for simulate, which has to be quick
 
     form = form_of(path)
     what, reader = said_of(form)

@@ -115,7 +115,7 @@ def is_result(path: Path) -> bool:
         return True
     if kind_of_file(path) is not HDF5:
         return False
-    from hgorun.result.forms import RESULT, SWEEP, form_of  # not for simulate, which has to be quick
+    from hgorun.result.hdf5.forms import RESULT, SWEEP, form_of  # not for simulate, which has to be quick
 
     return form_of(path) in (RESULT, SWEEP)
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 
 from hgorun.engine.methods import METHODS
 from hgorun.errors import printable
-from hgorun.result.data import PLANT, Integration
+from hgorun.result.records.data import PLANT, Integration
 from hgorun.result.result import Result
 from hgorun.simulation.experiment.experiment import Experiment
 

@@ -14,9 +14,9 @@ from hgorun.commands.run_options import Rerun
 from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError
 from hgorun.files import RESULT_SUFFIXES, remove_leftovers
+from hgorun.result.file.writing import digests_of
 from hgorun.result.reading import read, stored_digests
 from hgorun.result.result import Result
-from hgorun.result.writing import digests_of
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.experiment.unused import without_places
 from hgorun.simulation.simulate import prepare

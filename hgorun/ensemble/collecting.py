@@ -32,10 +32,10 @@ from hgorun.ensemble.members.recipe import written
 from hgorun.errors import HgorunError
 from hgorun.files import json_value, remove_leftovers, write_text
 from hgorun.observers.capabilities import FilterOrder
-from hgorun.result.forms import SWEEP
+from hgorun.result.hdf5.forms import SWEEP
+from hgorun.result.hdf5.sink import hdf5_written_whole
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.sink import hdf5_written_whole
-from hgorun.result.status import STATUSES
+from hgorun.result.records.status import STATUSES
 from hgorun.version import __version__
 
 _BATCH = 4096  # members that are in memory together

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.errors import HgorunError
-from hgorun.result.data import PLANT
+from hgorun.result.records.data import PLANT
+from hgorun.result.records.status import STATUSES
 from hgorun.result.result import Result
-from hgorun.result.status import STATUSES
 from hgorun.simulation.experiment.experiment import Experiment
 
 Floats = NDArray[np.float64]
@@ -30,7 +30,7 @@ class Block:
     metrics : mapping of str to ndarray, shape (N, m, n)
         Infinite where an estimate is lost or a member has failed.
     status : ndarray of int8, shape (N, m)
-        Places in :data:`hgorun.result.status.STATUSES`: ok, inaccurate, diverged, undefined, failed.
+        Places in :data:`hgorun.result.records.status.STATUSES`: ok, inaccurate, diverged, undefined, failed.
     status_at, diverged_at : ndarray, shape (N, m)
         The time that the status is about, and that of divergence; NaN without one.
     reason : ndarray of text, shape (N, m)

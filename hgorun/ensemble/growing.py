@@ -19,8 +19,8 @@ from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.ensemble.members.values import Drawn
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.capabilities import FilterOrder
-from hgorun.result.status import STATUSES
-from hgorun.result.stored import LARGEST
+from hgorun.result.hdf5.stored import LARGEST
+from hgorun.result.records.status import STATUSES
 
 if TYPE_CHECKING:
     import xarray

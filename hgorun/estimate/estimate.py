@@ -25,11 +25,11 @@ from hgorun.estimate.start.left_at_start import told_of_first
 from hgorun.estimate.twins import of_references
 from hgorun.observers.treatment import treatment_of
 from hgorun.pieces import all_true
-from hgorun.result.data import Integration, IntegrationError, Measurements
-from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import Assessed, Recorded, RecordedOutput
+from hgorun.result.records.data import Integration, IntegrationError, Measurements
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.recorded import Assessed, Recorded, RecordedOutput
+from hgorun.result.records.status import OK, Verdict
 from hgorun.result.result import Result
-from hgorun.result.status import OK, Verdict
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.outcome.left_out import told_left_out
 from hgorun.simulation.outcome.outcome import internal

@@ -27,7 +27,7 @@ from hgorun.figures.data import (
 from hgorun.figures.looks import Look, looks
 from hgorun.figures.scene import from_roughest
 from hgorun.memo import Memo, same
-from hgorun.result.recorded import Recorded, RecordedOutput
+from hgorun.result.records.recorded import Recorded, RecordedOutput
 from hgorun.result.result import Result
 from hgorun.tables.typeset import printable
 

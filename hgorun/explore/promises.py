@@ -11,7 +11,7 @@ from hgorun.analysis.convergence.theorem import transient_of
 from hgorun.analysis.finding import FINDINGS, Finding, Remarked
 from hgorun.analysis.reasons import NoValue, outcome, outcomes
 from hgorun.analysis.subject import Subject
-from hgorun.result.theory import Transient
+from hgorun.result.records.theory import Transient
 
 AT_ONCE = ("beta", "chi", "theta_bound", "delay_max", "delay_bound", "eta_theta")
 """Findings that take no longer than the bounds along time, from which they follow."""

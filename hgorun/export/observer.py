@@ -16,7 +16,7 @@ from hgorun.export.names import identifier
 from hgorun.export.operations import Operations
 from hgorun.observers.base import ContinuousObserver, CorrectedObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.result.status import Verdict
+from hgorun.result.records.status import Verdict
 from hgorun.simulation.design.design import Design
 from hgorun.simulation.system.observer_block import ObserverBlock
 

@@ -31,7 +31,7 @@ from hgorun.observers.capabilities import NotExported, Punctual
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
-from hgorun.result.status import Verdict
+from hgorun.result.records.status import Verdict
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.system.truth import Recording

@@ -16,7 +16,7 @@ from hgorun.estimate.carrying import Carried, carry_out
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.scores.why_left import why_left
 from hgorun.estimate.steps.first_steps import early
-from hgorun.result.status import OK, Verdict
+from hgorun.result.records.status import OK, Verdict
 from hgorun.simulation.checks.checks import longest_step
 from hgorun.simulation.error_control.control import Controlled, controlled
 from hgorun.simulation.passes.passes import Pass, as_given, plan_of

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from hgorun.figures.scaling import ScalingData
-from hgorun.result.data import ResultData
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.data import ResultData
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.run_names import run_names
 from hgorun.tables.typeset import words
 

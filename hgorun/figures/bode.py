@@ -12,8 +12,8 @@ from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.looks import looks
 from hgorun.figures.page import LIGHT, Page, on_page
 from hgorun.figures.style import styled
-from hgorun.result.data import ResultData
-from hgorun.result.theory import Bode
+from hgorun.result.records.data import ResultData
+from hgorun.result.records.theory import Bode
 from hgorun.tables.typeset import estimate_of, unit
 
 if TYPE_CHECKING:

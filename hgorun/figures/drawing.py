@@ -25,7 +25,7 @@ from hgorun.figures.scene import Scene
 from hgorun.figures.stages import Stage, runs_of, several_of, span_of, stages_of, titles_of
 from hgorun.figures.style import PANEL, styled
 from hgorun.figures.truths import truth_looks
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 from hgorun.tables.typeset import paragraph
 
 if TYPE_CHECKING:

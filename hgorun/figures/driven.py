@@ -14,8 +14,8 @@ from hgorun.figures.data import Curve
 from hgorun.figures.panels import lines_of
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import STATE_FEEDBACK
-from hgorun.result.closed import ClosedLoop
-from hgorun.result.data import PLANT, ResultData
+from hgorun.result.records.closed import ClosedLoop
+from hgorun.result.records.data import PLANT, ResultData
 from hgorun.tables.typeset import symbol, unit
 
 if TYPE_CHECKING:

@@ -10,8 +10,8 @@ from hgorun.figures.actors import Simulated
 from hgorun.figures.data import Curve, inside
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import BAND, BAND_OF_SAMPLES, BAND_OPACITY, edged
-from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import WIDE
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.recorded import WIDE
 from hgorun.tables.typeset import words
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from hgorun.figures.style import (
     TRUTH,
     edged,
 )
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 from hgorun.tables.typeset import columns as columns_of
 from hgorun.tables.typeset import paragraph, shortened, unit
 

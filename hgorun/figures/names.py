@@ -11,7 +11,7 @@ from hgorun.config.nearest import listed
 from hgorun.config.study import Figure, Inset, Panel
 from hgorun.errors import KeyPath, Problem
 from hgorun.figures.style import LARGEST, LARGEST_AREA, LARGEST_NUMBER, LOWEST, NARROWEST, PANEL
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 from hgorun.result.run_names import run_names
 
 if TYPE_CHECKING:

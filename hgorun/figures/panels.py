@@ -14,7 +14,7 @@ from hgorun.figures.estimated_bands import draw_bands
 from hgorun.figures.recorded import FEW, draw_in_front, draw_unseen
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import AMONG, DARK, DOTS, IN_FRONT, OTHER_MEASUREMENTS, OUTLIERS, PALE, TRACE, WIDER, WIDTHS
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 from hgorun.tables.typeset import both, error_of, estimate_of, symbol, unit, words
 
 if TYPE_CHECKING:

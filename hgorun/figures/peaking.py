@@ -15,8 +15,8 @@ from hgorun.figures.page import LIGHT, Page, on_page
 from hgorun.figures.panels import points_in_window, window_words
 from hgorun.figures.scene import from_roughest
 from hgorun.figures.style import styled
-from hgorun.result.data import ResultData
-from hgorun.result.theory import Transient
+from hgorun.result.records.data import ResultData
+from hgorun.result.records.theory import Transient
 from hgorun.tables.typeset import error_of, unit
 
 if TYPE_CHECKING:

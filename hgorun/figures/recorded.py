@@ -11,8 +11,8 @@ from hgorun.figures.data import without_outliers
 from hgorun.figures.looks import Look
 from hgorun.figures.scene import Scene
 from hgorun.figures.style import AMONG, HELD_OUT, IN_FRONT, OUTLIERS, REFERENCE
-from hgorun.result.data import ResultData
-from hgorun.result.recorded import Unseen
+from hgorun.result.records.data import ResultData
+from hgorun.result.records.recorded import Unseen
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

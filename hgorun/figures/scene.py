@@ -12,7 +12,7 @@ import numpy as np
 from hgorun.figures.actors import Simulated
 from hgorun.figures.looks import Look
 from hgorun.figures.style import LARGEST_NUMBER, inked
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 
 Window = tuple[float, float] | None
 _ROUGHER = 1.5  # lines that differ by less go up and down about alike

@@ -15,7 +15,7 @@ from hgorun.figures.looks import Look
 from hgorun.figures.panels import window_words
 from hgorun.figures.scaling import ScalingData
 from hgorun.figures.style import LARGEST_NUMBER
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 from hgorun.result.run_names import run_names
 
 

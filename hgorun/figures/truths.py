@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hgorun.figures.style import OTHER_TRUTHS, TRUTH
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 from hgorun.tables.typeset import words
 
 _UNSEEN = 1e-3  # of a state's range: less than half the width of a line

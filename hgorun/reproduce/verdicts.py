@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from hgorun.reproduce.job import Outcome, Work
-from hgorun.result.status import STATUSES
+from hgorun.result.records.status import STATUSES
 from hgorun.study.study import Study
 from hgorun.study.verdict import Verdict, judge
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from hgorun.errors import HgorunError
-from hgorun.result.data import ResultData
-from hgorun.result.recorded import Recorded
+from hgorun.result.records.data import ResultData
+from hgorun.result.records.recorded import Recorded
 
 if TYPE_CHECKING:
     import pandas

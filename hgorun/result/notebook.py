@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from hgorun import markup
-from hgorun.result.data import ResultData
 from hgorun.result.metrics.base import all_metrics, unit_of
+from hgorun.result.records.data import ResultData
 
 
 def as_html(result: ResultData) -> str:

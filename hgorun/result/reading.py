@@ -10,16 +10,16 @@ import h5py
 import numpy as np
 
 from hgorun.errors import printable
-from hgorun.result import digests
-from hgorun.result.closed_file import read_closed
-from hgorun.result.data import DesignNumbers, Integration, IntegrationError, Measurements
-from hgorun.result.forms import RESULT, not_this
-from hgorun.result.not_yet import refuse_what_has_not_run
-from hgorun.result.observer import MAPS, Coordinates, ObserverResult
-from hgorun.result.recorded_file import RecordedFile
+from hgorun.result.file.closed_file import read_closed
+from hgorun.result.file.recorded_file import RecordedFile
+from hgorun.result.hdf5 import digests
+from hgorun.result.hdf5.forms import RESULT, not_this
+from hgorun.result.hdf5.not_yet import refuse_what_has_not_run
+from hgorun.result.hdf5.stored import LARGEST, NAMED, StoredFile, file_at, is_finite, is_number, opened
+from hgorun.result.records.data import DesignNumbers, Integration, IntegrationError, Measurements
+from hgorun.result.records.observer import MAPS, Coordinates, ObserverResult
+from hgorun.result.records.status import OK, STATUSES, Verdict
 from hgorun.result.result import Result
-from hgorun.result.status import OK, STATUSES, Verdict
-from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, is_finite, is_number, opened
 
 _LONGEST = 1e100  # a window
 _DIVERGED_AT = "diverged at t="  # as files of older versions say it

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from hgorun.files import refuse_no_result
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 
 if TYPE_CHECKING:
     import pandas
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class Result(ResultData):
-    """A finished run: the arrays of :class:`~hgorun.result.data.ResultData`, with conveniences.
+    """A finished run: the arrays of :class:`~hgorun.result.records.data.ResultData`, with conveniences.
 
     The most used ones, with Nt points of time, n states, m inputs and q outputs; units are those of the model:
 
@@ -63,7 +63,7 @@ class Result(ResultData):
         HgorunError
             When it cannot be written.
         """
-        from hgorun.result.writing import save
+        from hgorun.result.file.writing import save
 
         refuse_no_result(Path(path), "save")
         return save(self, Path(path))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hgorun.result.data import ResultData
+from hgorun.result.records.data import ResultData
 
 
 def run_names(results: Sequence[ResultData]) -> list[str]:

@@ -3,7 +3,7 @@
 Whether steps are short enough, and what has become of the observers, is told from a run with fewer points: some
 hundred thousand say of it what ten million do. Then the run is carried out with the steps that were found, and its
 rows are taken as they come: twice, since some metrics need a number that is known at the end (see
-:mod:`hgorun.result.running`). What cannot be made so is left to be made of whole trajectories.
+:mod:`hgorun.result.evaluation.running`). What cannot be made so is left to be made of whole trajectories.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ import numpy as np
 from hgorun.errors import PlantDiverged
 from hgorun.measurement.noise import StretchNoise
 from hgorun.observers.treatment import treatment_of
-from hgorun.result.columns import Windows
-from hgorun.result.data import Integration
-from hgorun.result.estimated import Estimated
+from hgorun.result.evaluation.columns import Windows
+from hgorun.result.evaluation.estimated import Estimated
+from hgorun.result.evaluation.running import LONGEST_MEAN, RunningMetrics
+from hgorun.result.file.parts import ResultInParts, Trajectories
 from hgorun.result.metrics.base import Metric, all_metrics
-from hgorun.result.parts import ResultInParts, Trajectories
+from hgorun.result.records.data import Integration
+from hgorun.result.records.status import OK, Verdict
 from hgorun.result.result import Result
-from hgorun.result.running import LONGEST_MEAN, RunningMetrics
-from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings, points_in
 from hgorun.simulation.divergence.confirmation import confirmed, plant_lost
 from hgorun.simulation.error_control.control import controlled

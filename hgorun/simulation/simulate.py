@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hgorun.engine.memory import Raw
 from hgorun.errors import NoStep, PlantDiverged, SimulationError
-from hgorun.result.data import Integration
+from hgorun.result.records.data import Integration
 from hgorun.result.result import Result
 from hgorun.simulation.divergence.confirmation import confirmed, plant_lost
 from hgorun.simulation.error_control.given import LaterEstimate

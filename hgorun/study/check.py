@@ -11,8 +11,8 @@ from hgorun.config.study import Figure, StudyBlocks
 from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.errors import KeyPath, Problem
-from hgorun.result.quantities import inside, kinds, of_loops
-from hgorun.result.quantity import Quantity
+from hgorun.result.quantities.quantities import inside, kinds, of_loops
+from hgorun.result.quantities.quantity import Quantity
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.study.claimed import places_of

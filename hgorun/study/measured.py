@@ -15,8 +15,8 @@ from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.ensemble.members.refused import told_where
 from hgorun.errors import SimulationError
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.quantities import exponent, inside, measure_quantity
-from hgorun.result.quantity import Quantity
+from hgorun.result.quantities.quantities import exponent, inside, measure_quantity
+from hgorun.result.quantities.quantity import Quantity
 from hgorun.result.result import Result
 from hgorun.study.sentences import Sentence
 from hgorun.study.study import Run, Study

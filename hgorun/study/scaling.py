@@ -17,8 +17,8 @@ from hgorun.figures.followed import MembersData
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.result.metrics.base import all_metrics, unit_of
-from hgorun.result.quantities import measure_quantity
-from hgorun.result.quantity import Quantity
+from hgorun.result.quantities.quantities import measure_quantity
+from hgorun.result.quantities.quantity import Quantity
 from hgorun.result.result import Result
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import prepare, simulate, simulate_prepared

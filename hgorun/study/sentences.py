@@ -13,9 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.config.expressions import Expression, ExpressionError, parse
-from hgorun.result.quantities import CALL, quantity_of
-from hgorun.result.quantity import Quantity
-from hgorun.result.quoted import quoted
+from hgorun.result.quantities.quantities import CALL, quantity_of
+from hgorun.result.quantities.quantity import Quantity
+from hgorun.result.quantities.quoted import quoted
 
 _LARGE = 1e300  # what the error of a diverged observer counts as
 

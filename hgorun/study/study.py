@@ -18,7 +18,7 @@ from hgorun.config.yaml_source import Source
 from hgorun.ensemble.members.members import written_out
 from hgorun.errors import ConfigError
 from hgorun.noise.base import RandomNoise
-from hgorun.result.quantity import Quantity
+from hgorun.result.quantities.quantity import Quantity
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.preparation.other_faults import check_parts
 from hgorun.study.claimed import check_values, sentences_of

@@ -15,7 +15,7 @@ from hgorun.config.validation import validate
 from hgorun.config.yaml_source import Source
 from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.errors import ConfigError
-from hgorun.result.not_yet import steps_to_an_ensemble
+from hgorun.result.hdf5.not_yet import steps_to_an_ensemble
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.study.ensembles import ensemble_of
 from hgorun.study.loading import load

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from hgorun.config.expressions import nearest
 from hgorun.errors import Problem
-from hgorun.result.quantity import Quantity
+from hgorun.result.quantities.quantity import Quantity
 from hgorun.result.result import Result
 from hgorun.study.study import Study
 

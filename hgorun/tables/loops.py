@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from hgorun.result.data import PLANT
+from hgorun.result.records.data import PLANT
 from hgorun.result.result import Result
 from hgorun.tables.layout import number, packed
 from hgorun.tables.typeset import printable

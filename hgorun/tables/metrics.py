@@ -12,10 +12,10 @@ from hgorun.errors import called
 from hgorun.files import json_value
 from hgorun.result.metrics.base import Metric, all_metrics, unit_of, unit_of_score
 from hgorun.result.metrics.smoothness import HF
-from hgorun.result.quantity_values import without_mean
+from hgorun.result.quantities.quantity_values import without_mean
+from hgorun.result.records.status import Verdict
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
-from hgorun.result.status import Verdict
 from hgorun.tables.axis_names import bracketed
 from hgorun.tables.layout import number, packed, wrapped
 from hgorun.tables.loops import loop_blocks, loop_numbers

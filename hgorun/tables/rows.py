@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.result.metrics.settling import lifted_by_noise
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.result.run_names import run_names
 from hgorun.tables.layout import number

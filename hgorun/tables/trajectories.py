@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from hgorun.result.data import PLANT, ResultData
+from hgorun.result.records.data import PLANT, ResultData
 from hgorun.tables.typeset import printable
 
 _ROUNDING = 64 * float(np.finfo(float).eps)  # of sums that times are made by, relative to the longest time

@@ -9,7 +9,7 @@ import numpy as np
 from hgorun.errors import HgorunError
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import Averaged, Differentiator, Punctual, SlidingMode
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation.preparation import prepare

@@ -8,8 +8,8 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from hgorun.result.forms import TUNING
-from hgorun.result.sink import hdf5_written_whole
+from hgorun.result.hdf5.forms import TUNING
+from hgorun.result.hdf5.sink import hdf5_written_whole
 from hgorun.tuning.evidence import Evidence
 from hgorun.version import __version__
 

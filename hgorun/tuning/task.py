@@ -17,7 +17,7 @@ from hgorun.ensemble.members.members import written_out
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.metrics.smoothness import HF, nothing_moves
-from hgorun.result.quantity import Quantity
+from hgorun.result.quantities.quantity import Quantity
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.timeline.grid import metric_step

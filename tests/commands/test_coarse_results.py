@@ -14,7 +14,7 @@ import hgorun
 from hgorun.commands.remarks import coarse, coarse_members
 from hgorun.ensemble.blocks import checked
 from hgorun.ensemble.collected.outcome import largest_of_ok
-from hgorun.result.data import IntegrationError
+from hgorun.result.records.data import IntegrationError
 from hgorun.result.result import Result
 
 

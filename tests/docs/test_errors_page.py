@@ -18,7 +18,7 @@ import hgorun
 import hgorun.errors
 from hgorun.cli import app
 from hgorun.errors import HgorunError
-from hgorun.result.status import Status
+from hgorun.result.records.status import Status
 
 PAGE = (Path(__file__).parents[2] / "docs" / "errors.md").read_text(encoding="utf-8")
 SECTIONS = dict(re.findall(r"^### (.*?)\n(.*?)(?=^##|\Z)", PAGE, re.DOTALL | re.MULTILINE))

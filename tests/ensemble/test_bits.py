@@ -16,8 +16,8 @@ from hgorun.ensemble.blocks.block import Block, compute
 from hgorun.ensemble.members.members import Members
 from hgorun.ensemble.preparation.axes import Axes
 from hgorun.noise.base import NOISE, RandomNoise
-from hgorun.result.data import PLANT
-from hgorun.result.status import STATUSES
+from hgorun.result.records.data import PLANT
+from hgorun.result.records.status import STATUSES
 
 COUNT = 30  # enough for members to be taken in bulk
 RANDOM = np.random.default_rng(5)

@@ -12,7 +12,7 @@ from hgorun import Experiment, simulate
 from hgorun.ensemble.blocks.block import Block, compute
 from hgorun.ensemble.members.members import Members, written_out
 from hgorun.errors import ConfigError
-from hgorun.result.status import STATUSES
+from hgorun.result.records.status import STATUSES
 
 
 def van_der_pol() -> Experiment:

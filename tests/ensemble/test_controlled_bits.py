@@ -11,7 +11,7 @@ from test_bits import AXES, COUNT, MEASURED, alone, van_der_pol
 
 from hgorun.ensemble.blocks.block import Block, _Work, compute
 from hgorun.ensemble.members.members import Members
-from hgorun.result.status import STATUSES
+from hgorun.result.records.status import STATUSES
 from hgorun.simulation.experiment.experiment import Experiment
 
 TOLERANCES = {"method": "dopri5", "rtol": 1e-6}

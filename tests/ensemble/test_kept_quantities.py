@@ -11,7 +11,7 @@ from ensembles import base, ensemble
 import hgorun
 from hgorun.ensemble.sweep import Place, sweep_to
 from hgorun.errors import Problem
-from hgorun.result.quantities import measure_quantity, read_quantity
+from hgorun.result.quantities.quantities import measure_quantity, read_quantity
 from hgorun.simulation.simulate import simulate
 
 AXES = {"observers.SHGO.theta": [2.0, -1.0, 5.0], "seed": {"count": 2}}  # a gain that is refused

@@ -35,7 +35,7 @@ from hgorun.ensemble.sweep import Count, Part, Place, finished, sweep_to
 from hgorun.ensemble.sweep import carry_out as carry_out_all
 from hgorun.errors import ConfigError, HgorunError, SimulationError
 from hgorun.files import _MACHINE, _alive
-from hgorun.result import digests, sink
+from hgorun.result.hdf5 import digests, sink
 
 
 def undisturbed(folder: Path, of: Ensemble) -> bytes:

@@ -12,7 +12,7 @@ from examples import Block, experiment, inline
 
 from hgorun.config.yaml_source import Source, parse
 from hgorun.data.recording import InputSignal, Origin, Recording, Signal
-from hgorun.result.recorded import Assessed, Recorded
+from hgorun.result.records.recorded import Assessed, Recorded
 from hgorun.result.result import Result
 from hgorun.simulation.passes.passes import as_given, integrate
 from hgorun.simulation.prepared import PreparedRun

@@ -29,7 +29,7 @@ from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.holdout import HoldOut, held_out
-from hgorun.result.quantities import SCORES
+from hgorun.result.quantities.quantities import SCORES
 from hgorun.result.reading import read
 from hgorun.simulation.simulate import prepare, simulate_prepared
 from hgorun.tables.metrics import as_json, csv, text

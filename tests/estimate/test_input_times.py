@@ -16,8 +16,8 @@ from hgorun.estimate.estimate import estimate
 from hgorun.estimate.long import long_log, stretches
 from hgorun.estimate.long.long_log import estimate_into
 from hgorun.estimate.stream.estimator import Estimator
-from hgorun.result.digests import of_file
-from hgorun.result.writing import digests_of
+from hgorun.result.file.writing import digests_of
+from hgorun.result.hdf5.digests import of_file
 
 SUM = {
     "plant": {"states": ["x"], "dynamics": {"x": "u"}, "output": "x", "inputs": {"u": 0}},

@@ -9,7 +9,7 @@ from recordings import recorded_of, recording, signal, source
 
 from hgorun.data.recording import Signal
 from hgorun.estimate.estimate import estimate
-from hgorun.result.recorded import Recorded
+from hgorun.result.records.recorded import Recorded
 
 Q, R = 0.2, 0.01
 

@@ -23,11 +23,11 @@ from hgorun.estimate.long.long_log import estimate_into
 from hgorun.estimate.scores import innovations
 from hgorun.estimate.scores.innovations import WrittenInnovations
 from hgorun.measurement import schedule
-from hgorun.result import digests
-from hgorun.result.parts import ResultInParts
+from hgorun.result.file.parts import ResultInParts
+from hgorun.result.file.writing import digests_of
+from hgorun.result.hdf5 import digests
 from hgorun.result.reading import read
 from hgorun.result.result import Result
-from hgorun.result.writing import digests_of
 from hgorun.simulation.timeline import tabulated
 from hgorun.simulation.timeline.actions import Actions
 

@@ -19,8 +19,8 @@ from hgorun import Result
 from hgorun.figures.actors import cast
 from hgorun.figures.drawing import comparison
 from hgorun.figures.estimated_bands import _of_samples, without_hairs
-from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.recorded import Assessed, Recorded, RecordedOutput, Unseen
 
 
 def saw(period: float, end: float = 20.0, step: float = 0.01) -> tuple[np.ndarray, np.ndarray]:

@@ -25,9 +25,9 @@ from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.files import save
 from hgorun.figures.looks import family_colour
 from hgorun.figures.names import RunNames, check
-from hgorun.result.data import Measurements
-from hgorun.result.observer import ObserverResult
-from hgorun.result.status import OK, Verdict
+from hgorun.result.records.data import Measurements
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.status import OK, Verdict
 
 CONFIG: dict[str, Any] = {
     "title": "Contois, sampled",

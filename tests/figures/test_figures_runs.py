@@ -21,8 +21,8 @@ from hgorun.figures.looks import family_colour
 from hgorun.figures.names import RunNames, check
 from hgorun.figures.scaling import ScaledObserver, ScalingData
 from hgorun.figures.style import TRUTH
-from hgorun.result.data import Measurements
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.data import Measurements
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 
 

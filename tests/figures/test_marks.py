@@ -24,9 +24,9 @@ from hgorun.figures.page import Page, dark
 from hgorun.figures.style import PALETTE, styled
 from hgorun.figures.ticks import tick
 from hgorun.figures.tuning import Tuned, tuning
-from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import Recorded, RecordedOutput, Unseen
-from hgorun.result.theory import Bode
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.recorded import Recorded, RecordedOutput, Unseen
+from hgorun.result.records.theory import Bode
 
 
 @pytest.fixture(scope="module")

@@ -20,8 +20,8 @@ from hgorun.figures.panels import _dense
 from hgorun.figures.peaking import peaking
 from hgorun.figures.style import TRUTH
 from hgorun.figures.truths import truth_looks
-from hgorun.result.recorded import Recorded
-from hgorun.result.theory import Bode, Transient
+from hgorun.result.records.recorded import Recorded
+from hgorun.result.records.theory import Bode, Transient
 
 
 @pytest.fixture(scope="module")

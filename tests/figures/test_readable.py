@@ -24,8 +24,8 @@ from hgorun.figures.peaking import peaking
 from hgorun.figures.style import styled
 from hgorun.figures.ticks import tick
 from hgorun.figures.tuning import Tuned, tuning
-from hgorun.result.observer import ObserverResult
-from hgorun.result.theory import Bode, Transient
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.theory import Bode, Transient
 from hgorun.study.sentences import read_sentence
 from hgorun.tuning.evidence import Evidence
 

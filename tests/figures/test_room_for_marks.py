@@ -18,8 +18,8 @@ from hgorun.figures.cuts import mark_cuts
 from hgorun.figures.page import Page
 from hgorun.figures.peaking import peaking
 from hgorun.figures.style import PALETTE
-from hgorun.result.observer import ObserverResult
-from hgorun.result.theory import Transient
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.theory import Transient
 
 STARTS = {"A": 3.4, "B": 12.9, "C": 48.2, "D": 187.0, "E": 374.0}
 

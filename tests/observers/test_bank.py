@@ -11,7 +11,7 @@ from examples import CONTOIS, Block, chain, experiment, inline, simulated, sinus
 import hgorun
 from hgorun.errors import ConfigError
 from hgorun.observers.bank import ContinuousBank
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.passes.passes import as_given, integrate, integrate_lanes
 from hgorun.simulation.preparation.preparation import prepare

@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 
 BOTH: dict[str, dict[str, Any]] = {"reduced": {"type": "reduced_sampled", "H": 0.5}, "deadbeat": {"type": "deadbeat"}}
 

@@ -11,7 +11,7 @@ from hgorun.analysis.finding import Finding
 from hgorun.analysis.report import analyze
 from hgorun.errors import ConfigError
 from hgorun.observers.base import OBSERVERS
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.preparation.preparation import prepare
 from hgorun.testing import check_observer

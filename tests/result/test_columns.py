@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hgorun.result import columns
-from hgorun.result.estimated import Estimated
-from hgorun.result.measure import by_records, measure
+from hgorun.result.evaluation import columns
+from hgorun.result.evaluation.estimated import Estimated
+from hgorun.result.evaluation.measure import by_records, measure
 from hgorun.result.metrics.base import all_metrics
 from hgorun.result.windows import MetricSettings
 

@@ -7,8 +7,8 @@ import h5py
 import numpy as np
 import pytest
 
-from hgorun.result.growing import Background, Constant, Growing
-from hgorun.result.sink import hdf5_and_sink
+from hgorun.result.hdf5.growing import Background, Constant, Growing
+from hgorun.result.hdf5.sink import hdf5_and_sink
 
 ROWS = np.arange(60.0).reshape(20, 3)
 

@@ -5,7 +5,7 @@ import os
 
 import pytest
 
-from hgorun.result.guarded import guarded
+from hgorun.result.hdf5.guarded import guarded
 
 
 @pytest.mark.skipif(os.name != "posix", reason="there processes are not forked")

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from hgorun.errors import HgorunError
-from hgorun.result.data import Measurements
-from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import Assessed, Recorded, RecordedOutput
+from hgorun.result.records.data import Measurements
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.recorded import Assessed, Recorded, RecordedOutput
 from hgorun.result.result import Result
 
 TIME = np.linspace(0, 1, 5)

@@ -18,9 +18,9 @@ from hgorun import Result
 from hgorun.commands.catalogue import list_all, show
 from hgorun.commands.catalogue_options import List, Show
 from hgorun.errors import HgorunError, PluginError
-from hgorun.result.measure import measure
+from hgorun.result.evaluation.measure import measure
 from hgorun.result.metrics.base import METRICS, Metric, all_metrics, largest
-from hgorun.result.quantities import measure_quantity
+from hgorun.result.quantities.quantities import measure_quantity
 from hgorun.result.reading import read
 from hgorun.result.windows import MetricSettings, points_in
 from hgorun.study.sentences import read_sentence

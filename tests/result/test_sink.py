@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from hgorun.errors import HgorunError
-from hgorun.result.sink import Sink, hdf5_and_sink, hdf5_written_whole
+from hgorun.result.hdf5.sink import Sink, hdf5_and_sink, hdf5_written_whole
 
 
 def test_what_is_written_is_there(tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_hdf5_reads_what_it_has_written_where_no_room_was_left_for_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """It reads its own lists again, and crashed the process where these were something else."""
-    monkeypatch.setattr("hgorun.result.sink.Sink", Full)
+    monkeypatch.setattr("hgorun.result.hdf5.sink.Sink", Full)
     words = np.array([f"name {k} " * 60 for k in range(40)], dtype=object)
 
     def written() -> None:

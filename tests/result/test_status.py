@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from hgorun.result.observer import ObserverResult
-from hgorun.result.status import OK, STATUSES, Status, Verdict, worst
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.status import OK, STATUSES, Status, Verdict, worst
 
 
 def test_the_worst_word_counts() -> None:

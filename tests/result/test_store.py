@@ -22,8 +22,8 @@ import xarray
 import yaml
 
 import hgorun
-from hgorun.result.guarded import Failed, guarded
-from hgorun.result.status import Verdict
+from hgorun.result.hdf5.guarded import Failed, guarded
+from hgorun.result.records.status import Verdict
 
 CONFIG = """
 title: small

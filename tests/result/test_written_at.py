@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hgorun.result import written_at
-from hgorun.result.sink import Sink
+from hgorun.result.hdf5 import written_at
+from hgorun.result.hdf5.sink import Sink
 
 fcntl = pytest.importorskip("fcntl")
 PIECE = written_at._PIECE

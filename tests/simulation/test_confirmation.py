@@ -12,7 +12,7 @@ from examples import run, simulated
 from scipy.integrate import solve_ivp
 
 import hgorun
-from hgorun.result.estimated import Estimated
+from hgorun.result.evaluation.estimated import Estimated
 from hgorun.simulation.divergence.verdict import estimates_near, left_for_good, may_have_left
 
 T = np.linspace(0, 10, 1001)

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from hgorun import Experiment, Result, simulate
 from hgorun.errors import ConfigError
-from hgorun.result.status import Verdict
+from hgorun.result.records.status import Verdict
 from hgorun.simulation.error_control.control import _when
 from hgorun.simulation.preparation.preparation import prepare
 from hgorun.simulation.timeline.steps import part_of_difference, uneven_steps

@@ -9,7 +9,7 @@ import pytest
 from examples import VAN_DER_POL, Block, experiment, inline, simulated
 
 from hgorun import simulate
-from hgorun.result.status import OK
+from hgorun.result.records.status import OK
 from hgorun.simulation.passes.loss import of_estimate
 from hgorun.simulation.passes.passes import as_given, integrate
 from hgorun.simulation.preparation.preparation import prepare

@@ -16,9 +16,9 @@ from interrupting import interrupt_writing
 
 from hgorun import Experiment
 from hgorun.engine import window
-from hgorun.result import digests, writer
+from hgorun.result.file.writing import digests_of
+from hgorun.result.hdf5 import digests, writer
 from hgorun.result.reading import read
-from hgorun.result.writing import digests_of
 from hgorun.simulation import long_run, simulate
 from hgorun.simulation.simulate import prepare, simulate_into, simulate_prepared
 from hgorun.tables.metrics import text

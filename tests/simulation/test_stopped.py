@@ -11,7 +11,7 @@ from examples import experiment, inline
 import hgorun
 from hgorun.ensemble.blocks.block import compute
 from hgorun.ensemble.members.members import Members
-from hgorun.result.status import STATUSES
+from hgorun.result.records.status import STATUSES
 
 END = 0.6
 FRICTION = inline(

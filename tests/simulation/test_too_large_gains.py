@@ -9,7 +9,7 @@ import pytest
 from examples import Block, chain, simulated
 from scipy.linalg import expm, solve_continuous_are
 
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 
 PERIOD = 0.1
 LARGE = r"since large errors grow: they do not with"

@@ -7,7 +7,7 @@ import pytest
 from examples import Block, chain, simulated
 
 from hgorun.errors import HgorunError
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.simulation.divergence import too_large
 
 PERIOD, LATE = {"sampling": {"period": 0.1}}, {"delay": 0.1}

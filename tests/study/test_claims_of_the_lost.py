@@ -95,7 +95,7 @@ def test_a_slope_is_not_drawn_through_values_at_which_the_observer_diverged() ->
 
     import numpy as np
 
-    from hgorun.result.quantity import Quantity
+    from hgorun.result.quantities.quantity import Quantity
     from hgorun.study.measured import _slope
 
     run: Any = SimpleNamespace(values=(1.0, 2.0, 4.0, 8.0))
@@ -111,7 +111,7 @@ def test_the_reason_is_of_the_observer_and_not_of_one_whose_name_begins_alike() 
 
     from hgorun.reproduce.job import Outcome
     from hgorun.reproduce.verdicts import _lost
-    from hgorun.result.quantity import Quantity
+    from hgorun.result.quantities.quantity import Quantity
 
     of = (("one", "B"), ("many", "B"))
     study: Any = SimpleNamespace(quantities=lambda claim: [Quantity("difference", of, "x1")])

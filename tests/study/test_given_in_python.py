@@ -12,7 +12,7 @@ import yaml
 
 import hgorun
 from hgorun.errors import ConfigError
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 
 BLOCKS: dict[str, Any] = {
     "time": {"end": 1, "output_step": 0.1},

@@ -11,7 +11,7 @@ import hgorun
 from hgorun.config.expressions import ExpressionError
 from hgorun.config.study import Claim
 from hgorun.errors import Problem
-from hgorun.result.quantities import exponent, measure_quantity
+from hgorun.result.quantities.quantities import exponent, measure_quantity
 from hgorun.study.check import check
 from hgorun.study.measured import asked_of, values_of
 from hgorun.study.sentences import read_sentence

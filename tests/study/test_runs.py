@@ -11,8 +11,8 @@ from hgorun.errors import ConfigError
 from hgorun.noise.sinusoids import Sinusoids
 from hgorun.observers.fhgo2 import FilteredObserver2
 from hgorun.observers.shgo import StandardObserver
-from hgorun.result.quantities import measure_quantity
-from hgorun.result.quantity import Quantity
+from hgorun.result.quantities.quantities import measure_quantity
+from hgorun.result.quantities.quantity import Quantity
 from hgorun.study.check import check
 from hgorun.study.ensembles import ensemble_of
 from hgorun.study.measured import values_of

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 import hgorun
 from hgorun.errors import ConfigError
 from hgorun.observers.base import OBSERVERS
-from hgorun.result.observer import Coordinates
+from hgorun.result.records.observer import Coordinates
 from hgorun.symbolic import ranks
 
 NOISE = [{"type": "sinusoids", "terms": [{"amplitude": 0.1, "omega": 20}]}]

@@ -16,9 +16,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hgorun import Result
-from hgorun.result.data import Integration, IntegrationError
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.status import OK, Verdict
+from hgorun.result.records.data import Integration, IntegrationError
+from hgorun.result.records.status import OK, Verdict
 from hgorun.tables import metrics as tables
 from hgorun.tables.latex import latex
 from hgorun.tables.typeset import columns, latex_words

@@ -25,7 +25,7 @@ from hgorun.analysis.reasons import NoValue, outcome, why_lost
 from hgorun.analysis.subject import Subject, once
 from hgorun.observers.capabilities import FilterCascade, SettlingGain
 from hgorun.observers.riccati import RiccatiGain
-from hgorun.result.theory import Transient
+from hgorun.result.records.theory import Transient
 from hgorun.symbolic.forms import BlockForm, ChainForm
 
 _ROUNDING = 16 * np.finfo(float).eps

@@ -24,7 +24,7 @@ from hgorun.analysis.convergence.lipschitz import Lipschitz
 from hgorun.analysis.convergence.signals import Amplitudes
 from hgorun.memo import Memo, same
 from hgorun.observers.riccati import stationary
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.evaluate import evaluate

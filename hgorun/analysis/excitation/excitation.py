@@ -19,7 +19,7 @@ from hgorun.analysis.linear.coordinates import transformed
 from hgorun.analysis.reasons import NoValue
 from hgorun.observers.capabilities import FilterOrder
 from hgorun.observers.riccati import RiccatiGain
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.forms import BlockForm

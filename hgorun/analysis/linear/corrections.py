@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.analysis.linear.linear import Linearisation
 from hgorun.analysis.reasons import NoValue, require_estimate
 from hgorun.observers.base import Arrival, CorrectedObserver
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.simulation.prepared import PreparedRun
 
 _STEPS = 40  # of RK4 over a period, more where the flow is fast

@@ -25,7 +25,7 @@ from hgorun.analysis.reasons import RECALLS, NoValue, why_lost, why_no_flow
 from hgorun.errors import printable
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import SlidingMode
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.result.result import Result
 from hgorun.simulation.error_dynamics.filters_at_rest import not_at_zero, values_of
 from hgorun.simulation.error_dynamics.slopes import filter_rates

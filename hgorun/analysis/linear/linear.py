@@ -17,7 +17,7 @@ import numpy as np
 from hgorun.analysis.linear.coordinates import transformed
 from hgorun.analysis.reasons import RECALLS, NoValue
 from hgorun.observers.capabilities import NotLinear
-from hgorun.result.observer import ObserverResult
+from hgorun.result.records.observer import ObserverResult
 from hgorun.simulation.design.first_inputs import started
 from hgorun.simulation.error_dynamics.slopes import slopes
 from hgorun.simulation.prepared import PreparedRun

@@ -13,8 +13,8 @@ from hgorun.analysis.noise.terms import NoiseTerms
 from hgorun.analysis.reasons import NoValue, outcomes, require_estimate, why_no_flow
 from hgorun.analysis.subject import Context, Subject, once
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.result.observer import ObserverResult
-from hgorun.result.theory import Bode
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.theory import Bode
 from hgorun.simulation.simulate import prepare, simulate_prepared
 
 _POINTS = 400

@@ -18,7 +18,7 @@ from hgorun.data.times.date_hints import as_yaml
 from hgorun.data.times.dates import NAT, counted
 from hgorun.data.times.since import counts_from_a_date, since
 from hgorun.errors import ConfigError, printable
-from hgorun.result.guarded import Failed, guarded
+from hgorun.result.hdf5.guarded import Failed, guarded
 
 T = TypeVar("T")
 

@@ -13,7 +13,7 @@ import numpy as np
 from hgorun.ensemble.found import FAILED, Block
 from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.errors import HgorunError
-from hgorun.result.data import PLANT
+from hgorun.result.records.data import PLANT
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.simulate import simulate
 from hgorun.simulation.timeline.grid import LONG

@@ -16,7 +16,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.named import Named, name_keys
 from hgorun.config.nearest import listed
 from hgorun.errors import ConfigError, printable
-from hgorun.result.status import STATUSES
+from hgorun.result.records.status import STATUSES
 from hgorun.simulation.timeline.grid import points_up_to
 
 SEED = "seed"
@@ -58,7 +58,7 @@ class Collected:
         Labels and names, in the order of the arrays.
     metrics : mapping of str to ndarray, shape (N, m, n)
     status : ndarray of int8, shape (N, m)
-        Places in :data:`hgorun.result.status.STATUSES`.
+        Places in :data:`hgorun.result.records.status.STATUSES`.
     error : ndarray of text, shape (N,)
         Why a member has failed; empty where it has not.
     units : mapping of str to str

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected.collected import Trajectories, as_text
 from hgorun.ensemble.collected.rows import rectangles
-from hgorun.result import digests
+from hgorun.result.hdf5 import digests
 
 MEMBER = "member"
 _TEXT = h5py.string_dtype()

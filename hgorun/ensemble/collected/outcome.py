@@ -13,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.errors import printable
-from hgorun.result.data import PLANT
-from hgorun.result.status import STATUSES
+from hgorun.result.records.data import PLANT
+from hgorun.result.records.status import STATUSES
 
 _SHOWN = 400  # characters of a member's error
 _REASONS = 3  # that are said

@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.collected.collected import Collected, Floats, Trajectories, last_point
 from hgorun.errors import printable
-from hgorun.result.forms import SWEEP, form_of, not_this
-from hgorun.result.not_yet import refuse_what_has_not_run
-from hgorun.result.status import STATUSES
-from hgorun.result.stored import LARGEST, NAMED, StoredFile, file_at, opened
+from hgorun.result.hdf5.forms import SWEEP, form_of, not_this
+from hgorun.result.hdf5.not_yet import refuse_what_has_not_run
+from hgorun.result.hdf5.stored import LARGEST, NAMED, StoredFile, file_at, opened
+from hgorun.result.records.status import STATUSES
 
 QUANTITIES = "quantities"
 

@@ -12,7 +12,7 @@ from hgorun.config.sweeps import Trajectories as Kept
 from hgorun.ensemble.collected.collected import Trajectories
 from hgorun.ensemble.found import Block
 from hgorun.ensemble.members.ensemble import Ensemble
-from hgorun.result.quantities import measure_quantity
+from hgorun.result.quantities.quantities import measure_quantity
 from hgorun.result.result import Result
 from hgorun.simulation.simulate import simulate
 

@@ -19,9 +19,9 @@ from hgorun.ensemble.collected.trajectories import chosen
 from hgorun.ensemble.found import Block
 from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.errors import ConfigError
-from hgorun.result.guarded import Failed, guarded
-from hgorun.result.status import STATUSES
-from hgorun.result.stored import StoredFile, found
+from hgorun.result.hdf5.guarded import Failed, guarded
+from hgorun.result.hdf5.stored import StoredFile, found
+from hgorun.result.records.status import STATUSES
 
 _TEXTS = ("reason", "error", "method")
 _SECONDS = 60.0  # that reading a few blocks may take

@@ -22,9 +22,9 @@ from hgorun.ensemble.members.values import Column, Floats, Places, Seeds, Values
 from hgorun.errors import ConfigError, KeyPath, Problem
 from hgorun.measurement.chance import generator
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.quantities import kinds, of_loops, read_quantity
-from hgorun.result.quantity import Quantity
-from hgorun.result.quoted import quoted
+from hgorun.result.quantities.quantities import kinds, of_loops, read_quantity
+from hgorun.result.quantities.quantity import Quantity
+from hgorun.result.quantities.quoted import quoted
 from hgorun.result.windows import points_in
 from hgorun.simulation.experiment.experiment import Experiment
 

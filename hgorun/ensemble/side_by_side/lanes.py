@@ -12,7 +12,7 @@ from hgorun.engine.member_numbers import Outcome
 from hgorun.ensemble.found import Block, Floats, Integers
 from hgorun.ensemble.preparation.lot import Lot
 from hgorun.errors import Problem, SimulationError
-from hgorun.result.measure import from_origin
+from hgorun.result.evaluation.measure import from_origin
 from hgorun.result.metrics.base import Metric, all_metrics
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.divergence.verdict import enough_late, late_points, may_be_astray, may_have_left, size_of

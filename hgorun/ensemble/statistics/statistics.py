@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected.collected import Collected, Floats
 from hgorun.ensemble.statistics.inference import holm, interval, mean_of, paired
 from hgorun.ensemble.statistics.never import is_time, never
-from hgorun.result.data import PLANT
+from hgorun.result.records.data import PLANT
 
 QUANTILES = {"q05": 0.05, "q25": 0.25, "median": 0.5, "q75": 0.75, "q95": 0.95}
 SIGNIFICANT = 0.05  # a Holm-adjusted p below it

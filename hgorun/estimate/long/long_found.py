@@ -11,7 +11,7 @@ from hgorun.engine.methods import METHODS
 from hgorun.estimate.carrying import ORDER, UNEVEN, note_difference, relative_error
 from hgorun.estimate.scores.compared import Compared, Key
 from hgorun.estimate.scores.lag import Instrument
-from hgorun.result.recorded import RecordedOutput
+from hgorun.result.records.recorded import RecordedOutput
 from hgorun.simulation.timeline.steps import part_of_difference
 from hgorun.symbolic.evaluate import Floats
 

@@ -36,8 +36,8 @@ from hgorun.estimate.scores.evaluated import Evaluated, first_undefined, innovat
 from hgorun.estimate.scores.innovations import WrittenInnovations
 from hgorun.estimate.scores.scores import scores_of
 from hgorun.native.rows import in_one_piece
-from hgorun.result.parts import ResultInParts
-from hgorun.result.recorded import Assessed, Recorded
+from hgorun.result.file.parts import ResultInParts
+from hgorun.result.records.recorded import Assessed, Recorded
 from hgorun.result.result import Result
 from hgorun.simulation.outcome.outcome import internal
 from hgorun.simulation.timeline.grid import EvenPoints

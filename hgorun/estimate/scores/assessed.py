@@ -14,7 +14,7 @@ from hgorun.estimate.scores.evaluated import Evaluated
 from hgorun.estimate.scores.row_left_out import in_a_row
 from hgorun.estimate.scores.scores import scores_of, settled, settled_from, since
 from hgorun.pieces import all_true
-from hgorun.result.recorded import WIDE, Assessed
+from hgorun.result.records.recorded import WIDE, Assessed
 from hgorun.symbolic.evaluate import Floats
 
 _RESIDUALS = 1 << 20  # that a band is made of, evenly chosen where there are more

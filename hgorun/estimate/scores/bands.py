@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.native.places import places_in, since_last_in
-from hgorun.result.recorded import WIDE
+from hgorun.result.records.recorded import WIDE
 from hgorun.symbolic.evaluate import Floats
 
 LEVEL = 0.95

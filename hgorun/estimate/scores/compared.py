@@ -11,7 +11,7 @@ from hgorun.data.recording import Signal
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.scores.lag import Instrument, felt_of, just_before, points_between
 from hgorun.observers.base import CorrectedObserver, SampledObserver
-from hgorun.result.recorded import Unseen
+from hgorun.result.records.recorded import Unseen
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from hgorun.result.growing import Growing
+from hgorun.result.hdf5.growing import Growing
 from hgorun.symbolic.evaluate import Floats
 
 _ROWS = 1 << 16  # that are read at a time

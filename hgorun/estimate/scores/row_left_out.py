@@ -6,7 +6,7 @@ import numpy as np
 
 from hgorun.estimate.carrying import Carried
 from hgorun.estimate.prepared import PreparedEstimate
-from hgorun.result.recorded import InARow
+from hgorun.result.records.recorded import InARow
 
 
 def in_a_row(prepared: PreparedEstimate, carried: Carried, j: int) -> dict[str, InARow]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.covariance import BeginsWithCovariance
-from hgorun.result.recorded import InARow
+from hgorun.result.records.recorded import InARow
 from hgorun.result.result import Result
 
 _OUTLIERS = 0.2  # of the samples: more are none

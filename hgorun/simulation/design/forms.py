@@ -13,7 +13,7 @@ from hgorun.memo import Memo, same
 from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.result.observer import Coordinates
+from hgorun.result.records.observer import Coordinates
 from hgorun.simulation.design.first_inputs import started
 from hgorun.symbolic.domains import first_undefined
 from hgorun.symbolic.evaluate import at

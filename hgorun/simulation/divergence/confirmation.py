@@ -16,8 +16,8 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.errors import PlantDiverged, Problem, SimulationError
 from hgorun.observers.capabilities import Switching
-from hgorun.result.estimated import Estimated
-from hgorun.result.status import OK, Verdict
+from hgorun.result.evaluation.estimated import Estimated
+from hgorun.result.records.status import OK, Verdict
 from hgorun.simulation.divergence.following import Finely, may_not_follow, near, no_longer_follows
 from hgorun.simulation.divergence.verdict import ends, estimates_near, grow_alike, left_for_good, may_have_left, swamped
 from hgorun.simulation.passes.loss import Again, at_times, of_estimate, why_lost

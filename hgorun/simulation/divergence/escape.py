@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from hgorun.errors import NoStep, PlantDiverged, PlantEnded, ShortHistory, SimulationError
-from hgorun.result.data import PLANT
+from hgorun.result.records.data import PLANT
 from hgorun.simulation.checks.far_start import far_plant
 from hgorun.simulation.passes.between_steps import SMOOTH, jumps_of
 from hgorun.simulation.passes.loss import onwards, shortly_before

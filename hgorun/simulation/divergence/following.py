@@ -21,8 +21,8 @@ from hgorun.engine.memory import Raw
 from hgorun.measurement.availability import Stretch
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.signals import noise_at
-from hgorun.result.estimated import Estimated
-from hgorun.result.status import Verdict
+from hgorun.result.evaluation.estimated import Estimated
+from hgorun.result.records.status import Verdict
 from hgorun.simulation.divergence.verdict import astray, ends, may_be_astray, size_of
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.symbolic.evaluate import Floats

@@ -13,7 +13,7 @@ import numpy as np
 from hgorun.config.models import Method
 from hgorun.engine.memory import Raw
 from hgorun.errors import Problem, SimulationError
-from hgorun.result.status import Verdict
+from hgorun.result.records.status import Verdict
 from hgorun.simulation.divergence.confirmation import judged
 from hgorun.simulation.passes.between_steps import SMOOTH, jumping
 from hgorun.simulation.passes.passes import Pass, integrate

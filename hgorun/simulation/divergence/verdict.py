@@ -17,7 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from hgorun.result.estimated import Estimated
+from hgorun.result.evaluation.estimated import Estimated
 from hgorun.symbolic.evaluate import Floats
 
 _FAR = 1e6  # times the size of the state

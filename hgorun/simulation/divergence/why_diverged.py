@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.engine.memory import Raw
 from hgorun.observers.base import ContinuousObserver
 from hgorun.observers.capabilities import NotLinear, SlidingMode, Speed
-from hgorun.result.status import Verdict
+from hgorun.result.records.status import Verdict
 from hgorun.simulation.checks.far_start import far_start
 from hgorun.simulation.divergence.too_large import too_large
 from hgorun.simulation.error_dynamics.slopes import at_truth, slopes

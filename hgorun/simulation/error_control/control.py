@@ -20,8 +20,8 @@ from hgorun.config.models import Method
 from hgorun.engine.memory import Raw
 from hgorun.engine.methods import METHODS
 from hgorun.errors import PlantEnded, Problem
-from hgorun.result.data import PLANT, Integration
-from hgorun.result.status import OK, Verdict
+from hgorun.result.records.data import PLANT, Integration
+from hgorun.result.records.status import OK, Verdict
 from hgorun.simulation.divergence.confirmation import ended
 from hgorun.simulation.divergence.stopped import crossed
 from hgorun.simulation.error_control.ladder import first_stage

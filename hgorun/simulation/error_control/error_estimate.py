@@ -17,9 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun.result.data import PLANT, IntegrationError
 from hgorun.result.metrics.base import all_metrics, largest
 from hgorun.result.metrics.sizes import PEAK
+from hgorun.result.records.data import PLANT, IntegrationError
 from hgorun.simulation.outcome.measured import Measured
 from hgorun.simulation.prepared import PreparedRun
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.errors import SimulationError
 from hgorun.observers.base import ContinuousObserver
-from hgorun.result.data import PLANT, IntegrationError
+from hgorun.result.records.data import PLANT, IntegrationError
 from hgorun.simulation.divergence.confirmation import ended
 from hgorun.simulation.error_control.error_estimate import differences
 from hgorun.simulation.experiment.experiment import Experiment

@@ -11,8 +11,8 @@ from hgorun.config.models import Method
 from hgorun.engine.memory import Raw, Tolerance
 from hgorun.engine.program import TooManySteps
 from hgorun.errors import PlantDiverged, SimulationError
-from hgorun.result.data import IntegrationError
-from hgorun.result.status import Verdict
+from hgorun.result.records.data import IntegrationError
+from hgorun.result.records.status import Verdict
 from hgorun.simulation.checks.checks import longest_step
 from hgorun.simulation.divergence.confirmation import ended
 from hgorun.simulation.divergence.stopped import stopped

@@ -22,7 +22,7 @@ from hgorun.observers.base import OBSERVERS, AnyObserver
 from hgorun.observers.capabilities import ByLateness, BySampling
 from hgorun.plants.base import PLANTS, Plant
 from hgorun.registry import Registry
-from hgorun.result.data import PLANT
+from hgorun.result.records.data import PLANT
 from hgorun.simulation.experiment.unused import refuse_unused, refuse_unused_changes
 
 T = TypeVar("T")

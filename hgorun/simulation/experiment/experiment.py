@@ -12,7 +12,7 @@ from hgorun.measurement.sensors import sensors_of
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import ByLateness, BySampling, NoiseInformed
-from hgorun.result.observer import Coordinates
+from hgorun.result.records.observer import Coordinates
 from hgorun.simulation.design.design import Design
 from hgorun.simulation.design.forms import coordinates_of, form_of
 from hgorun.simulation.experiment.blocks import Checked, as_available, check_again, observer_of

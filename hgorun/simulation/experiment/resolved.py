@@ -11,7 +11,7 @@ from hgorun.config.overrides import replaced
 from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, KeyPath
-from hgorun.result.observer import Coordinates
+from hgorun.result.records.observer import Coordinates
 from hgorun.simulation.experiment.blocks import NOT_OF_A_RUN, PARTS, Checked
 from hgorun.symbolic.observability import CanonicalForms
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from hgorun.config.models import Method
 from hgorun.engine.memory import Raw, Tolerance
-from hgorun.result.closed import ClosedLoop
-from hgorun.result.data import PLANT, Integration
+from hgorun.result.records.closed import ClosedLoop
+from hgorun.result.records.data import PLANT, Integration
 from hgorun.simulation.checks.checks import longest_step
 from hgorun.simulation.outcome.measured import Measured
 from hgorun.simulation.passes.passes import Pass, carry_out, plan_of

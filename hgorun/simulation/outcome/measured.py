@@ -8,9 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.engine.memory import Raw
-from hgorun.result.estimated import Estimated
-from hgorun.result.measure import measure_and_tell
-from hgorun.result.status import OK, Verdict
+from hgorun.result.evaluation.estimated import Estimated
+from hgorun.result.evaluation.measure import measure_and_tell
+from hgorun.result.records.status import OK, Verdict
 from hgorun.result.windows import MetricSettings, points_in
 from hgorun.simulation.passes.loss import of_estimate
 from hgorun.simulation.prepared import PreparedRun

@@ -16,11 +16,11 @@ from hgorun.measurement.noise import StretchNoise
 from hgorun.measurement.schedule import nearest_event
 from hgorun.measurement.signals import noise_at
 from hgorun.memo import Memo, same
-from hgorun.result.data import PLANT, DesignNumbers, Integration, Measurements
-from hgorun.result.measure import from_origin
-from hgorun.result.observer import ObserverResult
+from hgorun.result.evaluation.measure import from_origin
+from hgorun.result.records.data import PLANT, DesignNumbers, Integration, Measurements
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.status import OK, Verdict
 from hgorun.result.result import Result
-from hgorun.result.status import OK, Verdict
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.outcome.closed import closed_loops, outputs_at
 from hgorun.simulation.outcome.left_out import remarks_of_late

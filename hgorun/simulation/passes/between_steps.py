@@ -11,7 +11,7 @@ import numpy as np
 from hgorun.engine.methods import METHODS
 from hgorun.errors import SimulationError
 from hgorun.memo import Memo, same
-from hgorun.result.data import PLANT
+from hgorun.result.records.data import PLANT
 from hgorun.simulation.checks.checks import longest_step
 from hgorun.simulation.passes.passes import Pass, carry_out, plan_of
 from hgorun.simulation.prepared import PreparedRun

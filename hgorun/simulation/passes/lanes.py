@@ -6,8 +6,8 @@ from collections.abc import Sequence
 
 from hgorun.engine.many import Control
 from hgorun.engine.program import PATIENCE
+from hgorun.result.evaluation.reduction import MetricReduction
 from hgorun.result.metrics.base import Metric, all_metrics
-from hgorun.result.reduction import MetricReduction
 from hgorun.result.windows import MetricSettings
 from hgorun.simulation.passes.passes import Pass
 from hgorun.simulation.prepared import PreparedRun

@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.engine.memory import Raw
 from hgorun.engine.plan import Plan
-from hgorun.result.status import OK, Verdict
+from hgorun.result.records.status import OK, Verdict
 from hgorun.simulation.prepared import PreparedRun
 from hgorun.simulation.system.observer_block import ObserverBlock
 from hgorun.symbolic.domains import first_undefined

@@ -20,7 +20,7 @@ from hgorun.observers.base import AnyObserver, SampledObserver
 from hgorun.observers.capabilities import Switching
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.plants.build import BuiltPlant
-from hgorun.result.data import DesignNumbers
+from hgorun.result.records.data import DesignNumbers
 from hgorun.simulation.checks.checks import check_events, check_run
 from hgorun.simulation.design.design import Design
 from hgorun.simulation.design.first_inputs import Recorded

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from hgorun.result.estimated import columns_of
+from hgorun.result.evaluation.estimated import columns_of
 from hgorun.symbolic.evaluate import Floats, evaluate
 
 

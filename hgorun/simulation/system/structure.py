@@ -23,7 +23,7 @@ from hgorun.measurement.signals import Signal, signal, signal_numbers, signal_st
 from hgorun.measurement.variants import Variant
 from hgorun.memo import Memo
 from hgorun.observers.base import AnyObserver
-from hgorun.result.estimated import Estimated
+from hgorun.result.evaluation.estimated import Estimated
 from hgorun.simulation.design.design import Design
 from hgorun.simulation.system.groups import Group
 from hgorun.simulation.system.loop import DrivenPlant

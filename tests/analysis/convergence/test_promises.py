@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from hgorun import Experiment
 from hgorun.analysis.report import Findings, analyze
-from hgorun.result.theory import Transient
+from hgorun.result.records.theory import Transient
 
 ASKED = findings("decay", "convergence")
 OBSERVERS = (

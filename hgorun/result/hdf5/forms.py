@@ -8,7 +8,7 @@ import h5py
 
 from hgorun.config.kinds import HDF5, kind_of_file
 from hgorun.errors import ConfigError, printable
-from hgorun.result.stored import LARGEST, opened
+from hgorun.result.hdf5.stored import LARGEST, opened
 
 RESULT = "hgorun-result-1"
 SWEEP = "hgorun-sweep-1"

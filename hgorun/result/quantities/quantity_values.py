@@ -7,11 +7,11 @@ from collections.abc import Callable, Mapping
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError
-from hgorun.result.closed import ClosedLoop
-from hgorun.result.measure import measure
+from hgorun.result.evaluation.measure import measure
 from hgorun.result.metrics.base import METRICS
 from hgorun.result.metrics.smoothness import HF, nothing_moves
-from hgorun.result.quantity import Quantity, Window
+from hgorun.result.quantities.quantity import Quantity, Window
+from hgorun.result.records.closed import ClosedLoop
 from hgorun.result.result import Result
 from hgorun.result.windows import MetricSettings, points_in
 

@@ -14,10 +14,9 @@ from typing import Any, Literal
 import numpy as np
 
 from hgorun.config.expressions import ExpressionError, nearest, parse
-from hgorun.result.data import PLANT
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.quantity import Quantity, Window
-from hgorun.result.quantity_values import (
+from hgorun.result.quantities.quantity import Quantity, Window
+from hgorun.result.quantities.quantity_values import (
     half_range,
     integral,
     largest,
@@ -28,6 +27,7 @@ from hgorun.result.quantity_values import (
     rms,
     sup,
 )
+from hgorun.result.records.data import PLANT
 from hgorun.result.result import Result
 
 _OF_ONE_RUN = "largest"  # may be without the run's name where there is one run

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection
 
 from hgorun.config.expressions import ExpressionError, nearest
-from hgorun.result.quantities import kinds
+from hgorun.result.quantities.quantities import kinds
 
 _BARE = re.compile(r"\b([A-Za-z_]\w*)\s*\(((?:\s*'[^']*'\s*,)*)\s*([^\s'\"(),][^'\"(),]*?)\s*(?=[,)])")
 _PAIRS = re.compile(r"'[^']*'|\"([^\"']*)\"")

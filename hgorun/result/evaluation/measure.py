@@ -8,7 +8,7 @@ from itertools import count
 import numpy as np
 
 from hgorun.errors import PluginError, called
-from hgorun.result.estimated import Estimated
+from hgorun.result.evaluation.estimated import Estimated
 from hgorun.result.metrics.base import Estimates, Metric, all_metrics
 from hgorun.result.windows import MetricSettings
 
@@ -112,7 +112,7 @@ def _compiled(
     size = len(time) * len(truths.places[0]) if truths.places else 0
     if next(_MEASURED) <= _FEW and size < _MANY:
         return None
-    from hgorun.result.columns import measured
+    from hgorun.result.evaluation.columns import measured
 
     return measured(time, truths, estimated, settings)
 

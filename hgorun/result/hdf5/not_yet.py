@@ -12,7 +12,7 @@ import yaml
 from hgorun.config.kinds import kind_of_file, of_another_command
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError
-from hgorun.result.forms import RESULT, SWEEP
+from hgorun.result.hdf5.forms import RESULT, SWEEP
 
 _SEEDS = 20
 _SUFFIXES = (".yaml", ".yml")

@@ -16,16 +16,16 @@ from typing import Any
 import h5py
 import numpy as np
 
-from hgorun.result import digests
-from hgorun.result.closed_file import write_closed
-from hgorun.result.data import PLANT, DesignNumbers, ResultData
-from hgorun.result.forms import RESULT
+from hgorun.result.file.closed_file import write_closed
+from hgorun.result.file.recorded_file import write_assessed, write_inputs, write_recorded
+from hgorun.result.hdf5 import digests
+from hgorun.result.hdf5.forms import RESULT
+from hgorun.result.hdf5.sink import hdf5_written_whole
+from hgorun.result.hdf5.writer import Writer, labels_of, units_in
 from hgorun.result.metrics.base import all_metrics
-from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded_file import write_assessed, write_inputs, write_recorded
-from hgorun.result.sink import hdf5_written_whole
-from hgorun.result.status import OK, Verdict
-from hgorun.result.writer import Writer, labels_of, units_in
+from hgorun.result.records.data import PLANT, DesignNumbers, ResultData
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.status import OK, Verdict
 
 _MANY = 100  # observers
 

@@ -12,16 +12,16 @@ import h5py
 import numpy as np
 
 from hgorun.native.rows import copied
-from hgorun.result.data import Measurements, ResultData
-from hgorun.result.growing import Background, Constant, Growing
-from hgorun.result.sink import hdf5_and_sink
-from hgorun.result.writer import Writer
-from hgorun.result.writing import form, write
+from hgorun.result.file.writing import form, write
+from hgorun.result.hdf5.growing import Background, Constant, Growing
+from hgorun.result.hdf5.sink import hdf5_and_sink
+from hgorun.result.hdf5.writer import Writer
+from hgorun.result.records.data import Measurements, ResultData
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Trajectories:
-    """Some points of the trajectories of a result, see :class:`~hgorun.result.data.ResultData`.
+    """Some points of the trajectories of a result, see :class:`~hgorun.result.records.data.ResultData`.
 
     Attributes
     ----------

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from hgorun.result.closed import ClosedLoop
-from hgorun.result.data import PLANT, ResultData
-from hgorun.result.stored import StoredFile, is_number
-from hgorun.result.writer import Writer, labels_of, units_in
+from hgorun.result.hdf5.stored import StoredFile, is_number
+from hgorun.result.hdf5.writer import Writer, labels_of, units_in
+from hgorun.result.records.closed import ClosedLoop
+from hgorun.result.records.data import PLANT, ResultData
 
 GROUP = "closed_loop"
 

@@ -16,8 +16,8 @@ import numpy as np
 from hgorun.config.kinds import HDF5, head_of, is_recording, kind_of
 from hgorun.config.nearest import no_file
 from hgorun.errors import ConfigError, printable
-from hgorun.result import digests
-from hgorun.result.guarded import Failed, guarded
+from hgorun.result.hdf5 import digests
+from hgorun.result.hdf5.guarded import Failed, guarded
 
 T = TypeVar("T")
 

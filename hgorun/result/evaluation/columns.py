@@ -17,12 +17,12 @@ import numpy as np
 
 from hgorun.native.compiler import NativeModule, address_of
 from hgorun.native.ir import Function
-from hgorun.result.estimated import Estimated
+from hgorun.result.evaluation.estimated import Estimated
+from hgorun.result.evaluation.passes import FOUND, Passes
 from hgorun.result.metrics.base import Metric
 from hgorun.result.metrics.settling import SETTLING
 from hgorun.result.metrics.sizes import PEAK, RMSE, SUP
 from hgorun.result.metrics.smoothness import HF, TV, odd_points
-from hgorun.result.passes import FOUND, Passes
 from hgorun.result.windows import MetricSettings, points_in
 
 LANES = (2, 4, 8)  # columns at once: the fewest that do, since there may be many rows

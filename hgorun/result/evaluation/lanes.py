@@ -1,6 +1,6 @@
 """The built-in metrics of runs side by side in vector registers, from rows that are still in the cache.
 
-The passes are those of :mod:`hgorun.result.passes`; a vector holds one column of all lanes.
+The passes are those of :mod:`hgorun.result.evaluation.passes`; a vector holds one column of all lanes.
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ import numpy as np
 
 from hgorun.native.compiler import NativeModule, address_of
 from hgorun.native.ir import Function
-from hgorun.result.columns import Windows
+from hgorun.result.evaluation.columns import Windows
+from hgorun.result.evaluation.passes import FOUND, Passes
 from hgorun.result.metrics.base import Metric
-from hgorun.result.passes import FOUND, Passes
 
 _ARRAYS = ("places", "work", "error")
 _NUMBERS = ("rows", "width", "step", "first", "stop", "early", "late", "points", "settled")

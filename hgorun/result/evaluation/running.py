@@ -1,8 +1,8 @@
 """The built-in metrics of a long run in machine code, made while its rows pass.
 
-The operations are those of :mod:`hgorun.result.passes` in the same order, so the bits are those of metrics that are
-made of all rows at once. What has to be known before is found in a first round: the peak, which the settling time is
-a part of, and the mean of what is rough. The second round is for what follows from these.
+The operations are those of :mod:`hgorun.result.evaluation.passes` in the same order, so the bits are those of metrics
+that are made of all rows at once. What has to be known before is found in a first round: the peak, which the settling
+time is a part of, and the mean of what is rough. The second round is for what follows from these.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ import numpy as np
 
 from hgorun.native.compiler import NativeModule, address_of
 from hgorun.native.ir import Function
-from hgorun.result.columns import LANES, Windows, places_of, rows_of_doubles
+from hgorun.result.evaluation.columns import LANES, Windows, places_of, rows_of_doubles
+from hgorun.result.evaluation.passes import FOUND
 from hgorun.result.metrics.base import Metric
-from hgorun.result.passes import FOUND
 
 # What the code takes: addresses and numbers.
 _ARRAYS = ("xhat", "truth", "places", "found", "kept", "sums", "errors")

@@ -8,8 +8,8 @@ from typing import Any
 import h5py
 import numpy as np
 
-from hgorun.result import digests
-from hgorun.result.growing import Constant, Growing
+from hgorun.result.hdf5 import digests
+from hgorun.result.hdf5.growing import Constant, Growing
 
 _CHUNK = 2**20
 

@@ -9,10 +9,10 @@ from itertools import chain
 import numpy as np
 
 from hgorun.engine.many import Reducer
-from hgorun.result.columns import Windows
-from hgorun.result.estimated import Estimated
-from hgorun.result.lanes import LaneMetrics
-from hgorun.result.measure import measure_together
+from hgorun.result.evaluation.columns import Windows
+from hgorun.result.evaluation.estimated import Estimated
+from hgorun.result.evaluation.lanes import LaneMetrics
+from hgorun.result.evaluation.measure import measure_together
 from hgorun.result.metrics.base import Metric
 from hgorun.result.windows import MetricSettings
 

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 import numpy as np
 
 from hgorun.config.named import name_keys
-from hgorun.result.recorded import Assessed
-from hgorun.result.status import OK, Status, Verdict
+from hgorun.result.records.recorded import Assessed
+from hgorun.result.records.status import OK, Status, Verdict
 
 MapName = Literal["chain", "derivatives"]
 _ESTIMATE = ("x", "x_hat", "xh", "estimate", "estimates", "state", "states")  # what others call it

@@ -17,8 +17,8 @@ from types import TracebackType
 import h5py
 import numpy as np
 
-from hgorun.result import digests
-from hgorun.result.sink import Sink
+from hgorun.result.hdf5 import digests
+from hgorun.result.hdf5.sink import Sink
 
 _PIECE = 1 << 16
 _FEW = 8  # numbers of a row

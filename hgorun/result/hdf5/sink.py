@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import h5py
 
 from hgorun.files import written_whole
-from hgorun.result.written_at import write_at
+from hgorun.result.hdf5.written_at import write_at
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer, WriteableBuffer

@@ -7,10 +7,10 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from hgorun.result.data import ResultData
-from hgorun.result.recorded import Assessed, Recorded, RecordedOutput, Unseen
-from hgorun.result.stored import StoredFile
-from hgorun.result.writer import Writer, labels_of, units_in
+from hgorun.result.hdf5.stored import StoredFile
+from hgorun.result.hdf5.writer import Writer, labels_of, units_in
+from hgorun.result.records.data import ResultData
+from hgorun.result.records.recorded import Assessed, Recorded, RecordedOutput, Unseen
 
 _OF_OBSERVERS = {
     "used": "whether each observer has taken the sample",

@@ -12,10 +12,10 @@ import numpy as np
 
 from hgorun.config.named import Named, name_keys
 from hgorun.errors import printable
-from hgorun.result.closed import ClosedLoop
-from hgorun.result.observer import ObserverResult
-from hgorun.result.recorded import Recorded
-from hgorun.result.status import OK, Status, Verdict, worst
+from hgorun.result.records.closed import ClosedLoop
+from hgorun.result.records.observer import ObserverResult
+from hgorun.result.records.recorded import Recorded
+from hgorun.result.records.status import OK, Status, Verdict, worst
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,1 @@
+"""The file of a result: its parts, written at once or while the run goes on."""

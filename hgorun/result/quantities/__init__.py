@@ -1,0 +1,1 @@
+"""Quantities that are asked of results: read from text, measured on trajectories."""

@@ -1,0 +1,1 @@
+"""What a result consists of, as records: trajectories, observers, statuses, recorded samples, theory."""
