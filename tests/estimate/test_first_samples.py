@@ -10,12 +10,14 @@ import numpy as np
 import pytest
 from examples import Block, inline
 from recordings import held_input, observers, recording, signal, source
+from scipy.linalg import expm
 
 from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import completed
-from hgorun.estimate.start import starting
+from hgorun.estimate.start import outliers, starting
 from hgorun.estimate.start.first_values import known_far_behind, known_later, known_too_late
+from hgorun.estimate.start.fit import Fit, fit
 from hgorun.estimate.start.start_task import StartTask
 
 TIMES = np.array([0.0, 0.11, 0.2, 0.32, 0.4, 0.5])
@@ -68,6 +70,23 @@ def ramp(changed: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
     t = 0.01 * np.arange(300)
     noise = 0.01 * np.random.default_rng(5).standard_normal(t.size)
     return t, 1 - 2 * t + changed * np.maximum(t - 1, 0) + noise
+
+
+def test_a_fast_mode_between_samples_far_apart_is_followed() -> None:
+    """60 of its time constants lie between two samples, which the least squares of the exact solution do not mind."""
+    t, random = 60.0 * np.arange(6), np.random.default_rng(4)
+    way = np.stack([expm(np.array([[-1.0, 1.0], [0.0, -0.002]]) * time) for time in t])
+    a, b = (way @ [6.0, 4.0]).T + 0.05 * random.standard_normal((2, t.size))
+    plant = plant_of({"a": "b - a", "b": "-0.002*b"}, {"y": "a", "z": "b"})
+    found = start_of(plant, recording(signal("y", t, a, std=0.05), signal("z", t, b, std=0.05)), t.size)
+    expected = np.linalg.lstsq(np.concatenate([way[:, 0], way[:, 1]]), np.concatenate([a, b]), rcond=None)[0]
+    assert (found["a"], found["b"]) == pytest.approx(tuple(expected), abs=1e-4)
+
+
+def test_a_model_that_is_too_fast_for_any_steps_is_refused() -> None:
+    plant = plant_of({"a": "-1e9*(a - cos(t))"}, "a")
+    with pytest.raises(ConfigError, match="changes too fast"):
+        start_of(plant, recording(*outputs_at(TIMES, a=np.cos(TIMES))), 6)
 
 
 @pytest.mark.costly
@@ -240,13 +259,13 @@ def test_a_sample_that_becomes_known_beyond_all_times_is_refused_with_its_line()
 def test_a_fit_is_made_again_only_where_what_it_depends_on_is_another(monkeypatch: pytest.MonkeyPatch) -> None:
     """Gains of an observer are not; samples, their noise, parameters and inputs are."""
     made: list[int] = []
-    fit = starting._fit
 
-    def counted(task: StartTask, x: np.ndarray) -> starting._Fit | None:
+    def counted(task: StartTask, x: np.ndarray) -> Fit | None:
         made.append(1)
         return fit(task, x)
 
-    monkeypatch.setattr(starting, "_fit", counted)
+    monkeypatch.setattr(starting, "fit", counted)
+    monkeypatch.setattr(outliers, "fit", counted)
 
     def again(a: np.ndarray, theta: float, k: float = 4.0, std: float = 0.01, **more: Any) -> bool:
         made.clear()

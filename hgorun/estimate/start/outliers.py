@@ -1,0 +1,97 @@
+"""Outliers among the first samples: those that no start explains which explains the others."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from hgorun.estimate.start.fit import Fit, fit
+from hgorun.estimate.start.start_task import StartTask
+from hgorun.symbolic.evaluate import Floats
+
+_REWEIGHTED = 30  # passes in which errors of a start count by their size
+_MOST = 3  # of so many samples of a slow output one may be an outlier
+_NORMAL = 1.4826  # standard deviations of normal numbers in their median size
+
+
+def judged(near: StartTask, far: StartTask, x: Floats) -> Fit | None:
+    """The fit to first samples of fast and slow outputs, without outliers.
+
+    First those in the time of the fastest output are judged alone, since over the time of ten samples of a slow one
+    what the model lacks may count more than the noise. Then those of slow outputs are judged beside these: the farthest
+    is left out until all others are within their gates. That counts only where those left out are few, and farther off
+    than the others are from the model; otherwise no start explains so long a time.
+
+    Parameters
+    ----------
+    near, far : StartTask
+        Of the samples in the time of the fastest output, and of as many of each output.
+    x : ndarray
+        A guess.
+    """
+    found = without_outliers(near, x)
+    more = [of_far.size > of_near.size for of_near, of_far in zip(near.numbers, far.numbers, strict=True)]
+    if found is None or not any(more):
+        return found
+    kept = np.concatenate([~np.isin(one, left) for one, left in zip(far.numbers, found.left, strict=True)])
+    output = np.repeat(np.arange(len(more)), [one.size for one in far.numbers])
+    may, sizes = [one.size // _MOST for one in far.numbers], list[float]()
+    at = fit(replace(far, weights=kept.astype(float)), found.x)
+    while at is not None:
+        error, _ = at.task.residuals(at.x)
+        beyond = np.where(kept, at.own_deviations(error) / far.gates, 0.0)
+        worst = int(np.argmax(beyond))
+        if beyond[worst] <= 1:
+            known = kept & np.isfinite(far.gates)
+            told = bool(sizes) and min(sizes) > _spread(error[known], x.size)
+            return replace(at, left=far.chosen(~kept)) if told else found
+        kept[worst] = False
+        sizes.append(float(beyond[worst]))
+        i = int(output[worst])
+        if not more[i] or np.count_nonzero(~kept[output == i]) > may[i]:
+            return found
+        at = fit(replace(at.task, weights=kept.astype(float)), at.x)
+    return found
+
+
+def _spread(error: Floats, states: int) -> float:
+    """The standard deviation of the errors of a fit."""
+    return float(np.sqrt(error @ error / max(error.size - states, 1)))
+
+
+def without_outliers(task: StartTask, x: Floats) -> Fit | None:
+    """The fit to all samples, or where gates leave some out, that to the others.
+
+    If all are within the gates of the fit to all, that is the one; errors count in their own standard deviations, which
+    are smaller at the ends of the samples, where a fit follows each of them more. Otherwise the farthest is left out.
+    If the others are not within their gates even then, what is far off counts by its size and no
+    longer by its square, which few outliers turn little; those that are beyond the gates of that fit are left out. Two
+    more samples than states are needed to tell which of them it is, and more than half have to agree.
+    """
+    found = fit(task, x)
+    if found is None or len(task.gates) < x.size + 2:
+        return found
+    task = found.task
+    error, _ = task.residuals(found.x)
+    beyond = found.own_deviations(error) / task.gates
+    if not np.any(beyond > 1):
+        return found
+    kept = np.arange(error.size) != np.argmax(beyond)
+    others = fit(replace(task, weights=kept.astype(float)), found.x)
+    if others is not None:
+        rest, _ = others.task.residuals(others.x)
+        within = not np.any(others.own_deviations(rest)[kept] > task.gates[kept])
+        if within and np.max(beyond) > _spread(rest[kept & np.isfinite(task.gates)], x.size):
+            return replace(others, left=task.chosen(~kept))
+    bent = found
+    for _ in range(_REWEIGHTED):
+        weights = 1 / np.sqrt(np.maximum(np.abs(error), 1.0))
+        bent = fit(replace(bent.task, weights=weights), bent.x) or bent
+        error, _ = bent.task.residuals(bent.x)
+    free = np.sort(np.abs(error))[x.size :]  # those that it need not pass through
+    kept = np.abs(error) <= task.gates * max(1.0, _NORMAL * float(np.median(free)))
+    if kept.all() or 2 * np.count_nonzero(kept) <= kept.size:
+        return found
+    others = fit(replace(bent.task, weights=kept.astype(float)), bent.x)
+    return found if others is None else replace(others, left=task.chosen(~kept))
