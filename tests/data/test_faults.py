@@ -13,6 +13,7 @@ TIME = np.arange(2000) * 0.02
 RANDOM = np.random.default_rng(1)
 SMOOTH = 5 + 3 * np.sin(TIME)
 NOISY = SMOOTH + 0.05 * RANDOM.normal(size=TIME.size)
+NOISE = np.random.default_rng(3).normal(size=400)
 HARMLESS = {
     "smooth": SMOOTH,
     "noisy": NOISY,
@@ -96,10 +97,54 @@ def test_a_slip_of_the_unit_is_found(factor: float, count: int) -> None:
     assert said == (f"a factor {factor:g}" if factor > 1 else f"a factor 1/{1 / factor:g}")
 
 
+ON = (np.arange(400) // 30) % 2 == 1
+CYCLE = np.tile([*np.full(30, 0.02), *np.linspace(0.03, 2, 60), *np.full(30, 2.0)], 3)
+SWITCHED = {
+    "flow": np.where(ON, 2.0, 0.02),
+    "noisy flow": np.where(ON, 2 + 0.02 * NOISE, 0.02 + 0.004 * NOISE),
+    "noise of its size": np.where(ON, 2.0, 0.02) * (1 + 0.02 * NOISE),
+    "rounded": np.where(ON, 2 + 0.01 * NOISE, 0.02 + 0.003 * NOISE).round(2),
+    "three levels": np.where(ON, np.where(np.arange(400) % 60 < 45, 1.0, 2.0), 0.02),
+    "heater": np.where(ON, 600.0, 10.0),
+    "speed": np.where(ON, 273 + NOISE, 0.1 * NOISE),
+    "pulses": np.where((np.arange(400) % 50 < 2) | (np.arange(400) > 350), 2.0, 0.02),
+    "emptied at once": CYCLE * (1 + 0.003 * NOISE[: CYCLE.size]),
+}
+
+
+@pytest.mark.parametrize("name", SWITCHED)
+def test_what_is_switched_has_no_other_unit(name: str) -> None:
+    assert faults.slips(SWITCHED[name]) == []
+
+
+VARYING = {
+    "wave": SMOOTH + 0.05 * RANDOM.normal(size=TIME.size),
+    "level": 1.35 + 0.05 * np.sin(TIME / 3) + 1e-3 * RANDOM.normal(size=TIME.size),
+}
+
+
+@pytest.mark.parametrize("name", VARYING)
+def test_a_unit_that_slips_again_is_found_in_what_varies(name: str) -> None:
+    values = VARYING[name].copy()
+    places = [300, 500, 900, 1100]
+    for start, stop in (places[:2], places[2:]):
+        values[start:stop] *= 1000
+    assert [place for place, _ in faults.slips(values)] == places
+
+
+def test_what_is_switched_there_and_back_may_be_a_slip() -> None:
+    places = [[place for place, _ in faults.slips(SWITCHED["flow"][:count])] for count in (50, 80)]
+    assert places == [[30], [30, 60]]
+
+
 def test_degrees_and_kelvins_are_told_apart() -> None:
     values = NOISY + 30
     values[700:] += 273.15
     assert faults.slips(values) == [(700, "273.15")]
+    again = 20 + 0.5 * np.sin(TIME) + 0.01 * RANDOM.normal(size=TIME.size)
+    for start, stop in ((300, 500), (900, 1100)):
+        again[start:stop] += 273.15
+    assert [place for place, _ in faults.slips(again)] == [300, 500, 900, 1100]
 
 
 def test_stamps() -> None:

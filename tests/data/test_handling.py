@@ -30,6 +30,9 @@ AGAIN = changed(times={11: TIMES[10], 12: TIMES[10]})
 KNOTS = np.arange(0, 60, 6)
 FILLED = table(TIMES, np.interp(TIMES, TIMES[KNOTS], VALUES[KNOTS]))
 STUCK = changed(values={k: 20.5 for k in range(20, 45)})
+LONG_TIMES, LONG_VALUES = noisy(100)
+LONG_VALUES[5:26] = LONG_VALUES[60:82] = 20.5
+STUCK_TWICE = table(LONG_TIMES, LONG_VALUES)
 SLIPPED = changed(values={k: VALUES[k] * 1000 for k in range(30, 60)})
 GAP = table(np.where(np.arange(60) < 40, TIMES, TIMES + 1000), VALUES)
 WILD = changed(values={7: 900.0, 9: -5})
@@ -44,6 +47,12 @@ PLAUSIBLE = {"outputs": {"S": {"column": "glucose", "plausible": [0, 100]}}}
         (AGAIN, {}, {}, r":13: outputs\.S: the time stamp .* has come before, on line 12; faults: \{repeated: first\}"),
         (FILLED, {}, {}, r":2: outputs\.S: .* on straight lines, .* \(lines 2 to 8, .*\); faults: \{filled: drop\}"),
         (STUCK, {}, {"stuck": "refuse"}, r":22: outputs\.S: 25 samples of equal values .*\(lines 22 to 46\)"),
+        (
+            STUCK_TWICE,
+            {},
+            {"stuck": "refuse"},
+            r":7: outputs\.S: 43 samples in 2 stretches of equal values, .*\(lines 7 to 27, 62 to 83\)",
+        ),
         (SLIPPED, {}, {}, r":32: outputs\.S: from here on the values differ by a factor 1000 .*slips: report"),
         (GAP, {}, {"gaps": "refuse"}, r":42: outputs\.S: the time stamps jump by more than 20 usual steps"),
         (WILD, PLAUSIBLE, {"implausible": "refuse"}, r":9: outputs\.S: the value is outside of \[0, 100\]"),

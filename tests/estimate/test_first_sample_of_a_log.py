@@ -13,6 +13,7 @@ from scipy.integrate import solve_ivp
 
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
+from hgorun.estimate.scores.shut_out import shut_out
 from hgorun.result.result import Result
 
 PERIOD, COUNT, GATE, STD = 0.125, 24, 5.0, 0.02
@@ -92,6 +93,14 @@ def test_a_start_that_is_moved_and_an_outlier_that_is_used_are_told() -> None:
     assert f"starts from {found.observers['O'].xhat[0, 0]:.6g}, which these say, in place of {y[0]:g}" in moved
     assert used.startswith(f"log.csv:2: a: {y[0]:g}, taken at 0, is an outlier beside the other first samples")
     assert "G uses it" in used
+
+
+def test_one_of_few_samples_is_an_outlier_and_not_too_many_for_one() -> None:
+    found = estimated(values({0: 3.0}), np.arange(4), {"O": OBSERVERS["O"]})
+    (told,) = found.remarks
+    assert "the first sample is an outlier" in told
+    assert assessed_of(found, "O").scores["gated"] == {"a": 1}
+    assert not any(shut_out(found))
 
 
 @pytest.mark.parametrize("gravity", ["1", "1.5"])

@@ -21,6 +21,7 @@ from hgorun.data.faults.fault_passes import (
     large_steps,
     straight_runs,
 )
+from hgorun.data.faults.switched import is_switched
 from hgorun.memo import Memo, same
 
 GAP = 20.0
@@ -168,7 +169,18 @@ def slips(values: np.ndarray) -> list[tuple[int, str]]:
     factors, shifts = large_steps(values)
     near = _steadily(values, factors, _LEAST)  # of noise around zero few are left
     found = [(int(k), _said(factor)) for k, factor in _confirmed(values, _steadily(values, near, width), width)]
-    return sorted(found + [(int(k), "273.15") for k in _shifted(values, shifts, width)])
+    if found and is_switched(_logarithms(values), found[0][0], factors):
+        found = []
+    shifted = _shifted(values, shifts, width)
+    if shifted.size and is_switched(values, int(shifted[0]), shifts, wide=NEAR):
+        return found
+    return sorted(found + [(int(k), "273.15") for k in shifted])
+
+
+def _logarithms(values: np.ndarray) -> np.ndarray:
+    """Those of the sizes of some values; of 0 as of the least that is none."""
+    sizes = np.abs(values)
+    return np.log(np.maximum(sizes, sizes[sizes > 0].min()))
 
 
 def _said(factor: float) -> str:

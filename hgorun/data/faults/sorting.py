@@ -253,10 +253,10 @@ class Sorting:
 
     def _stuck(self, samples: Samples) -> Samples:
         hint = "faults: {stuck: report} or drop if this is known"
-        what = "of equal values in a row, as if the sensor were stuck"
-        return self._stretches(
-            samples, faults.stuck(samples.values), "stuck", what, self._told.stuck or "report", hint, _start
-        )
+        found = faults.stuck(samples.values)
+        held = "of equal values in a row" if len(found) < 2 else f"in {len(found):,} stretches of equal values"
+        what = f"{held}, as if the sensor were stuck"
+        return self._stretches(samples, found, "stuck", what, self._told.stuck or "report", hint, _start)
 
     def _stretches(
         self,

@@ -37,8 +37,11 @@ class ShutOut:
 
 
 def too_many(left_out: int, count: int, in_a_row: int = 0) -> bool:
-    """Whether a gate has left out more of ``count`` samples, or more one after the other, than can be outliers."""
-    return left_out > _OUTLIERS * count or in_a_row >= _IN_A_ROW
+    """Whether a gate has left out more of ``count`` samples, or more one after the other, than can be outliers.
+
+    A single one may always be one.
+    """
+    return left_out > max(1, _OUTLIERS * count) or in_a_row >= _IN_A_ROW
 
 
 def told_row(in_a_row: int, when: str = "") -> str:
