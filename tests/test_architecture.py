@@ -52,10 +52,10 @@ ANALYSIS_FLOORS: list[set[str]] = [
     {"report"},
 ]
 DATA_FLOORS: list[set[str]] = [
-    {"samples", "tags", "times"},
+    {"samples", "times"},
     {"cells", "recording"},
     {"table", "told_once", "units"},
-    {"clocks", "lengths"},
+    {"clocks", "lengths", "tags"},
     {"faults"},
     {"csv", "input_ends"},
     {"arrays"},

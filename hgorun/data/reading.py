@@ -11,6 +11,7 @@ import numpy as np
 
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.config.refusals import Refusals
+from hgorun.data.cells import Flags
 from hgorun.data.clocks import rounding
 from hgorun.data.faults import sentinels
 from hgorun.data.faults.sorting import Sorting
@@ -22,7 +23,9 @@ from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal
 from hgorun.data.samples import Samples
 from hgorun.data.sources import LogFile, Part, Sources, Wanted, given_references, remarks_on
 from hgorun.data.table import Table
+from hgorun.data.tags import mixed
 from hgorun.data.told_once import told_once
+from hgorun.errors import ConfigError
 
 _LONG = 1 << 18  # samples from which threads pay
 
@@ -195,11 +198,34 @@ class _Making:
             told = told.model_copy(update={"gaps": block.faults.gaps})
         measured = isinstance(block, Judged)
         period = self.periods.get(signal.name) if measured else None
-        without = isinstance(block, Judged) and block.quality is None
-        tags = signal.parts[0].file.table.tags if without else dict
-        sorting = Sorting(told, measured, self.clock.origin, period, tags)
+        near = signal.parts[0].file.table.texts if isinstance(block, Judged) and block.quality is None else None
+        sorting = Sorting(told, measured, self.clock.origin, period, near)
         plausible = block.plausible if isinstance(block, Judged) else None
-        return sorting.sorted_out(samples, plausible), found + sorting.notes
+        sorted_out = sorting.sorted_out(samples, plausible)
+        return sorted_out, [*found, *sorting.notes, *self._of_several(signal, samples)]
+
+    def _of_several(self, signal: Wanted, samples: Samples) -> Iterator[Note]:
+        """What is told of rows that may be of several signals.
+
+        Raises
+        ------
+        ConfigError
+            Where they are.
+        """
+        block, file = signal.block, signal.parts[0].file
+        measured, plausible = isinstance(block, Judged), None
+        if isinstance(block, Judged):
+            if block.quality is not None:
+                return
+            plausible = block.plausible
+        read = {cells.column for cells in file.wanted if not isinstance(cells, Flags)}
+        found = mixed(file.table.texts(), samples, block.column, read, plausible)
+        if found is None:
+            return
+        message = found.sentence(measured=measured)
+        if found.sure:
+            raise ConfigError(message, file=str(file.path), line=found.line, key=signal.key)
+        yield Note(kind="tags", signal=signal.key, file=str(file.path), line=found.line, message=message)
 
     def signal(self, signal: Wanted, samples: Samples) -> Signal:
         block = signal.block

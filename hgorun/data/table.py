@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
 from hgorun.data.cells import Cells
 from hgorun.errors import ConfigError
+
+Texts: TypeAlias = Mapping[str, Mapping[int, str]]
+"""The cells of some rows, by the name of their column and by their line."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -66,8 +69,8 @@ class TableFile(Protocol):
             All columns that are read.
         """
 
-    def tags(self) -> Mapping[str, str]:
-        """Columns that name the signal that each row is of, with the first name; none where that is not looked for."""
+    def texts(self, *lines: int) -> Texts:
+        """The first rows, or those near some lines, as texts; none of files that have none, or of many columns."""
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it, within some bytes of memory."""

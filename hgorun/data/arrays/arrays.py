@@ -13,7 +13,7 @@ import numpy as np
 from hgorun.config.data import Csv
 from hgorun.data.cells import Cells, Flags, Numbers, Stamps
 from hgorun.data.csv.missing import leave_out, missing_numbers, missing_texts
-from hgorun.data.table import Table, too_large
+from hgorun.data.table import Table, Texts, too_large
 from hgorun.data.times.date_hints import as_yaml
 from hgorun.data.times.dates import NAT, counted
 from hgorun.data.times.since import counts_from_a_date, since
@@ -39,12 +39,16 @@ class ArrayColumn:
         Its first value that is not missing; a date in ISO 8601.
     calendar : str
         Of numbers whose unit is such as ``minutes since 2024-01-01``; empty where the file names none.
+    texts : sequence of str
+        Its first values, where a few columns stand beside each other and one of them holds texts; missing ones are
+        empty.
     """
 
     rows: int
     unit: str
     sample: str
     calendar: str = ""
+    texts: Sequence[str] = ()
 
 
 class ArrayFormat(Protocol):
@@ -111,9 +115,9 @@ class ArrayFile:
         why = _aside(self._path, lambda: self._form.passed_over(self._path, column), 2**26)
         return f" {column} is there, but {why}." if why else ""
 
-    def tags(self) -> Mapping[str, str]:
-        """Of arrays none are looked for."""
-        return {}
+    def texts(self, *lines: int) -> Texts:
+        """The first rows of a table with texts."""
+        return {name: dict(enumerate(column.texts, 1)) for name, column in self._columns.items() if column.texts}
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it, all of one length.

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pyarrow
 
 _FIRST = 1_000  # rows in which the first value of a column is looked for
+_SHOWN, _FEW = 200, 50  # rows that are kept as texts, and columns of a table of which they are
 _AT_ONCE = 1 << 18  # decimals that are held as text
 _DATE = "1970-01-01"  # stands for whatever date comes first
 
@@ -40,9 +41,12 @@ class Parquet:
         with ParquetFile(path) as file:
             rows = file.metadata.num_rows
             batch = next(file.iter_batches(batch_size=_FIRST, use_threads=False), None)
+            if batch is None:
+                return {field.name: ArrayColumn(rows, "", "") for field in file.schema_arrow}
+            kept = batch.num_columns <= _FEW and any(map(_is_text, batch.schema.types))
             return {
-                field.name: ArrayColumn(rows, "", "" if batch is None else _sample(batch.column(place)))
-                for place, field in enumerate(file.schema_arrow)
+                field.name: ArrayColumn(rows, "", _sample(column), texts=_texts(column[:_SHOWN]) if kept else ())
+                for field, column in zip(file.schema_arrow, batch.columns, strict=True)
             }
 
     def columns(self, path: Path, names: Sequence[str]) -> Mapping[str, np.ndarray]:
@@ -89,6 +93,23 @@ def _sample(values: pyarrow.Array) -> str:
     if _is_date(values.type):
         return _DATE
     return printable(str(there[0].as_py()))[:100] if len(there) else ""
+
+
+def _is_text(kind: pyarrow.DataType) -> bool:
+    from pyarrow import types
+
+    plain = kind.value_type if types.is_dictionary(kind) else kind
+    return bool(types.is_string(plain) or types.is_large_string(plain))
+
+
+def _texts(values: pyarrow.Array) -> tuple[str, ...]:
+    """Values as texts; none of lists and the like."""
+    import pyarrow
+
+    try:
+        return tuple(printable(text or "") for text in values.cast(pyarrow.string()).to_pylist())
+    except (pyarrow.ArrowInvalid, pyarrow.ArrowNotImplementedError):
+        return ()
 
 
 def _is_date(kind: pyarrow.DataType) -> bool:

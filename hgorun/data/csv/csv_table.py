@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import replace
+from functools import cached_property
 from itertools import accumulate, chain, islice
 from pathlib import Path
 
@@ -22,12 +23,12 @@ from hgorun.data.csv.kept_lines import KeptLines
 from hgorun.data.csv.missing import leave_out
 from hgorun.data.csv.rows import Rows
 from hgorun.data.csv.text import Block, blocks
-from hgorun.data.table import Columns, Table
-from hgorun.data.tags import are_tags
+from hgorun.data.table import Columns, Table, Texts
 from hgorun.errors import ConfigError
 
 _SEARCHED = 1_000_000  # rows in which the first value of a column is looked for
 _SHOWN = 300  # lines that show how a table is written
+_NEAR = 100  # lines above and below one that are looked at
 _SHOWN_BLOCKS = 8  # or that have them
 _ABOVE = 50  # lines in which a header is looked for
 _SMALL = 1 << 24  # bytes of a file of which nothing is read ahead
@@ -65,7 +66,8 @@ class CsvFile:
         """The first value of a column that is not missing; empty where there is none among the first million rows."""
         place = self.dialect.names.index(column)
         rows = _all_cells(_from_line(blocks(self._path, self._told.encoding), self.dialect.first), self.dialect)
-        found = (row[place] for row in islice(chain([self.dialect.rows[0][1]], rows), _SEARCHED) if place < len(row))
+        first = chain(self.dialect.rows[:1], rows)
+        found = (row[place] for _, row in islice(first, _SEARCHED) if place < len(row))
         return next((text for text in found if text.strip().lower() not in self.dialect.missing), "")
 
     def unit(self, column: str) -> str:
@@ -94,16 +96,18 @@ class CsvFile:
             return ""
         return f" Line {first + place + 1} has it: if that is the header, csv: {{skip: {first + place}}}."
 
-    def tags(self) -> Mapping[str, str]:
-        """Columns of words of which few are different, as names of signals below each other, with the first of each."""
-        rows = list(
-            islice(
-                _all_cells(_from_line(blocks(self._path, self._told.encoding), self.dialect.first), self.dialect),
-                _SHOWN,
-            )
-        )
-        columns = dict(zip(self.dialect.names, zip(*rows, strict=False), strict=False))
-        return {name: words[0].strip() for name, words in columns.items() if are_tags(words)}
+    def texts(self, *lines: int) -> Texts:
+        """The first rows, or those near some lines."""
+        return _by_column(self.dialect, chain.from_iterable(map(self._near, lines))) if lines else self._first_texts
+
+    @cached_property
+    def _first_texts(self) -> Texts:
+        return _by_column(self.dialect, self.dialect.rows)
+
+    def _near(self, line: int) -> Iterator[tuple[int, Sequence[str]]]:
+        begin = max(line - _NEAR, self.dialect.first)
+        rest = _from_line(blocks(self._path, self._told.encoding), begin)
+        return islice(_all_cells(rest, self.dialect), 2 * _NEAR)
 
     def table(self, wanted: Sequence[Cells], budget: float) -> Table:
         """Columns of it.
@@ -219,13 +223,21 @@ class _Reading:
             self._columns.add(lines, values)
 
 
-def _all_cells(parts: Iterator[Block], dialect: Dialect) -> Iterator[Sequence[str]]:
-    """The cells of every row, as far as quotes do not hold ends of lines."""
+def _all_cells(parts: Iterator[Block], dialect: Dialect) -> Iterator[tuple[int, Sequence[str]]]:
+    """The line and the cells of every row, as far as quotes do not hold ends of lines."""
     for block in parts:
-        for raw in block.text.split(b"\n"):
+        for number, raw in enumerate(block.text.split(b"\n"), block.line):
             line = raw.decode("utf-8", "replace")
             if line.strip() and not is_comment(line, dialect.comment, dialect.missing, dialect.separator):
-                yield cells_of(line, dialect.separator)
+                yield number, cells_of(line, dialect.separator)
+
+
+def _by_column(dialect: Dialect, rows: Iterable[tuple[int, Sequence[str]]]) -> Texts:
+    columns: list[dict[int, str]] = [{} for _ in dialect.names]
+    for line, cells in rows:
+        for column, cell in zip(columns, cells, strict=False):
+            column[line] = cell.strip()
+    return dict(zip(dialect.names, columns, strict=True))
 
 
 def _without_brackets(unit: str) -> str:

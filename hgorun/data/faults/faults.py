@@ -180,7 +180,7 @@ def slips(values: np.ndarray) -> list[tuple[int, str]]:
 def _logarithms(values: np.ndarray) -> np.ndarray:
     """Those of the sizes of some values; of 0 as of the least that is none."""
     sizes = np.abs(values)
-    return np.log(np.maximum(sizes, sizes[sizes > 0].min()))
+    return np.asarray(np.log(np.maximum(sizes, sizes[sizes > 0].min())))
 
 
 def _said(factor: float) -> str:

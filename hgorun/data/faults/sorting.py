@@ -15,13 +15,14 @@ from hgorun.data.faults.periods import means, unwrapped
 from hgorun.data.faults.said_places import samples_said, where
 from hgorun.data.recording import Note, Origin
 from hgorun.data.samples import Samples
-from hgorun.data.tags import Tags, of_several
+from hgorun.data.tags import NearRows, of_several
 from hgorun.errors import ConfigError
 
 _ALL_DIGITS = 17  # that tell two doubles apart
 _AS_MEASURED = "faults: {slips: report} if this was measured so"
 _HELD = "an input's last value is held meanwhile, or with hold: linear a straight line goes to the next"
 _IF_KNOWN = "faults: {repeated: first}, last, mean or keep if this is known"
+_IF_SORTED = "faults: {backwards: sort} or {backwards: drop} if this is known"
 _LATEST = 1e8  # steps between samples
 
 
@@ -37,8 +38,8 @@ class Sorting:
         Of their times.
     period : float, optional
         Up to which the values are known, as those of an angle.
-    tags : callable
-        Columns that may name the signal of each row, with the first of their names.
+    near : callable, optional
+        Gives the rows near some lines of a file, where these may name the signal that they are of.
     """
 
     def __init__(
@@ -47,9 +48,9 @@ class Sorting:
         measured: bool,
         origin: Origin,
         period: float | None = None,
-        tags: Tags = dict,
+        near: NearRows | None = None,
     ) -> None:
-        self._told, self._measured, self._origin, self._period, self._tags = told, measured, origin, period, tags
+        self._told, self._measured, self._origin, self._period, self._near = told, measured, origin, period, near
         self.notes: list[Note] = []
         self._twice = clock_changes.HourTwice(origin)
 
@@ -161,7 +162,7 @@ class Sorting:
             return self._by_arrival(samples)
         k, told = int(back[0]), self._told.backwards
         what = f"the time stamp {shown(samples.taken[k], self._origin, samples.time_unit)} lies before one above it"
-        hint = "faults: {backwards: sort} or {backwards: drop} if this is known"
+        hint = of_several(self._near, samples, (k - 1, k), _IF_SORTED)
         what, hint, noted = self._twice.told(samples.taken, what, hint)
         if told == "drop":
             wrong = np.zeros(samples.values.size, dtype=bool)
@@ -192,7 +193,8 @@ class Sorting:
         what = f"the time stamp {stamp} has come before, on {above}"
         if samples.coarse:
             what += f", or is the same only as a double, which are {samples.coarse:.3g} apart here: {EXACT}"
-        what, hint, noted = self._twice.told(samples.taken, what, of_several(self._tags(), _IF_KNOWN))
+        hint = of_several(self._near, samples, (before, k), _IF_KNOWN)
+        what, hint, noted = self._twice.told(samples.taken, what, hint)
         if told is None or told == "refuse":
             raise self._refused(samples, k, what, hint)
         self._note("repeated", samples, k, again.size, f"{samples_said(again.size)} ({told}): {noted}")
