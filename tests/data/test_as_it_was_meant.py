@@ -63,7 +63,7 @@ def test_dates_that_are_in_order_neither_way_are_only_refused_as_running_backwar
 
 def test_days_beyond_the_twelfth_leave_one_reading(tmp_path: Path) -> None:
     stamps = ("05.01.2024", "13.01.2024", "11.01.2024", "12.01.2024")
-    with pytest.raises(ConfigError, match="lies before one above it"):
+    with pytest.raises(ConfigError, match="is later than stamps below it"):
         recorded(tmp_path, dated(stamps), {"time": {"column": "t", "format": "%d.%m.%Y"}})
 
 

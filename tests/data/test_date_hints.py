@@ -157,6 +157,7 @@ def test_all_that_may_be_meant_is_said(tmp_path: Path, stamp: str, forms: list[s
 
 
 NO_DATE = "; it is no date and time in any order of day, month and year"
+MISTYPED = "; the others are dates in order, and this one alone is wrong: correct it in the file"
 
 
 @pytest.mark.parametrize(
@@ -245,8 +246,9 @@ def test_a_pattern_that_is_said_reads_what_stands_above(tmp_path: Path) -> None:
             ["0.5", "1.5", "29.02.2024 13:45"],
             "; this one is of the form %d.%m.%Y %H:%M, and '0.5' is not: a column has one form",
         ),
-        ("%d.%m.%y", ["02.10.16", "03.10.16", "02.16.13", "04.10.16"], "found '02.16.13'"),
-        ("%d.%m.%Y", ["05.02.2024", "06.02.2024", "05.03.2024", "03.31.2024"], "found '03.31.2024'"),
+        ("%d.%m.%y", ["02.10.16", "03.10.16", "02.16.13", "04.10.16"], f"found '02.16.13'{MISTYPED}"),
+        ("%d.%m.%Y", ["05.02.2024", "06.02.2024", "05.03.2024", "03.31.2024"], MISTYPED),
+        ("%d.%m.%Y", ["05.02.2024", "06.02.2024", "03.31.2024"], "found '03.31.2024'"),
         ("%d.%m.%Y %H:%M:%S", ["31.12.2016 16:31:00", "31.12.2016 24:00:00"], NO_DATE),
         ("%Y%m%d%H%M%S", ["20160504223253", "20160509223263"], "found '20160509223263'"),  # 22:32:53 as a year
         ("%Y%m%d%H%M%S", ["20161231235959", "20161231236060"], "found '20161231236060'"),

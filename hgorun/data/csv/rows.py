@@ -137,11 +137,14 @@ class Rows:
             for cells, place in zip(self._wanted, self._places, strict=True)
             if not isinstance(cells, Flags) and cells.key
         ]
-        above = [(number, cells) for number, cells in self._dialect.rows if number < line]
+        known = [(number, cells) for number, cells in self._dialect.rows if number != line]
+        last = known[-1][0] if known else 0
+        first = sorted([*known, (line, row)], key=lambda one: one[0])
+        below = (one for one in islice(rest, _BELOW) if one[0] > last)  # of rows that are read one by one
         with suppress(ConfigError):  # of one below
-            for _, other in chain(above, [(line, row)], islice(rest, _BELOW)):
+            for _, other in chain(first, below):
                 for beside, place in of_dates:
-                    if place < len(other):
+                    if place < len(other) and '"' not in other[place]:
                         beside.append(other[place].strip())
         for cells, place, read in zip(self._wanted, self._places, self._readers, strict=True):
             try:

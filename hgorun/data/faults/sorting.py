@@ -11,6 +11,7 @@ from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data.clocks import EXACT, duration_shown, shown
 from hgorun.data.faults import clock_changes, faults
+from hgorun.data.faults.one_stamp import one_ahead
 from hgorun.data.faults.periods import means, unwrapped
 from hgorun.data.faults.said_places import samples_said, where
 from hgorun.data.recording import Note, Origin
@@ -169,7 +170,8 @@ class Sorting:
             wrong[back] = True
             return self._by_arrival(self._kept(samples, wrong, "backwards", noted, None))
         if told != "sort" and not samples.late:
-            raise self._refused(samples, k, what, hint)
+            alone = None if hint == clock_changes.RIGHT else one_ahead(samples, k, self._origin)
+            raise self._refused(samples, *(alone or (k, what, hint)))
         self._note("backwards", samples, k, back.size, f"{samples_said(back.size)} sorted by time: {noted}")
         return self._by_arrival(samples)
 

@@ -9,9 +9,11 @@ from contextlib import suppress
 from datetime import datetime, timedelta
 from itertools import pairwise
 
+import numpy as np
 import yaml
 
 from hgorun.data.times.date_forms import foreign_month, lacks_year, longest_part, may_read, patterns_of
+from hgorun.data.times.time_steps import unevenness
 from hgorun.data.times.zones import date_of
 
 _EXAMPLE = "%d.%m.%Y %H:%M:%S"
@@ -20,6 +22,9 @@ _NUMERIC = re.compile(
     r"[0-9]{1,4}([./-])[0-9]{1,2}\1[0-9]{1,4}(?:[ T,]+[0-9]{1,2}:[0-9]{2}(?::[0-9]{2}(?:[.,][0-9]+)?)?)?"
 )
 _EPOCH = datetime(1970, 1, 1)
+_CLEARLY = 2.0  # times as evenly
+_SEVERAL = 3  # others that show how a column is written
+_MISTYPED = "; the others are dates in order, and this one alone is wrong: correct it in the file"
 _FIRST = {"d": "day", "m": "month", "y": "year"}
 _LIKE_DATES = re.compile(
     r"[0-9]{1,4}([./-])[0-9]{1,2}\1[0-9]{1,4}(?:[ T].*)?|[0-9]{1,2}:[0-9]{2}(?::[0-9]{2})?.*|[0-9]{8}T[0-9]{4,6}.*"
@@ -58,6 +63,8 @@ def form_hint(text: str, key: str, column: str, beside: Sequence[str], taken: Ca
     """
     found = patterns_of(text)
     others = [other for other in beside if other not in ("", text)] if found else []
+    if _is_mistyped(text, others, beside, taken, list(found.values())):
+        return _MISTYPED
     for other in others:
         both = {order: form for order, form in found.items() if may_read(other, form)}
         if not both and (patterns_of(other) or (other is others[0] and times_in([other], taken))):
@@ -78,6 +85,28 @@ def form_hint(text: str, key: str, column: str, beside: Sequence[str], taken: Ca
     for form in found.values():
         return f"; a date of another form needs its pattern, such as {clock_key(key, column, form)}"
     return _hint_of_parts(text) if key else ""  # without one it is most likely no date
+
+
+def _is_mistyped(
+    text: str, others: Sequence[str], beside: Sequence[str], taken: Callable[[str], float], forms: Sequence[str]
+) -> bool:
+    """Whether a text is written as all others are, and these are in order in the form in which the column is read.
+
+    In a pattern that reads all of them, too, they are less even.
+    """
+    times = times_in(others, taken)
+    if not len(times) == len(others) >= _SEVERAL or not _in_order(times) or times_in([text], taken):
+        return False
+    if _shape(text) != _shape(others[0]):
+        return False
+    evenly = _CLEARLY * unevenness(np.array(times))
+    in_order = [form for form in forms if _in_order(times_in(beside, reader(form)))]
+    read = [times_in(others, reader(form)) for form in in_order]
+    return not any(len(one) == len(others) and unevenness(np.array(one)) <= evenly for one in read)
+
+
+def _shape(text: str) -> str:
+    return re.sub(r"\d", "0", text)
 
 
 def times_in(texts: Sequence[str], taken: Callable[[str], float]) -> list[float]:

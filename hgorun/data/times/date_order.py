@@ -6,10 +6,13 @@ import numpy as np
 
 from hgorun.data.times.dates import NAT
 from hgorun.data.times.day_counts import DAY
+from hgorun.data.times.time_steps import unevenness
 
 _HOUR = 3600 * 10**9  # nanoseconds
 _MONTHS = 12
 _TIMES = 3  # what is usual
+_MOST = 2  # steps backwards that one time can make
+_CLEARLY = 2.0  # times as evenly
 _FEWEST = 3  # different dates that are in order by more than chance
 
 
@@ -88,7 +91,8 @@ def passes_midnight(found: np.ndarray) -> int | None:
 def exchanged(found: np.ndarray) -> int | None:
     """Of dates that are in order only with day and month exchanged, the first that lies before the one above it.
 
-    None where they are in order as they are, cannot be read otherwise, or are not in order then either.
+    None where they are in order as they are, cannot be read otherwise, or are not in order then either; also where one
+    alone is out of order, and the others are more evenly spaced as they are.
     """
     there = np.flatnonzero(found != NAT)
     stamps = found[there]
@@ -107,4 +111,20 @@ def exchanged(found: np.ndarray) -> int | None:
     month = (months - years.astype("datetime64[M]")).astype(int) + 1
     turned = (years.astype("datetime64[M]") + (day - 1)).astype("datetime64[D]") + (month - 1)
     other = turned.astype(int) * DAY + stamps % DAY
-    return None if np.any(np.diff(other) < 0) else int(there[back[0] + 1])
+    if np.any(np.diff(other) < 0) or _is_mistyped(stamps, other):
+        return None
+    return int(there[back[0] + 1])
+
+
+def out_of_order(times: np.ndarray) -> list[int]:
+    """Those of some times without which, one alone, the others increase; there are several where two are exchanged."""
+    back = np.flatnonzero(np.diff(times) <= 0)
+    places = {int(k) + side for k in back for side in (0, 1)} if 0 < back.size <= _MOST else set()
+    return sorted(k for k in places if np.all(np.diff(np.delete(times, k)) > 0))
+
+
+def _is_mistyped(stamps: np.ndarray, other: np.ndarray) -> bool:
+    """Whether one stamp alone is out of order, and the others are more evenly spaced than in another reading."""
+    return any(
+        _CLEARLY * unevenness(np.delete(stamps, k)) < unevenness(np.delete(other, k)) for k in out_of_order(stamps)
+    )

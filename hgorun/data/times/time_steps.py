@@ -36,6 +36,13 @@ def _even_step(times: np.ndarray) -> float:
     return median_step(times)
 
 
+def unevenness(times: np.ndarray) -> float:
+    """How far steps of times are from their median, on average, as a fraction of it; infinite where that is 0."""
+    steps = np.diff(times).astype(float)
+    usual = float(np.median(steps)) if steps.size else 0.0
+    return float(np.mean(np.abs(steps - usual))) / usual if usual > 0 else np.inf
+
+
 def median_step(times: np.ndarray) -> float:
     """The median of the steps of some times, without those that are repeated; NaN where there is none."""
     return _STEPS.get(same(times), lambda: _median_step(times))
