@@ -19,9 +19,11 @@ from hgorun.data.times.date_texts import iso_stamp, looks_like_iso
 from hgorun.data.times.dates import NAT, counted
 from hgorun.data.times.day_counts import (
     DAY,
+    OTHER_DAYS,
     WORKBOOKS,
     Span,
     dates_in_digits,
+    days_of_workbooks,
     odd_days,
     odd_seconds,
     other_starts,
@@ -120,7 +122,7 @@ def _nanoseconds(values: np.ndarray, unit: int, start: int, table: Table, column
     if wrong is None and column.clock.format in WORKBOOKS and np.any(before := values < 0):
         wrong = int(before.argmax())
     if wrong is not None:
-        message = out_of_range(float(values[wrong]), column.clock.format)
+        message = out_of_range(float(values[wrong]), column.clock.format, time.time_ns())
         raise ConfigError(message, file=str(table.path), line=int(table.lines[wrong]), key=column.cells.column)
     return found
 
@@ -178,18 +180,21 @@ def _undeclared(column: ClockColumn, values: np.ndarray, unit: str) -> Iterator[
     first, now = float(values[0]), time.time_ns()
     begins = f"column {name!r}: its numbers are taken in {taken} and begin at {first:.10g}, which would be the date"
     too_long = is_too_long(first, size)
-    if too_long and (found := unix_unit(first, now)) is not None:
+    right = clock_key(key, name, "unix")
+    if too_long and (other := next(other_starts(first, now), None)) is not None:
+        date, of, how = other
+        yield f"{begins} {date}, {of[:-1]}: if they are dates, {how}, with {right}"
+    elif too_long and (found := unix_unit(first, now)) is not None:
         since, date = found
-        right = clock_key(key, name, "unix")
-        if since != "s":
-            right = f"{right[:-1]}, unit: {since}}}"
-    elif column.clock.unit is None and (day := first_day(values, size, now)) is not None:
-        date, right = day, clock_key(key, name, "excel")
-    else:
-        for date, of, how in other_starts(first, now) if too_long else ():
-            yield f"{begins} {date}, {of[:-1]}: if they are dates, {how}, with {clock_key(key, name, 'unix')}"
-        return
-    yield f"{begins} {date}: if they are dates, {right}"
+        right = right if since == "s" else f"{right[:-1]}, unit: {since}}}"
+        yield f"{begins} {date}: if they are dates, {right}"
+    elif column.clock.unit is None:
+        right = clock_key(key, name, "excel")
+        if (day := first_day(values, size, now)) is not None:
+            yield f"{begins} {day}: if they are dates, {right}"
+        for of, before in OTHER_DAYS.items():
+            if (day := first_day(values, size, now, before)) is not None:
+                yield f"{begins} {day}, {of}: if they are dates, {days_of_workbooks(before)}, with {right}"
 
 
 def rounding(cells: Cells, table: Table) -> tuple[float, float]:

@@ -1,5 +1,6 @@
 """Numbers without a format that are dates by their size are told with the key that reads them; large times are not."""
 
+import re
 import time
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -10,6 +11,7 @@ from logs import recorded
 
 from hgorun.config.data import Data
 from hgorun.data.reading import read
+from hgorun.errors import ConfigError
 
 START = datetime(2024, 3, 1, 14, 0)
 
@@ -116,6 +118,7 @@ def test_other_numbers_are_no_digits_of_dates(tmp_path: Path, stamps: list[str])
     [
         (datetime(1904, 1, 1), 1, "n - 2082844800", "in s from 1904-01-01, as LabVIEW counts"),
         (datetime(1601, 1, 1), 10**7, "n / 10000000 - 11644473600", "in 100 ns from 1601-01-01, as Windows counts"),
+        (datetime(1, 1, 1), 10**7, "n / 10000000 - 62135596800", "in 100 ns from 0001-01-01, as .NET counts"),
     ],
 )
 def test_what_counts_from_another_day_is_told_with_how_it_is_made_unix_time(
@@ -147,3 +150,42 @@ def test_dates_after_today_are_not_advised_and_told_where_they_are_declared(tmp_
         "column 't': the last date is 2090-03-02, after today; in s from 1904-01-01, as LabVIEW counts, it would be "
         "2024-03-01: write n - 2082844800 in place of each number n into the file"
     )
+
+
+OTHER_DAYS = [
+    (datetime(1, 1, 1), 367, "n - 693960", "in days of MATLAB (datenum)"),
+    (datetime(2000, 1, 1, 12), 2_451_545, "n - 2415018.5", "in Julian days"),
+]
+
+
+@pytest.mark.parametrize(("day", "number", "sum_", "by"), OTHER_DAYS)
+def test_days_that_no_workbook_counts_are_told_with_how_they_are_made_days_of_one(
+    tmp_path: Path, day: datetime, number: int, sum_: str, by: str
+) -> None:
+    """MATLAB counts the first day of year 1 as 367, and noon of 2000-01-01 is the Julian day 2451545."""
+    numbers = [f"{(moment - day) / timedelta(days=1) + number:.6f}" for moment in EVERY]
+    how = f"write {sum_} in place of each number n into the file"
+    for unit in "sh":
+        (message,) = told(tmp_path, numbers, unit)
+        assert message.endswith(f"2024-03-01, {by}: if they are dates, {how}, with time: {{column: t, format: excel}}")
+    assert not told(tmp_path, numbers, "d")
+    workbook = {"column": "t", "format": "excel"}
+    with pytest.raises(ConfigError, match=rf"{re.escape(by)} it would be 2024-03-01: {re.escape(how)}"):
+        told(tmp_path, numbers, "h", workbook)
+    as_advised = [f"{eval(sum_, {'n': float(number)}):.6f}" for number in numbers]
+    assert as_advised == days(*(7 * k for k in range(8)))
+
+
+def test_ticks_that_are_declared_as_unix_time_are_told(tmp_path: Path) -> None:
+    ticks = [f"{(moment - datetime(1, 1, 1)) // timedelta(microseconds=1) * 10}" for moment in EVERY]
+    right = "in 100 ns from 0001-01-01, as .NET counts, it would be 2024-03-01: write n / 10000000 - 62135596800 in"
+    with pytest.raises(ConfigError, match=f"found 6.38449e\\+17; {right}"):
+        told(tmp_path, ticks, "s", {"column": "t", "format": "unix"})
+    (message,) = told(tmp_path, ticks, "s", {"column": "t", "format": "unix", "unit": "ns"})
+    assert message.startswith(f"column 't': the last date is 1990-03-26; {right}")
+
+
+@pytest.mark.parametrize("start", [739_312.5, 2_460_371.25])
+def test_large_times_with_steps_of_their_own_are_no_days(tmp_path: Path, start: float) -> None:
+    for step in (0.05, 1 / 7, 2.0):
+        assert not told(tmp_path, [f"{start + step * k:.6f}" for k in range(8)], "s")

@@ -33,8 +33,11 @@ _SINCE = np.datetime64("2000-01-01", "ns").astype(np.int64)
 _STARTS = {
     (10**9, 2_082_844_800): "in s from 1904-01-01, as LabVIEW counts,",
     (100, 11_644_473_600): "in 100 ns from 1601-01-01, as Windows counts,",
+    (100, 62_135_596_800): "in 100 ns from 0001-01-01, as .NET counts,",
 }
 """By what is counted, in nanoseconds, and the seconds from there to 1970."""
+OTHER_DAYS = {"in days of MATLAB (datenum)": 693_960.0, "in Julian days": 2_415_018.5}
+"""What is taken from days that no workbook counts to make days of a workbook."""
 
 Span: TypeAlias = tuple[int, int]
 """The first and the last of some dates, in nanoseconds since 1970."""
@@ -47,16 +50,30 @@ def span_of(stamps: np.ndarray) -> Span | None:
     return (int(there.min()), int(there.max())) if there.size else None
 
 
-def out_of_range(value: float, form: str | None) -> str:
-    """That a number is no date of a format, and what it would be in another one."""
-    days = form in WORKBOOKS
-    expected = "a day of a workbook, 0 or more, before 2262" if days else "a date between 1678 and 2262"
-    hints = [
-        f"; with {'format: unix, ' if days else ''}unit: {unit} it would be {day_of(value * size)}"
-        for unit, size in UNITS.items()
-        if of_our_days(value * size)
-    ]
-    return f"expected {expected}, found {value:g}{''.join(hints[:1])}"
+def out_of_range(value: float, form: str | None, now: int) -> str:
+    """That a number is no date of a format, and what it would be in another one.
+
+    Parameters
+    ----------
+    value : float
+    form : str or None
+    now : int
+        In nanoseconds since 1970.
+    """
+    if form in WORKBOOKS:
+        expected, unix = "a day of a workbook, 0 or more, before 2262", "format: unix, "
+        moments = ((of, n, (value - n) * DAY + WORKBOOKS["excel"]) for of, n in OTHER_DAYS.items())
+        hints = [
+            f"{of} it would be {day_of(moment)}: {days_of_workbooks(n)}"
+            for of, n, moment in moments
+            if _SINCE <= moment <= now + 2 * DAY
+        ]
+    else:
+        expected, unix = "a date between 1678 and 2262", ""
+        hints = [f"{of} it would be {day}: {how}" for day, of, how in other_starts(value, now)]
+    dates = {unit: value * size for unit, size in UNITS.items()}
+    hints += [f"with {unix}unit: {u} it would be {day_of(date)}" for u, date in dates.items() if of_our_days(date)]
+    return f"expected {expected}, found {value:g}{''.join(f'; {hint}' for hint in hints[:1])}"
 
 
 def odd_days(form: str, span: Span, now: int) -> str | None:
@@ -94,6 +111,10 @@ def odd_seconds(unit: int, span: Span, now: int, *, said: bool) -> str | None:
         Whether the configuration has it: days of a workbook have none.
     """
     first, last = (end / unit for end in span)
+    if (
+        unit == 1 and (found := next(other_starts(last, now), None)) is not None
+    ):  # a year of .NET's is one month of 1990
+        return f"the last date is {day_of(span[1])}; {found[1]} it would be {found[0]}: {found[2]}"
     if of_our_days(*span):
         hint = "".join(f"; {of} it would be {day}: {how}" for day, of, how in other_starts(last, now, unit))
         return f"the last date is {day_of(span[1])}, after today{hint}" if span[1] > now + 2 * DAY else None
@@ -152,6 +173,11 @@ def other_starts(number: float, now: int, unit: int | None = None) -> Iterator[t
         if unit in (None, size) and _SINCE <= moment <= now + 2 * DAY:
             parts = "n" if size == UNITS["s"] else f"n / {UNITS['s'] // size}"
             yield day_of(moment), of, f"write {parts} - {start} in place of each number n into the file"
+
+
+def days_of_workbooks(before: float) -> str:
+    """What makes days of a workbook of days that begin so many before those."""
+    return f"write n - {before:.10g} in place of each number n into the file"
 
 
 def of_our_days(*nanoseconds: float) -> bool:

@@ -40,8 +40,8 @@ def unix_unit(first: float, now: int) -> tuple[str, str] | None:
     return next(((name, day_of(dates[name])) for name in usual), None)
 
 
-def first_day(values: np.ndarray, unit: float, now: int) -> str | None:
-    """The first date of numbers that are days of a workbook by all signs; None of others.
+def first_day(values: np.ndarray, unit: float, now: int, before: float = 0.0) -> str | None:
+    """The first date of numbers that are days of a workbook, or others, by all signs; None of others.
 
     They are between 2000 and now, a step is less than one, and all are whole minutes or seconds of a day. Seconds or
     hours of that size that a device counts are decimals of few digits, or those of a camera: they are no such days.
@@ -54,11 +54,13 @@ def first_day(values: np.ndarray, unit: float, now: int) -> str | None:
         In which they would be taken, in nanoseconds; nothing is wrong with days.
     now : int
         In nanoseconds since 1970.
+    before : float
+        What is taken from them to make days of a workbook.
     """
     some = values[:: max(1, values.size // _LOOKED_AT)]
     if unit == DAY or some.size < _FEWEST:
         return None
-    first, last = (float(end) * DAY + WORKBOOKS["excel"] for end in (some.min(), some.max()))
+    first, last = ((float(end) - before) * DAY + WORKBOOKS["excel"] for end in (some.min(), some.max()))
     if not (first >= _SINCE and last <= now + 2 * DAY) or not 0 < float(np.median(np.diff(values[:_LOOKED_AT]))) < 1:
         return None
     if any(_whole(some * parts, 1e-3) for parts in _ROUND):
