@@ -26,6 +26,8 @@ HARMLESS = {
     "steps, filtered": lfilter([0.1], [1, -0.9], np.sign(np.sin(0.5 * TIME))),
     "saturation": 3 / (1 + np.exp(20 - TIME)),
     "walk": np.cumsum(RANDOM.normal(size=TIME.size)),
+    "converter": np.rint((50 + 20 * np.sin(TIME)) / 0.0244) * 0.0244,
+    "slow converter": np.rint((50 + 20 * np.sin(TIME / 8)) / 0.00611) * 0.00611,
     "angle": np.rint((np.cumsum(0.3 * np.sin(3 * TIME)) % 6.28) * 326) / 326,
 }
 
@@ -130,6 +132,14 @@ def test_a_unit_that_slips_again_is_found_in_what_varies(name: str) -> None:
     for start, stop in (places[:2], places[2:]):
         values[start:stop] *= 1000
     assert [place for place, _ in faults.slips(values)] == places
+
+
+@pytest.mark.parametrize("digits", [None, 3, 4])
+def test_noise_of_one_size_has_no_other_unit(digits: int | None) -> None:
+    """As of a flow that is turned on once: that of another unit would be a hundred times as large."""
+    values = np.where(np.arange(400) < 200, 0.02, 2.0) + 0.004 * NOISE
+    assert faults.slips(values if digits is None else values.round(digits)) == []
+    assert [place for place, _ in faults.slips(values.round(2))] == [200]  # nothing but digits
 
 
 def test_what_is_switched_there_and_back_may_be_a_slip() -> None:

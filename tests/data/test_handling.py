@@ -33,6 +33,8 @@ STUCK = changed(values={k: 20.5 for k in range(20, 45)})
 LONG_TIMES, LONG_VALUES = noisy(100)
 LONG_VALUES[5:26] = LONG_VALUES[60:82] = 20.5
 STUCK_TWICE = table(LONG_TIMES, LONG_VALUES)
+AT_REST = table(LONG_TIMES, np.where(LONG_VALUES == 20.5, 0.0, LONG_VALUES))
+CONSTANT = table(LONG_TIMES, np.full(100, 20.5))
 SLIPPED = changed(values={k: VALUES[k] * 1000 for k in range(30, 60)})
 GAP = table(np.where(np.arange(60) < 40, TIMES, TIMES + 1000), VALUES)
 WILD = changed(values={7: 900.0, 9: -5})
@@ -52,6 +54,18 @@ PLAUSIBLE = {"outputs": {"S": {"column": "glucose", "plausible": [0, 100]}}}
             {},
             {"stuck": "refuse"},
             r":7: outputs\.S: 43 samples in 2 stretches of equal values, .*\(lines 7 to 27, 62 to 83\)",
+        ),
+        (
+            AT_REST,
+            {},
+            {"stuck": "refuse"},
+            r":7: .* 43 samples in 2 stretches of equal values, at an end of their range: at",
+        ),
+        (
+            CONSTANT,
+            {},
+            {"stuck": "refuse"},
+            r":2: .* 100 samples of equal values in a row, as if the sensor were stuck",
         ),
         (SLIPPED, {}, {}, r":32: outputs\.S: from here on the values differ by a factor 1000 .*slips: report"),
         (GAP, {}, {"gaps": "refuse"}, r":42: outputs\.S: the time stamps jump by more than 20 usual steps"),

@@ -34,7 +34,9 @@ LINE = 10
 _SHORT_LINE = 4
 _FACTORS = np.array([60.0, 100.0, 1000.0, 3600.0, 1e6])
 _FEW = 5  # samples that show nothing usual
+_COARSE = 8  # steps of the digits: so much coarser is a converter whose own steps look like bends
 _FIRST = 100_000  # samples that show what is usual
+_AS_LARGE = 3.0  # times: noise of one size, and noise that is none of the digits
 _LEAST, _MOST = 3, 20  # samples on each side of a slip that have to agree, in a short and in a long log
 
 
@@ -157,8 +159,29 @@ def _quantum(rise: np.ndarray) -> float:
         parts = sizes / step
         # rounding leaves differences of rounded numbers off by some last bits
         if np.median(parts) < 1e9 and np.mean(np.abs(parts - np.rint(parts)) < 1e-3) > 0.9:
-            return float(step)
+            return float(step) * _coarser(np.unique(np.rint(parts)))
     return 0.0
+
+
+def _coarser(parts: np.ndarray) -> float:
+    """The step that whole numbers are multiples of but for their rounding, as a converter's is in decimals; else 1.
+
+    Parameters
+    ----------
+    parts : ndarray, shape (n,)
+        Ascending, from 1 on.
+    """
+    step = upto = float(parts[0])
+    if step < _COARSE:
+        return 1.0
+    while upto < 2 * parts[-1]:
+        upto *= 2
+        some = parts[parts <= upto]  # larger ones tell the step more exactly, once it is known to some extent
+        counts = np.rint(some / step)
+        step = float(some @ counts / (counts @ counts))
+    counts = np.rint(parts / step)
+    alike = np.abs(parts - counts * step) <= 1
+    return step if np.unique(counts).size >= _FEW and np.mean(alike) > 0.9 else 1.0
 
 
 def slips(values: np.ndarray) -> list[tuple[int, str]]:
@@ -168,7 +191,8 @@ def slips(values: np.ndarray) -> list[tuple[int, str]]:
         return []
     factors, shifts = large_steps(values)
     near = _steadily(values, factors, _LEAST)  # of noise around zero few are left
-    found = [(int(k), _said(factor)) for k, factor in _confirmed(values, _steadily(values, near, width), width)]
+    steady = _scaled(values, _steadily(values, near, width), width)
+    found = [(int(k), _said(factor)) for k, factor in _confirmed(values, steady, width)]
     if found and is_switched(_logarithms(values), found[0][0], factors):
         found = []
     shifted = _shifted(values, shifts, width)
@@ -200,6 +224,15 @@ def _steadily(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
     places, before, after = _beside(values, places, width)
     steady: np.ndarray = places[_steady(before) & _steady(after)]
     return steady
+
+
+def _scaled(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
+    """Those without noise that is as large on both sides: that of a slip has the unit of its values, too."""
+    places, before, after = _beside(values, places, width)
+    noise = np.sort([np.abs(np.diff(side, axis=1)).mean(axis=1) for side in (before, after)], axis=0)
+    digits = np.array([_quantum(np.diff(both)) for both in np.hstack([before, after])])
+    scaled: np.ndarray = places[~((noise[1] < _AS_LARGE * noise[0]) & (noise[0] > _AS_LARGE * digits))]
+    return scaled
 
 
 def _confirmed(values: np.ndarray, places: np.ndarray, width: int) -> list[tuple[int, float]]:

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+import numpy as np
+
 from hgorun.data.faults.faults import Stretch
 from hgorun.data.samples import Samples
+from hgorun.pieces import extremes
 
 _SHOWN = 5  # places of a fault whose lines are named
 
@@ -13,6 +16,16 @@ _SHOWN = 5  # places of a fault whose lines are named
 def samples_said(count: int) -> str:
     """One sample, or several."""
     return "1 sample" if count == 1 else f"{count:,} samples"
+
+
+def held_said(values: np.ndarray, found: Sequence[Stretch]) -> str:
+    """What is said of stretches of equal values: at the least or the largest one a machine rests, or meets a limit."""
+    rows = "of equal values in a row" if len(found) == 1 else f"in {len(found):,} stretches of equal values"
+    ends = extremes(values)
+    at_ends = ends[0] < ends[1] and all(values[stretch.start] in ends for stretch in found)
+    if at_ends:
+        return f"{rows}, at an end of their range: at rest or at a limit, or of a sensor that is stuck"
+    return f"{rows}, as if the sensor were stuck"
 
 
 def where(samples: Samples, places: Sequence[Stretch]) -> str:

@@ -13,7 +13,7 @@ from hgorun.data.clocks import EXACT, duration_shown, shown
 from hgorun.data.faults import clock_changes, faults
 from hgorun.data.faults.one_stamp import one_ahead
 from hgorun.data.faults.periods import means, unwrapped
-from hgorun.data.faults.said_places import samples_said, where
+from hgorun.data.faults.said_places import held_said, samples_said, where
 from hgorun.data.recording import Note, Origin
 from hgorun.data.samples import Samples
 from hgorun.data.tags import NearRows, of_several
@@ -258,8 +258,7 @@ class Sorting:
     def _stuck(self, samples: Samples) -> Samples:
         hint = "faults: {stuck: report} or drop if this is known"
         found = faults.stuck(samples.values)
-        held = "of equal values in a row" if len(found) < 2 else f"in {len(found):,} stretches of equal values"
-        what = f"{held}, as if the sensor were stuck"
+        what = held_said(samples.values, found)
         return self._stretches(samples, found, "stuck", what, self._told.stuck or "report", hint, _start)
 
     def _stretches(
