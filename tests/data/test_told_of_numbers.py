@@ -115,6 +115,19 @@ def test_so_are_multiples_of_ten_whose_last_digit_is_always_zero(tmp_path: Path,
     assert of_kind(recorded(tmp_path, shorter, faults), "format") == []
 
 
+def test_so_are_those_that_never_fall_where_a_zero_ends_them(tmp_path: Path) -> None:
+    """As decimals they would have three of them throughout: 150.000 beside 1.050."""
+    numbers = [*np.random.default_rng(4).integers(20, 190, 220).tolist(), 1048, 1050, 1055, 1061, 150, 1090]
+    (said,) = of_kind(recorded(tmp_path, rows(tuple(map(pointed, numbers)), ",")), "format")
+    assert said.startswith(f":223: column 'glucose': the point in 1.050 beside {numbers[219]} is read as a decimal")
+    for others in (
+        [f"{number / 1000:.3f}" if number > 999 else f"{number}.000" for number in numbers],
+        [f"{number / 1000:g}" if number > 999 else f"{number}" for number in numbers],
+        [f"{number / 1000:.3f}" if number > 999 else "0" for number in numbers],
+    ):
+        assert of_kind(recorded(tmp_path, rows(tuple(others), ",")), "format") == []
+
+
 @pytest.mark.parametrize("hole", ["-9999", "9999", "99999.9"])
 @pytest.mark.parametrize("place", [2, 300])
 def test_a_number_for_no_value_hides_no_thousands(tmp_path: Path, place: int, hole: str) -> None:

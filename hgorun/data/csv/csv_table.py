@@ -148,7 +148,7 @@ class CsvFile:
             sample = self.dialect.grouped.get(cells.column)
             if sample is not None and grouped.still_may_be(values):
                 yield cells, 0, grouped.told(cells.column, sample)
-            elif sample is None and (found := grouped.first_fall(values, self._texts(table, cells.column))):
+            elif sample is None and (found := grouped.first_doubt(values, self._texts(table, cells.column))):
                 place, sample, beside = found
                 yield cells, int(table.lines[place]), grouped.told(cells.column, sample, beside)
 

@@ -75,10 +75,12 @@ def _may_be(values: np.ndarray) -> np.ndarray:
     return fits
 
 
-def first_fall(values: np.ndarray, text_of: Callable[[int], str]) -> tuple[int, str, str] | None:
-    """Where a column of whole numbers goes on with numbers of three decimals, some hundred times less, or ends them.
+def first_doubt(values: np.ndarray, text_of: Callable[[int], str]) -> tuple[int, str, str] | None:
+    """Where a column of whole numbers goes on with numbers of three decimals that may be thousands, or ends them.
 
-    Numbers that stand for a missing value are left out: see :func:`hgorun.data.faults.sentinels.sentinels`.
+    They are some hundred times less than the whole number beside, or end with a zero where whole ones have no point:
+    who writes three decimals writes them of all. Numbers that stand for a missing value are left out: see
+    :func:`hgorun.data.faults.sentinels.sentinels`.
 
     Parameters
     ----------
@@ -98,7 +100,7 @@ def first_fall(values: np.ndarray, text_of: Callable[[int], str]) -> tuple[int, 
     for number, _, _ in sentinels(values):
         values = np.where(values == number, np.nan, values)
     least, largest = extremes(values)
-    if not _FALL <= max(largest, -least) < 1000:
+    if not max(largest, -least) < 1000 or everywhere(_is_whole, values):
         return None
     places = np.flatnonzero(np.isfinite(values))
     sizes = np.abs(values[places])
@@ -111,12 +113,30 @@ def first_fall(values: np.ndarray, text_of: Callable[[int], str]) -> tuple[int, 
     falls = large[:-1] & small[1:] & (sizes[:-1] >= _FALL * sizes[1:])
     rises = large[1:] & small[:-1] & (sizes[1:] >= _FALL * sizes[:-1])
     if not (found := np.flatnonzero(falls | rises)).size:
-        return None
+        return _with_zero(values, places, text_of)
     first = int(found[0])
     point, other = (first + 1, first) if falls[first] else (first, first + 1)
     if np.all(np.round(pointed, 2) == pointed) and not _GROUPED.fullmatch(text_of(int(places[point]))):
         return None
     return int(places[point]), f"{values[places[point]]:.3f}", f"{values[places[other]]:.0f}"
+
+
+def _is_whole(values: np.ndarray) -> np.ndarray:
+    whole: np.ndarray = (values == np.floor(values)) | ~np.isfinite(values)
+    return whole
+
+
+def _with_zero(values: np.ndarray, places: np.ndarray, text_of: Callable[[int], str]) -> tuple[int, str, str] | None:
+    """The same of a number whose third decimal is a zero, beside whole ones without a point; places of all that are."""
+    there = values[places]
+    whole = places[(there == np.floor(there)) & (np.abs(there) > 1)]
+    in_tens = places[(there != np.floor(there)) & (np.round(there, 2) == there)]
+    if whole.size < _FEWEST or not in_tens.size:
+        return None
+    first = int(in_tens[0])
+    above = int(whole[max(np.searchsorted(whole, first) - 1, 0)])
+    sample, beside = text_of(first), text_of(above)
+    return (first, sample, beside) if _GROUPED.fullmatch(sample) and _SMALL.fullmatch(beside) else None
 
 
 def told(column: str, sample: str, beside: str = "") -> str:
