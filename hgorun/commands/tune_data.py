@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as json_text
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -67,10 +67,9 @@ def tune_data(options: Options, text: str, source: Source) -> int:
         experiments = [completed(source, one.given, options.config.stem, text) for one in samples]
         cases = [Case(experiment, one) for experiment, one in zip(experiments, samples, strict=True)]
         _check_deviations(goal, experiments[0])
-        given = {label: tuple(one.get("initial") or ()) for label, one in source.data["observers"].items()}
         tasks = _tasks(experiments[0], goal, block)
         found = [
-            _tuned(cases, given, one, gains, block.runs(len(gains), recorded=True), _as_given(source, gains))
+            _tuned(cases, one, gains, block.runs(len(gains), recorded=True), _as_given(source, gains))
             for one, gains in tasks
         ]
     folder = options.output or RESULTS
@@ -173,7 +172,6 @@ def _as_given(source: Source, gains: Sequence[Gain]) -> dict[str, float] | None:
 
 def _tuned(
     cases: Sequence[Case],
-    given: Mapping[str, tuple[str, ...]],
     goal: Goal,
     gains: list[Gain],
     budget: int,
@@ -183,8 +181,6 @@ def _tuned(
 
     Parameters
     ----------
-    given : mapping of str to tuple of str
-        By observer the states whose initial estimates are given.
     written : dict of str to float, optional
         The gains in the file, which are kept where all others are as good.
     """
@@ -194,7 +190,7 @@ def _tuned(
         replace(
             case,
             experiment=case.experiment.varied(others) if others else case.experiment,
-            named=given[goal.label] if models and case.samples.given.start_is_fitted else None,
+            refitted=models and case.samples.given.start_is_fitted and bool(case.experiment.begun.get(goal.label)),
         )
         for case in cases
     ]

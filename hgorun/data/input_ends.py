@@ -45,6 +45,5 @@ def inputs_beyond(inputs: Mapping[str, InputSignal], outputs: Mapping[str, Signa
 
 
 def _note(name: str, signal: InputSignal, k: int, message: str) -> Note:
-    return Note(
-        kind="gaps", signal=f"inputs.{name}", file=str(signal.source), line=int(signal.lines[k]), message=message
-    )
+    file, line = signal.place(k)
+    return Note(kind="gaps", signal=f"inputs.{name}", file=file, line=line, message=message)

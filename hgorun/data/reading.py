@@ -257,6 +257,8 @@ class _Making:
             hold=signal.block.hold,
             lines=samples.lines,
             source=samples.sources[0],
+            sources=samples.sources,
+            part=samples.part,
         )
 
 

@@ -69,6 +69,10 @@ class Signal:
     def __repr__(self) -> str:
         return f"<Signal {self.name!r}: {self.values.size} samples from {self.source.name}>"
 
+    def place(self, k: int) -> tuple[str, int]:
+        """File and line of a sample."""
+        return _place(self, k)
+
     def stands_in(self, file: Path) -> np.ndarray:
         """Which of the samples stand in a file, shape (n,)."""
         where = [k for k, source in enumerate(self.sources) if real_path(source) == real_path(file)]
@@ -94,6 +98,9 @@ class InputSignal:
         What it is between them: the last value, or a straight line.
     lines : ndarray of integers, shape (n,)
     source : Path
+    sources : tuple of Path
+    part : ndarray of integers
+        As of a :class:`Signal`.
     """
 
     name: str
@@ -103,9 +110,21 @@ class InputSignal:
     hold: Hold
     lines: np.ndarray
     source: Path
+    sources: tuple[Path, ...] = ()
+    part: np.ndarray = field(default_factory=lambda: np.empty(0, np.int16))
 
     def __repr__(self) -> str:
         return f"<InputSignal {self.name!r}: {self.values.size} values from {self.source.name}>"
+
+    def place(self, k: int) -> tuple[str, int]:
+        """File and line of a value."""
+        return _place(self, k)
+
+
+def _place(signal: Signal | InputSignal, k: int) -> tuple[str, int]:
+    """File and line of a sample of a log, which may have several parts."""
+    source = signal.sources[int(signal.part[k])] if signal.part.size else signal.source
+    return str(source), int(signal.lines[k])
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -23,7 +23,7 @@ from hgorun.measurement.blocks import Measurement
 from hgorun.observers.base import OBSERVERS
 from hgorun.plants.base import units_of
 from hgorun.simulation.experiment.blocks import plant_of
-from hgorun.simulation.experiment.experiment import Experiment
+from hgorun.simulation.experiment.experiment import Begun, Experiment
 
 _OF_NOISE = ("noise", "mode")  # what a measurement block says beside data: when samples come is in these
 
@@ -72,46 +72,50 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     experiment = Experiment(whole, name=name, text=text).with_intervals(intervals)
     with experiment.located():
         _check_names(experiment, recording)
-    first = measured = first_values(experiment, recording)
+    measured, others = first_values(experiment, recording), dict[str, float]()
     changes = {}
-    if not given["plant"].get("initial") and first:
-        changes["plant.initial"] = {state: first.get(state, 0.0) for state in states}
-    sought = set(states) if recording.start_is_fitted else set(first)
+    if not given["plant"].get("initial") and measured:
+        changes["plant.initial"] = {state: measured.get(state, 0.0) for state in states}
+    sought = set(states) if recording.start_is_fitted else set(measured)
     judged = recording.start_is_fitted or any(one.gate is not None for one in recording.outputs.values())
     if judged and not all(sought <= set(one.initial) for one in experiment.observers.values()):
-        there = changes | _begin(experiment, first)
+        there = changes | _begin(experiment, measured)
         guess = Experiment(_with(whole, there), name=name, text=text).with_intervals(intervals)
-        first = _start_in(guess, recording) or first
+        others = _start_in(guess, recording)
+    first = others if others.keys() >= measured.keys() else measured | others
     changes |= _begin(experiment, first)
     if not changes:
         return experiment
     found = Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
-    same = {state for state, value in first.items() if value == measured.get(state)}
-    return found.with_sampled({label: same - set(one.initial) for label, one in experiment.observers.items()})
+    begun: Begun = {
+        label: {state: "model" if state in others else "sample" for state in first if state not in one.initial}
+        for label, one in experiment.observers.items()
+    }
+    return found.with_begun(begun)
 
 
-def _begin(experiment: Experiment, first: dict[str, float]) -> dict[str, Any]:
+def _begin(experiment: Experiment, first: Mapping[str, float]) -> dict[str, Any]:
     """The keys with which observers begin there, where their own ``initial`` does not name a state."""
-    starts = {label: first | one.initial for label, one in experiment.observers.items()}
+    starts = {label: {**first, **one.initial} for label, one in experiment.observers.items()}
     changed = {label: start for label, start in starts.items() if start != experiment.observers[label].initial}
     return {f"observers.{label}.initial": start for label, start in changed.items()}
 
 
 def _start_in(guess: Experiment, recording: Recording) -> dict[str, float]:
-    """By state where observers begin that have no start; nothing where that is the first sample.
+    """By state where the model says that observers begin which have no start; nothing where that is the first sample.
 
     Raises
     ------
     ConfigError
     """
-    from hgorun.estimate.start.left_at_start import first_sound  # only here
+    from hgorun.estimate.start.left_at_start import first_moved  # only here
     from hgorun.estimate.start.starting import fitted_start
 
     if recording.start_is_fitted:
         with guess.located():
             return fitted_start(prepare_estimate(guess, recording), recording.first_samples)
     try:
-        return first_sound(prepare_estimate(guess, recording))
+        return first_moved(prepare_estimate(guess, recording))
     except HgorunError:  # what is wrong is said when the run is prepared
         return {}
 

@@ -183,13 +183,13 @@ def _remarks(prepared: PreparedEstimate, recording: Recording, found: Evaluated)
         for late, labels in by_count.items():
             by = "" if len(labels) == len(observers) else f" by {', '.join(labels)}"
             if late:
-                used = "is not used" if late == 1 else "are not used"
-                told.append(f"{one.output}: {samples_said(late)} became known after newer ones and {used}{by}")
+                newer = " became known after newer ones and"
+                used = samples_said(late, f"{newer} is not used", f"{newer} are not used")
+                told.append(f"{one.output}: {used}{by}")
         outside = recording.outputs[one.output].values.size - one.values.size
         if outside:
             why = _shortened_by(prepared.experiment, recording)
-            lie = "lies" if outside == 1 else "lie"
-            told.append(f"{one.output}: {samples_said(outside)} {lie} outside of the run{why}")
+            told.append(f"{one.output}: {samples_said(outside, ' lies', ' lie')} outside of the run{why}")
     of_all = {one.output: (one.late, one.values.size) for one in prepared.samples}
     told += told_left_out(prepared.experiment.observers, of_all)
     return told
@@ -212,7 +212,8 @@ def _not_scored(found: Evaluated, set_aside: Mapping[str, int]) -> Iterator[str]
     for name, one in found.held_out.items():
         count = set_aside[name]
         if one.taken.size and (outside := count - one.taken.size):
-            yield f"{name}: {outside} of {count} samples held out lie outside of the run and are not scored"
+            lie, are = ("lies", "is") if outside == 1 else ("lie", "are")
+            yield f"{name}: {outside} of {samples_said(count)} held out {lie} outside of the run and {are} not scored"
 
 
 def _shut_out(prepared: PreparedEstimate, recording: Recording, result: Result) -> Iterator[str]:

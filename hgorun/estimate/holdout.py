@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hgorun.config.nearest import among
+from hgorun.data.faults.said_places import samples_said
 from hgorun.data.recording import Note, Recording, Signal
 from hgorun.errors import ConfigError
 
@@ -66,8 +67,8 @@ def held_out(recording: Recording, chosen: list[HoldOut]) -> tuple[Recording, Ma
         out = np.zeros(signal.taken.size, dtype=bool)
         out[one.every // 2 :: one.every] = True
         if not out.any() or out.all():
-            few = "is 1 sample" if out.size == 1 else f"are {out.size} samples"
-            raise ConfigError(f"--holdout {one.output}={one.every}: there {few} only")
+            are = "is" if out.size == 1 else "are"
+            raise ConfigError(f"--holdout {one.output}={one.every}: there {are} {samples_said(out.size)} only")
         given, told = given_of(signal, ~out)
         if not given.taken.size:
             raise ConfigError(f"--holdout {one.output}={one.every}: no sample is left that is not held out")
@@ -88,16 +89,15 @@ def given_of(signal: Signal, given: np.ndarray) -> tuple[Signal, list[Note]]:
 def given_to_none(signal: Signal, which: np.ndarray) -> Iterator[Note]:
     """What is told of samples that observers do not get, as the same ones are held out."""
     if count := int(np.count_nonzero(which)):
-        samples = "1 sample of this output has" if count == 1 else f"{count} samples of this output have"
+        samples = samples_said(count, " of this output has", " of this output have")
         told = f"{samples} the time and the value of one that is held out: not given to observers either"
         yield note_of(f"outputs.{signal.name}", signal, which, told)
 
 
 def note_of(key: str, signal: Signal, which: np.ndarray, told: str) -> Note:
     """What is told of some samples, at the first of them."""
-    k, count = int(which.argmax()), int(np.count_nonzero(which))
-    source = signal.sources[signal.part[k]] if signal.part.size else signal.source
-    return Note(kind="used", signal=key, file=str(source), line=int(signal.lines[k]), count=count, message=told)
+    file, line = signal.place(int(which.argmax()))
+    return Note(kind="used", signal=key, file=file, line=line, count=int(np.count_nonzero(which)), message=told)
 
 
 def _equal(signal: Signal, some: np.ndarray) -> np.ndarray:

@@ -66,7 +66,7 @@ def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
     origin, end : float
         The start of the run on the clock of the data, and how long it lasts.
     """
-    which = _in_order(signal, origin, end)
+    which = in_order(signal, origin, end)
     taken = np.clip(signal.taken[which] - origin, 0.0, end)
     same = signal.available is signal.taken
     available = taken if same else np.clip(signal.available[which] - origin, 0.0, end)
@@ -77,13 +77,13 @@ def sampled(signal: Signal, output: str, origin: float, end: float) -> Sampled:
 
 def stamps(signal: Signal, origin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
     """When the samples of :func:`sampled` were taken, and known, on the clock of the data: with all bits of the log."""
-    which = _in_order(signal, origin, end)
+    which = in_order(signal, origin, end)
     taken = signal.taken[which]
     return taken, taken if signal.available is signal.taken else signal.available[which]
 
 
-def _in_order(signal: Signal, origin: float, end: float) -> np.ndarray:
-    """The samples of a signal that were taken and known in a run, in the order of their arrival."""
+def in_order(signal: Signal, origin: float, end: float) -> np.ndarray:
+    """The samples of a signal that were taken and known in a run, in the order of their arrival: of :func:`sampled`."""
     taken, available = signal.taken - origin, signal.available - origin
     slack = rounding_of(origin, end)
     inside = np.flatnonzero((taken >= -slack) & (available <= end + slack))

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.data.faults.said_places import samples_said
 from hgorun.data.recording import Note, Recording, Signal
 from hgorun.data.times.time_steps import median_step
 from hgorun.errors import ConfigError
@@ -92,7 +93,7 @@ def without_twins(given: Signal, held: Signal, words: str) -> tuple[Signal, list
     held_out = twins.given & (not twins.by_chance)
     notes += given_to_none(given, held_out)
     if other := int(np.count_nonzero(twins.otherwise)):
-        samples = "1 sample that is held out has" if other == 1 else f"{other} samples that are held out have"
+        samples = samples_said(other, " that is held out has", " that are held out have")
         told = f"{samples} the time of one in the log, but not its value: observers get the one in the log"
         if twins.by_chance and twins.compared.any():
             told += ", also where values are equal, since this is another measurement"

@@ -216,3 +216,12 @@ def test_advice_of_a_file_beside_a_log_is_of_that_file(tmp_path: Path, unit: str
 def test_who_states_the_unit_of_the_model_is_told_of_no_silent_file(tmp_path: Path, unit: str, notes: int) -> None:
     contents = {"a.csv": FIRST, "b.csv": with_units(SECOND, "s", unit)}
     assert len(parts(tmp_path, contents, {"h": {"column": "level", "unit": unit}}).notes) == notes
+
+
+def test_where_an_input_ends_is_said_with_the_part_that_it_ends_in(tmp_path: Path) -> None:
+    rows = [f"{t},{t + 1}," for t in range(60)]
+    contents = {"a.csv": "\n".join(["t,level,u", *(row + "1" for row in rows[:30])]) + "\n"}
+    contents["b.csv"] = "\n".join(["t,level,u", rows[30] + "1", *rows[31:]]) + "\n"
+    found = parts(tmp_path, contents, {"h": "level"}, {"inputs": {"u": "u"}})
+    (note,) = (note for note in found.notes if note.message.startswith("its values end"))
+    assert (Path(note.file).name, note.line) == ("b.csv", 2)

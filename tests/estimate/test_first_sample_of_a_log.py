@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,6 +15,8 @@ from scipy.integrate import solve_ivp
 from hgorun.errors import ConfigError
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.scores.shut_out import shut_out
+from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.start import left_at_start, starting
 from hgorun.result.result import Result
 
 PERIOD, COUNT, GATE, STD = 0.125, 24, 5.0, 0.02
@@ -101,6 +104,33 @@ def test_one_of_few_samples_is_an_outlier_and_not_too_many_for_one() -> None:
     assert "the first sample is an outlier" in told
     assert assessed_of(found, "O").scores["gated"] == {"a": 1}
     assert not any(shut_out(found))
+
+
+def test_an_outlier_is_named_where_it_stands() -> None:
+    """Not where a sample before the run has the same value, and in the part of the log that has it."""
+    y = values({4: 0.5})
+    y[1] = y[4]
+    files = Path("one.csv"), Path("two.csv")
+    one = replace(signal("a", TAKEN, y, gate=GATE, std=STD), sources=files, part=(np.arange(COUNT) > 3).astype(int))
+    config = {"time": {"start": float(TAKEN[4])}, "plant": PENDULUM, "observers": OBSERVERS, "solver": {"step": 0.01}}
+    found = estimate(source(config), recording(one), sensitivity=False)
+    assert [words.partition(": a:")[0] for words in found.remarks[:2]] == ["two.csv:6", "two.csv:6"]
+
+
+def test_the_start_is_looked_for_once_in_all_passes_of_a_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once where it is sought, and once in the run, whose steps are halved until they are short enough."""
+    made, judged = list[PreparedEstimate](), starting.judged_start
+
+    def counted(prepared: PreparedEstimate) -> Any:
+        made.append(prepared)
+        return judged(prepared)
+
+    monkeypatch.setattr(left_at_start, "judged_start", counted)
+    integration = estimated(values({0: 0.5}), solver={"accuracy": 1e-9}).integration
+    assert integration is not None
+    assert integration.evaluations is not None
+    assert integration.evaluations > 10_000
+    assert len(made) == 2
 
 
 @pytest.mark.parametrize("gravity", ["1", "1.5"])

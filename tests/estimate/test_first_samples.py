@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,8 @@ from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import completed
 from hgorun.estimate.start import outliers, starting
+from hgorun.estimate.gains.cases import Case
+from hgorun.estimate.gains.goal import Split
 from hgorun.estimate.start.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.start.fit import Fit, fit
 from hgorun.estimate.start.start_task import StartTask
@@ -210,6 +213,28 @@ def test_a_start_from_a_sample_that_is_known_later_is_told(
     assert [words.partition(":")[0] + ":" + words.split(":")[1] for words in found] == told
 
 
+def test_a_fitted_start_is_no_first_sample_though_it_has_its_number() -> None:
+    known = np.array([1.5, 2.0, 3.0])
+    recorded = replace(recording(signal("a", [0.0, 1.0, 2.0], [0.7, 0.7, 0.7], known)), first_samples=3)
+    plant = plant_of({"a": "0", "b": "0"}, "a")
+    config = source(
+        {"plant": plant, "observers": {"o": {"type": "ekf", "Q": {"a": 1}, "R": 1}}, "solver": {"step": 0.01}}
+    )
+    found = completed(config, recorded, "start", "")
+    assert found.observers["o"].initial["a"] == 0.7
+    assert not list(known_later(found, recorded))
+
+
+def test_what_is_given_later_was_not_taken_from_the_log() -> None:
+    config = source({"plant": OSCILLATOR, "observers": {"o": {"type": "shgo", "theta": 2}}, "solver": {"step": 0.01}})
+    recorded = replace(recording(*outputs_at(TIMES, a=np.cos(2 * TIMES))), first_samples=3)
+    found = completed(config, recorded, "start", "")
+    assert found.begun == {"o": {"a": "model", "b": "model"}}
+    assert found.varied({"observers.o.theta": 3.0}).begun == found.begun
+    assert found.varied({"observers.o.initial.b": 1.0}).begun == {"o": {"a": "model"}}
+    assert found.varied({"observers.o.initial": {"a": 1.0}}).begun == {"o": {}}
+
+
 @pytest.mark.parametrize(
     ("known", "told"),
     [
@@ -253,6 +278,11 @@ def test_a_sample_that_becomes_known_beyond_all_times_is_refused_with_its_line()
     with pytest.raises(ConfigError, match=r"a: the sample taken at 1 becomes known 1e\+300 later") as refused:
         completed(source(config), recorded, "start", "")
     assert (refused.value.file, refused.value.line) == ("log.csv", 3)
+    files, part = (Path("log.csv"), Path("next.csv")), np.array([0, 1, 1])
+    in_parts = recording(replace(recorded.outputs["a"], sources=files, part=part))
+    with pytest.raises(ConfigError, match="becomes known") as refused:
+        completed(source(config), in_parts, "start", "")
+    assert refused.value.file == "next.csv"
     assert completed(source({**config, "time": {"end": 2.0}}), recorded, "start", "").time.end == 2.0
 
 
@@ -344,3 +374,18 @@ def test_an_outlier_at_an_end_shows_though_the_fit_follows_it(outlier: int) -> N
         found = start_of(plant, recording(signal("a", t, y, std=0.01, gate=5)), 8)
         bend, slope, value = np.polyfit(t[kept], y[kept], 2)
         np.testing.assert_allclose([found[name] for name in "abc"], [value, slope, 2 * bend], rtol=0, atol=1e-6)
+
+
+def test_a_start_that_is_sought_stays_where_the_others_follow_from_the_model() -> None:
+    """As does one that is given; what is fitted is so to each model that is tried."""
+    plant = plant_of({"a": "b", "b": "-k*a"}, "a") | {"parameters": {"k": 4.0}}
+    config = source({"plant": plant, "observers": {"o": {"type": "shgo", "theta": 2}}, "solver": {"step": 0.01}})
+    recorded = replace(recording(*outputs_at(TIMES, a=np.cos(2 * TIMES))), first_samples=3)
+    case = Case(completed(config, recorded, "start", ""), Split(recorded, {}, {}), refitted=True)
+    starts = [
+        case.with_gains({"plant.parameters.k": k, **sought}).experiment.observers["o"].initial
+        for k, sought in ((4.0, {}), (9.0, {}), (9.0, {"observers.o.initial.b": 0.75}))
+    ]
+    assert starts[0] == pytest.approx({"a": 1.0, "b": 0.0}, abs=1e-6)
+    assert abs(starts[1]["a"] - 1.0) > 1e-3
+    assert starts[2] == {"a": starts[1]["a"], "b": 0.75}

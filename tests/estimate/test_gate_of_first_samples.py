@@ -157,6 +157,41 @@ def test_an_observer_that_steps_begins_behind_the_samples_that_the_start_has_lef
     np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
 
 
+@pytest.mark.parametrize("outlier", [0, 2])
+def test_a_start_that_is_given_is_none_at_the_samples_though_its_numbers_agree(outlier: int) -> None:
+    """It has the measured state of a fitted one to the last digit, and is judged as any other: by the plain rule."""
+    y = values(3, {outlier: 2.0})
+    config = {key: value for key, value in block(NEAR).items() if key != "measurement"} | {"plant": LINE}
+
+    def found(initial: dict[str, float]) -> Result:
+        own = {**config, "observers": {"O": FREE, "S": {**FREE, "initial": initial}}}
+        log = replace(recording(signal("a", TAKEN, y, gate=GATE, std=STD)), first_samples=8)
+        return estimate(source(own), log, sensitivity=False)
+
+    begins = float(found(NEAR).observers["O"].xhat[0, 0])
+    result = found({"a": begins, "b": -3.0})
+    one = recorded_of(result).outputs["a"]
+    assert not one.used[outlier, 0]
+    assert result.observers["S"].xhat[0, 0] == result.observers["O"].xhat[0, 0]
+    np.testing.assert_array_equal(one.used[:, 1], plain(one.innovation[:, 1], STD))
+    assert one.used[outlier, 1]
+
+
+def test_a_given_start_with_the_number_of_a_sample_leaves_no_outlier_of_another_output_out() -> None:
+    """Of a log that begins at rest the first sample is 0, as is many a given start: that says nothing of the rest."""
+    ya, yb = STD * np.random.default_rng(1).normal(size=(2, COUNT))
+    ya[0], yb[0] = 0.0, 1.0
+    config = {key: value for key, value in block(NEAR).items() if key != "measurement"}
+    config["plant"] = {**LINE, "output": {"ya": "a", "yb": "b"}}
+    config["observers"] = {"O": FREE, "S": {**FREE, "initial": {"a": 0.0, "b": 0.5}}}
+    log = recording(signal("ya", TAKEN, ya, gate=GATE, std=STD), signal("yb", TAKEN, yb, gate=GATE, std=STD))
+    result = estimate(source(config), log, sensitivity=False)
+    assert recorded_of(result).outputs["yb"].used[0].tolist() == [False, True]
+    moved, used = result.remarks
+    assert "O leaves it out" in moved
+    assert "S uses it" in used
+
+
 WIDE: Block = {"Q": {"a": 1e-4, "b": 1e-4}}  # P(0) = I: the gate of the covariance would let the outlier in
 
 

@@ -13,9 +13,9 @@ from hgorun.pieces import extremes
 _SHOWN = 5  # places of a fault whose lines are named
 
 
-def samples_said(count: int) -> str:
-    """One sample, or several."""
-    return "1 sample" if count == 1 else f"{count:,} samples"
+def samples_said(count: int, of_one: str = "", of_several: str = "") -> str:
+    """One sample, or several, and what is said of that one, or of these."""
+    return f"1 sample{of_one}" if count == 1 else f"{count:,} samples{of_several}"
 
 
 def held_said(values: np.ndarray, found: Sequence[Stretch]) -> str:

@@ -29,14 +29,14 @@ class Case:
     experiment : Experiment
         Of that observer alone, as the recording completes it.
     samples : Split
-    named : tuple of str, optional
-        If the start follows from the first samples by a model whose parameters are sought: the states whose initial
-        estimate is given nevertheless.
+    refitted : bool
+        Whether the start follows from the first samples by a model whose parameters are sought; an initial estimate
+        that is given, or sought itself, stays nevertheless.
     """
 
     experiment: Experiment
     samples: Split
-    named: tuple[str, ...] | None = None
+    refitted: bool = False
 
     def with_gains(self, gains: Mapping[str, float]) -> PreparedEstimate:
         """The run with some gains.
@@ -46,13 +46,15 @@ class Case:
         ConfigError
         """
         prepared = prepare_estimate(self.experiment.varied(gains), self.samples.given)
-        if self.named is None:
+        if not self.refitted:
             return prepared
         with prepared.experiment.located():
             start = fitted_start(prepared, self.samples.given.first_samples)
         ((label, observer),) = prepared.experiment.observers.items()
-        start |= {state: observer.initial[state] for state in self.named}
-        return prepare_estimate(prepared.experiment.varied({f"observers.{label}.initial": start}), self.samples.given)
+        begun = prepared.experiment.begun
+        start = {state: start[state] if state in begun[label] else x for state, x in observer.initial.items()}
+        again = prepared.experiment.varied({f"observers.{label}.initial": start}).with_begun(begun)
+        return prepare_estimate(again, self.samples.given)
 
 
 def errors_of(

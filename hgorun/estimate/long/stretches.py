@@ -252,7 +252,14 @@ def _first_part(experiment: Experiment, recording: Recording, end: float) -> Rec
     for name, one in recording.outputs.items():
         some = slice(0, max(1, int(np.searchsorted(one.taken, until, side="right"))))
         taken = one.taken[some]
-        outputs[name] = replace(one, taken=taken, available=taken, values=one.values[some], lines=one.lines[some])
+        outputs[name] = replace(
+            one,
+            taken=taken,
+            available=taken,
+            values=one.values[some],
+            lines=one.lines[some],
+            part=one.part[some],
+        )
     inputs, _ = _inputs_from(recording, experiment.origin, 0.0, end)
     return replace(recording, outputs=outputs, inputs=inputs.inputs)
 
@@ -267,5 +274,11 @@ def _inputs_from(recording: Recording, origin: float, start: float, end: float) 
         if first:
             since = max(since, float(one.times[first - 1] - origin))
         some = slice(max(first - 4, 0), stop + 4)
-        inputs[name] = replace(one, times=one.times[some], values=one.values[some], lines=one.lines[some])
+        inputs[name] = replace(
+            one,
+            times=one.times[some],
+            values=one.values[some],
+            lines=one.lines[some],
+            part=one.part[some],
+        )
     return replace(recording, inputs=inputs), since

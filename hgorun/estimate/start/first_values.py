@@ -22,7 +22,7 @@ def known_later(experiment: Experiment, recording: Recording) -> Iterator[str]:
     """Where an estimate starts from a sample that became known after it was taken: who estimates live lacks it."""
     for state, (signal, k) in _first_samples(experiment, recording).items():
         taken, known = (float(numbers[k]) for numbers in (signal.taken, signal.available))
-        labels = [label for label in experiment.observers if experiment.starts_from_sample(label, state)]
+        labels = [label for label in experiment.observers if experiment.begun.get(label, {}).get(state) == "sample"]
         if known > taken and labels:
             yield (
                 f"{', '.join(labels)}: {state} starts from the first sample, taken at {taken:g} and known at {known:g} "
@@ -60,8 +60,9 @@ def known_far_behind(experiment: Experiment, recording: Recording) -> Iterator[s
         known = float(signal.available[k])
         few = 2 * int(np.count_nonzero(signal.available > last)) <= signal.taken.size  # of most it is told otherwise
         if few and known - last > last - first > 0 and experiment.blocks.time.end >= known:
+            file, line = signal.place(k)
             yield (
-                f"{signal.source}:{int(signal.lines[k])}: {signal.name}: a sample becomes known at t = {known:g} only, "
+                f"{file}:{line}: {signal.name}: a sample becomes known at t = {known:g} only, "
                 f"and the last of the log is taken at {last:g}: the run goes on until then; is "
                 f"data.outputs.{signal.name}.available right? With time.end it ends before"
             )
@@ -88,7 +89,8 @@ def require_known(recording: Recording) -> None:
                 f"log is {span:g} long: is data.outputs.{signal.name}.available right? With time.end the run ends "
                 "before"
             )
-            raise ConfigError(message, file=str(signal.source), line=int(signal.lines[k]))
+            file, line = signal.place(k)
+            raise ConfigError(message, file=file, line=line)
 
 
 def _first_samples(experiment: Experiment, recording: Recording) -> dict[str, tuple[Signal, int]]:

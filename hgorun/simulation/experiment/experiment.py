@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Set
 from functools import cached_property, partial
-from typing import Any
+from typing import Any, Literal, TypeAlias
 
 from hgorun.config.named import Named
-from hgorun.errors import ConfigError
+from hgorun.errors import ConfigError, KeyPath
 from hgorun.measurement.sensors import sensors_of
 from hgorun.memo import Memo, same
 from hgorun.observers.base import AnyObserver
@@ -26,7 +26,11 @@ from hgorun.symbolic.sensors import Sensor
 _DESIGNS: Memo[Design] = Memo(256)  # what the runs of a family share
 
 # in a copy; all else follows from these
-_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known", "_intervals", "_sampled")
+_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known", "_intervals", "begun")
+
+Begun: TypeAlias = Mapping[str, Mapping[str, Literal["sample", "model"]]]
+"""By observer the states whose initial estimates were taken from data: a first sample, or what the model says of some.
+"""
 
 
 class Experiment(Observed):
@@ -103,6 +107,7 @@ class Experiment(Observed):
         new._chosen, new._noise = self._taken(), self._noise
         new.source, new.name = source, self.name if name is None else name
         new._checked = check_again(source, self._checked, touched)
+        new.begun = _still_begun(self.begun, touched)
         new._forget(self._checked)
         return new
 
@@ -226,19 +231,15 @@ class Experiment(Observed):
         return new
 
     @cached_property
-    def _sampled(self) -> Mapping[str, Set[str]]:
-        """See :meth:`with_sampled`; without it nothing."""
+    def begun(self) -> Begun:
+        """Which initial estimates were taken from data, since nothing else is said of them; without data none."""
         return {}
 
-    def with_sampled(self, states: Mapping[str, Set[str]]) -> Experiment:
-        """The same, where observers start some states, by label, with a first sample: nothing else is said of them."""
+    def with_begun(self, begun: Begun) -> Experiment:
+        """The same, where these were."""
         new = self._anew()
-        new._sampled = states
+        new.begun = begun
         return new
-
-    def starts_from_sample(self, label: str, state: str) -> bool:
-        """Whether an observer starts a state with the first sample of it."""
-        return state in self._sampled.get(label, ())
 
     def informed_by(self, other: Experiment) -> Experiment:
         """The same with observers that are designed for the noise of another's sensors."""
@@ -259,3 +260,15 @@ class Experiment(Observed):
     def resolved_later(self) -> Callable[[], str]:
         """What makes :attr:`resolved_text`, which takes longer than a run."""
         return partial(resolved_text, self._checked, self.coordinates)
+
+
+def _still_begun(begun: Begun, touched: Set[KeyPath]) -> Begun:
+    """What is left of that where some values are given."""
+    return {
+        label: {
+            state: how
+            for state, how in of.items()
+            if not any(place == ("observers", label, "initial", state)[: len(place)] for place in touched)
+        }
+        for label, of in begun.items()
+    }
