@@ -1,11 +1,11 @@
-"""Marks of what the limits of a panel cut off: an arrow at its edge, with the value that is out of sight."""
+"""What the limits of a panel cut off: where lines and bands leave it."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Literal
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from matplotlib.collections import PolyCollection
@@ -16,15 +16,10 @@ from hgorun.figures.style import ENDLESS
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-_SIZE = 7.0  # points
-_ROW, _LETTER = 1.15 * _SIZE, 0.52 * _SIZE  # points: height of a row, about the width of a letter
-_ROWS = 6  # of marks, one below the other
-_TOUCH = 1e-6  # points
-_APART, _MOST = 14.0, 5  # points between marks of one colour; of more without a value the line is cut all along
+_MOST = 5  # marks of one colour without a value: of more the line is cut all along
 _UNSEEN = 0.01  # of an axis' range: so much is inside the line that the edge is drawn with
 Side = Literal["top", "bottom"]
-_SIDES: dict[Side, float] = {"top": 1.0, "bottom": -1.0}
-_ARROWS = {"top": "↑", "bottom": "↓"}
+SIDES: dict[Side, float] = {"top": 1.0, "bottom": -1.0}
 
 
 @dataclass(frozen=True)
@@ -86,14 +81,14 @@ def further_cuts(ax: Axes, known: Sequence[Cut], apart: float) -> list[Cut]:
     further: list[Cut] = []
     times: Counter[tuple[str, str]] = Counter()
     for x, y, colour, band in _drawn(ax):
-        for side in () if band else _SIDES:
+        for side in () if band else SIDES:
             beyond = _beyond(ax, x, y, side)
             stretches = np.cumsum(np.diff(beyond, prepend=False))[beyond]
-            t, v, at = x[beyond], y[beyond], _fractions(ax, x[beyond])
+            t, v, at = x[beyond], y[beyond], fractions(ax, x[beyond])
             left = np.ones(t.size, dtype=bool)
             for one in (*known, *further):
                 if (one.side, one.colour) == (side, colour):
-                    left &= np.abs(at - _fractions(ax, np.array([one.x]))) > apart
+                    left &= np.abs(at - fractions(ax, np.array([one.x]))) > apart
                     left &= ~np.isin(stretches, stretches[t == one.x])
             while left.any():
                 k = int(np.argmax(np.where(left, np.abs(v), -np.inf)))
@@ -132,7 +127,7 @@ def _drawn(ax: Axes) -> Iterator[tuple[np.ndarray, np.ndarray, str, bool]]:
 
 def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str, *, band: bool) -> list[Cut]:
     found = []
-    for side, sign in _SIDES.items():
+    for side, sign in SIDES.items():
         beyond = _beyond(ax, x, y, side)
         if beyond.any():
             k = int(np.argmax(np.where(beyond, sign * y, -np.inf)))
@@ -140,148 +135,7 @@ def _of_points(ax: Axes, x: np.ndarray, y: np.ndarray, colour: str, *, band: boo
     return found
 
 
-@dataclass(frozen=True)
-class _Place:
-    """Where a mark stands: its row from the edge, how far beside the cut, and whether its arrow is at its right end."""
-
-    cut: Cut
-    row: int
-    shift: float  # points
-    turned: bool
-    more: int = 0  # cuts without room, which this mark tells of
-
-    @property
-    def text(self) -> str:
-        return f"{self.cut.text}, {self.more} more" if self.more else self.cut.text
-
-
-def mark_cuts(ax: Axes, width: float, height: float) -> list[Any]:
-    """Draw an arrow with its value for every cut, one below the other where they would hide each other.
-
-    Where a line leaves again at another time there is an arrow alone, up to five. Where all rows are full they stand
-    side by side. If there is no room left, the last one says how many are not drawn.
-
-    Parameters
-    ----------
-    ax : Axes
-        With its limits.
-    width, height : float
-        Of the axes, in points.
-
-    Returns
-    -------
-    list of matplotlib.text.Annotation
-        The values.
-    """
-    marks = [_mark(ax, place) for side in _SIDES for place in _places(ax, side, width, height)]
-    return [value for value in marks if value is not None]
-
-
-def make_room(ax: Axes, width: float, height: float) -> None:
-    """Raise the upper limit of a logarithmic axis until the marks at it stand above all that it has shown.
-
-    Parameters
-    ----------
-    ax : Axes
-    width, height : float
-        Of the axes, in points.
-    """
-    (low, high), rows = ax.get_ylim(), 0
-    while any(place.row >= rows for place in _places(ax, "top", width, height)):
-        rows += 1
-        taken = (rows + 0.5) * _ROW / height
-        ax.set_ylim(low, low * (high / low) ** (1.0 / (1.0 - taken)))
-
-
-def _most(height: float) -> int:
-    """Rows of marks at an edge of axes so many points high, half of which are left for the other edge."""
-    return min(_ROWS, max(int(height / 2 / _ROW), 1))
-
-
-def _places(ax: Axes, side: str, width: float, height: float) -> list[_Place]:
-    rows: list[list[tuple[float, float]]] = [[] for _ in range(_most(height))]
-    found: list[_Place] = []
-    told = cuts(ax)
-    here = [one for one in told if one.side == side]
-    others = [one for one in further_cuts(ax, told, _APART / width) if one.side == side]
-    for one in (*here, *others):
-        at = float(_fractions(ax, np.array([one.x]))[0]) * width
-        length = (len(one.text) + 2) * _LETTER if one.told else _SIZE
-        turned = at + length > width  # it would leave the panel on the right
-        start = at - length if turned else at
-        free = [
-            (abs(left - start), i, left)
-            for i, row in enumerate(rows)
-            for left in _free(row, start, length)
-            if left == start or (one.told and 0 <= left <= width - length)
-        ]
-        if free:
-            _, i, left = min(free)
-            rows[i].append((left, left + length))
-            found.append(_Place(one, i, left - start, turned))
-    written = [place for place in found if place.cut.told]
-    if len(written) < len(here):
-        found[len(written) - 1] = replace(written[-1], more=len(here) - len(written))
-    return found
-
-
-def _free(row: list[tuple[float, float]], start: float, length: float) -> Iterator[float]:
-    """Where a mark of this length may begin in a row: at its start, or beside what stands there."""
-    for left in (start, *(high for _, high in row), *(low - length for low, _ in row)):
-        if all(left + length <= low + _TOUCH or left >= high - _TOUCH for low, high in row):
-            yield left
-
-
-def _fractions(ax: Axes, x: np.ndarray) -> np.ndarray:
+def fractions(ax: Axes, x: np.ndarray) -> np.ndarray:
     """How far values of the horizontal axis are from its left end, in units of its length."""
     places = ax.transData.transform(np.column_stack([[*ax.get_xlim(), *x], np.ones(x.size + 2)]))[:, 0]
     return np.asarray((places[2:] - places[0]) / (places[1] - places[0]))
-
-
-def _mark(ax: Axes, place: _Place) -> Any:
-    one, turned = place.cut, place.turned
-    top = one.side == "top"
-    how: dict[str, Any] = {
-        "xy": (one.x, 1.0 if top else 0.0),
-        "xycoords": ax.get_xaxis_transform(),
-        "textcoords": "offset points",
-        "va": "top" if top else "bottom",
-        "ha": "right" if turned else "left",
-        "fontsize": _SIZE,
-        "zorder": 8,
-        "annotation_clip": False,
-    }
-    down = -(1.0 + _ROW * place.row) if top else 1.0 + _ROW * place.row
-    step = -_SIZE if turned else _SIZE
-    start = place.shift + (-1.0 if turned else 1.0)
-    arrow = ax.annotate(_ARROWS[one.side], xytext=(start, down), color=one.colour, fontweight="bold", **how)
-    value = ax.annotate(place.text, xytext=(start + step, down), **how) if one.told else None
-    for text in (arrow, value) if value is not None else (arrow,):
-        text.set_in_layout(False)
-        text.set_path_effects(halo("white"))
-    return value
-
-
-def halo(colour: Any) -> list[Any]:
-    """A rim around letters in the colour of the page: they are read on a curve, and hide less of it than a box."""
-    from matplotlib.patheffects import withStroke
-
-    return [withStroke(linewidth=1.6, foreground=colour)]
-
-
-def mark_all(axes: Sequence[Axes], dpi: float) -> None:
-    """Mark what the limits of these axes cut off, once the layout is known."""
-    for ax in axes:
-        mark_cuts(ax, *_size(ax, dpi))
-
-
-def make_room_all(axes: Sequence[Axes], dpi: float) -> None:
-    """Raise the upper limits of logarithmic axes for their marks, once the layout is known."""
-    for ax in axes:
-        make_room(ax, *_size(ax, dpi))
-
-
-def _size(ax: Axes, dpi: float) -> tuple[float, float]:
-    """Width and height in points."""
-    extent = ax.get_window_extent()
-    return extent.width * 72.0 / dpi, extent.height * 72.0 / dpi

@@ -81,7 +81,7 @@ def finished(
     order : sequence of str
         What the legend calls the observers, in the order of their file.
     """
-    from hgorun.figures.cuts import make_room_all, mark_all
+    from hgorun.figures.cut_marks import make_room_all, mark_all
     from hgorun.figures.ticks import tick
 
     for i, ax in enumerate(axes):

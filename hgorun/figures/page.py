@@ -144,7 +144,7 @@ def _darken(artist: Artist) -> None:
     from matplotlib.patches import Patch
     from matplotlib.text import Text
 
-    from hgorun.figures.cuts import halo
+    from hgorun.figures.cut_marks import halo
 
     if isinstance(artist, Line2D):
         edge, face = artist.get_markeredgecolor(), artist.get_markerfacecolor()

@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Annotation
 
 from hgorun import Result
-from hgorun.figures.cuts import mark_cuts
+from hgorun.figures.cut_marks import mark_cuts
 from hgorun.figures.page import Page
 from hgorun.figures.peaking import peaking
 from hgorun.figures.style import PALETTE
@@ -52,13 +52,14 @@ def test_the_decay_that_leaves_a_panel_is_marked_above_all_errors(result: Result
     assert all(box.y0 > largest for box in boxes)
 
 
-def panel(count: int, width: float, height: float) -> tuple[Any, list[Annotation]]:
-    """A panel of so many points with lines that all leave it at one place, and their marks."""
+def panel(count: int, width: float, height: float, samples: int = 0) -> tuple[Any, list[Annotation]]:
+    """A panel of so many points with lines that all leave it at one place, and their marks; perhaps with samples."""
     figure = Figure(figsize=(width / 72, height / 72), dpi=72)
     FigureCanvasAgg(figure)
     ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     for k, colour in enumerate(PALETTE[:count]):
         ax.plot([0.0, 1.0], [10.0 + k, 0.0], color=colour)
+    ax.plot(np.linspace(0, 1, samples), np.linspace(0.9, 0.95, samples), linestyle="none", marker="o")
     ax.set(xlim=(0, 1), ylim=(-1, 1))
     return ax, mark_cuts(ax, width, height)
 
@@ -105,3 +106,30 @@ def test_a_line_that_is_cut_all_along_has_one_arrow() -> None:
     mark_cuts(ax, 288.0, 72.0)
     arrows = [child.get_text() for child in ax.get_children() if isinstance(child, Annotation)]
     assert sorted(arrows) == ["2", "↑", "↓", "−2"]
+
+
+@pytest.mark.parametrize("side", ["top", "bottom"])
+def test_marks_hide_none_of_few_samples(side: str) -> None:
+    """A first sample beside the place where a band leaves the panel is seen, and the marks of others move with it."""
+    sign = 1.0 if side == "top" else -1.0
+    figure = Figure(figsize=(3.0, 2.0), dpi=72)
+    FigureCanvasAgg(figure)
+    ax = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    for k, colour in enumerate(PALETTE[:2]):
+        ax.fill_between([0.02, 0.03, 0.3, 1.0], [-9.0 - k] * 2 + [-0.5] * 2, [9.0 + k] * 2 + [0.5] * 2, color=colour)
+    taken, y = np.array([0.07, 0.5, 0.9]), sign * np.array([0.93, 0.2, 0.0])
+    ax.plot(taken, y, linestyle="none", marker="o", markersize=4)
+    ax.set(xlim=(0, 1), ylim=(-1, 1))
+    mark_cuts(ax, 216.0, 144.0)
+    boxes = [child.get_window_extent() for child in ax.get_children() if isinstance(child, Annotation)]
+    assert len(boxes) == 8
+    for place in ax.transData.transform(np.column_stack([taken, y])):
+        assert not any(box.x0 - 2 < place[0] < box.x1 + 2 and box.y0 < place[1] < box.y1 for box in boxes)
+    nearest = [box for box in boxes if (box.y0 > 72) == (side == "bottom")]  # where nothing is in the way
+    assert min(min(box.y0, 144 - box.y1) for box in nearest) < 2
+
+
+def test_marks_stand_as_ever_where_samples_are_many() -> None:
+    """They cover the panel, and no place is free of them."""
+    (_, found), (_, among) = panel(3, 300.0, 120.0), panel(3, 300.0, 120.0, samples=200)
+    assert [text.get_window_extent().bounds for text in found] == [text.get_window_extent().bounds for text in among]
