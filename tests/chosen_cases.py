@@ -13,7 +13,14 @@ from measured_cases import takes_turns
 # processes, command lines, streams. What the rest uses is NumPy's, SciPy's and CasADi's arithmetic, alike in all tests
 # of a file.
 ROOMS = ("config", "data", "engine", "explore", "figures", "interop", "result", "symbolic")
-FILES = ("commands/test_cli.py", "commands/test_mqtt.py", "ensemble/test_cluster.py", "export/test_fmu.py")
+FILES = (
+    "commands/test_cli.py",
+    "commands/test_mqtt.py",
+    "commands/test_mqtt_messages.py",
+    "commands/test_mqtt_sessions.py",
+    "ensemble/test_cluster.py",
+    "export/test_fmu.py",
+)
 ALL_OF = tuple(f"tests/{name}" for name in (*(f"{room}/" for room in ROOMS), *FILES))
 ALL_CASES = os.environ.get("HGORUN_CASES") == "all"
 TURNS = 8
