@@ -136,7 +136,7 @@ def fill(broker: Broker, lines: Sequence[str]) -> None:
     session._connect()
     session.close()
     for line in lines:
-        broker.publish(f"plant/{json.loads(line)['signal']}", line)
+        broker.publish(f"plant/{json.loads(line.partition(chr(10))[0])['signal']}", line)
     broker.publish("plant/end", "")
 
 

@@ -145,6 +145,7 @@ class Follower:
                 try:
                     self._take_in_time(sample, message.topic)
                 except ConfigError as error:
+                    self.progress.refused(sample)
                     why = error.message if error.file == INPUT else str(error)
                     self._tell(f"{message.topic}: {what} is left out: {why}")
         except ConfigError as error:
@@ -156,6 +157,8 @@ class Follower:
         if self.progress.knows(sample):
             return
         reached, known_at = self.progress.t, sample.t if sample.available is None else sample.available
+        if known_at < sample.t:
+            raise ConfigError(f"taken at {sample.t:g}, after it was known at {known_at:g}")
         self.one_by_one.take(sample if known_at >= reached else sample._replace(available=reached))
         if self.pace.jumps(known_at - reached):
             self._tell(

@@ -156,7 +156,7 @@ class InOrder(Progress):
 
 
 class Redelivered(Progress):
-    """Of samples that may come again at any moment, among new ones: the last ones are remembered.
+    """Of samples that may come again at any moment, among new ones: the last ones are remembered, refused ones too.
 
     Parameters
     ----------
@@ -181,6 +181,10 @@ class Redelivered(Progress):
 
     def took(self, sample: Sample) -> None:
         self.t = max(self.t, _known(sample))
+        self._add(_key(sample))
+
+    def refused(self, sample: Sample) -> None:
+        """A sample has been refused: when it comes again, others may have come that would let it pass."""
         self._add(_key(sample))
 
     def _add(self, key: _Key) -> None:

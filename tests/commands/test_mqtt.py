@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -75,6 +76,31 @@ def test_processes_that_are_killed_lose_nothing(
         broker.cut()
     follow(follower(every=every), Mortal(session_at(broker.port)))
     assert once(broker) == whole
+
+
+@pytest.mark.costly
+def test_batches_with_lines_that_are_refused_lose_no_other_line_and_use_none_twice(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], broker: Broker
+) -> None:
+    """Wherever the process dies; what is refused would pass when it comes again, since time has gone on."""
+    lines = [line for line in samples(30) if "available" not in line]
+    whole = undisturbed(shell, monkeypatch, lines)
+    batches = [lines[k : k + 4] for k in range(0, len(lines), 4)]
+    for k, batch in enumerate(batches):
+        farthest = json.loads(batch[0])["t"] + 1e8 * 0.02  # steps
+        batch.insert(1, json.dumps({"t": farthest + 0.03, "signal": "a", "y": 9.0 + k}))
+        batch.insert(3, json.dumps({"t": -1.0, "signal": "z", "y": 9.0 + k}))
+    fill(broker, ["\n".join(batch) for batch in batches])
+    for life in range(6):  # dies before or after each call once, among them between checkpoint and acknowledgement
+        with pytest.raises(Killed):
+            follow(follower(), Mortal(session_at(broker.port), dies_at=0.5 * (1 + life)))
+        broker.cut()
+    follow(follower(), Mortal(session_at(broker.port)))
+    assert once(broker) == whole
+    err = capsys.readouterr().err
+    assert "the sample in line 2 of a message is left out: t = 2e+06 is more than 1e+08 steps after 0.1" in err
+    assert "the sample in line 4 of a message is left out: a sample taken at -1 is before 0" in err
+    broker.wait_until(lambda: not broker.unacknowledged)
 
 
 @pytest.mark.slow

@@ -78,3 +78,14 @@ def test_samples_that_others_have_overtaken_are_late_ones(
     fill(broker, lines)
     follow(follower(publish=None), Mortal(session_at(broker.port)))
     assert capsys.readouterr().out.splitlines() == whole
+
+
+@pytest.mark.parametrize("first", [0.1, 0.3])
+def test_a_sample_that_was_known_before_it_was_taken_is_refused_whatever_the_time(
+    shell: Shell, capsys: pytest.CaptureFixture[str], first: float
+) -> None:
+    wrong = '{"t": 0.25, "y": 0.3, "available": 0.2}'
+    follower(publish=None).take_some(Handed(json.dumps({"t": first, "y": 0.1}), wrong))
+    out, err = capsys.readouterr()
+    assert [json.loads(line)["t"] for line in out.splitlines()] == [first, first]
+    assert "a message is left out: taken at 0.25, after it was known at 0.2" in err
