@@ -15,6 +15,7 @@ from hgorun.commands.mqtt_address import Address, Credentials, client_id_of, req
 from hgorun.commands.mqtt_session import Message, Session
 from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
+from hgorun.commands.stream_clock import AGAIN, UTC
 from hgorun.commands.stream_lines import INPUT, Block, JsonForm, Sample
 from hgorun.commands.stream_progress import Redelivered
 from hgorun.commands.stream_samples import (
@@ -113,7 +114,7 @@ class Follower:
         """One that goes on from the checkpoint, if there is one."""
         remembered = options.remembered or REMEMBERED
         estimator, lines = stream.estimator(remembered=remembered), io.StringIO()
-        progress = Redelivered(estimator, options.checkpoint, 2 * max(remembered, REMEMBERED))
+        progress = Redelivered(estimator, options.checkpoint, 2 * max(remembered, REMEMBERED), stream.unit)
         grid = Grid(stream.experiment.origin, options.every, progress.t)
         writer = Writer(lines, estimator, as_json=True)
         one_by_one = OneByOne(estimator, stream.inputs, grid, progress, writer)
@@ -159,12 +160,28 @@ class Follower:
         reached, known_at = self.progress.t, sample.t if sample.available is None else sample.available
         if known_at < sample.t:
             raise ConfigError(f"taken at {sample.t:g}, after it was known at {known_at:g}")
+        self._require_another_hour(sample, topic)
         self.one_by_one.take(sample if known_at >= reached else sample._replace(available=reached))
         if self.pace.jumps(known_at - reached):
             self._tell(
                 f"{topic}: t = {known_at:g} is far ahead of {reached:g}, the time before: all samples of times between "
                 "them are late from now on"
             )
+
+    def _require_another_hour(self, sample: Sample, topic: str) -> None:
+        """Refuse a sample of an hour that clocks show again; where its night is not known, only tell of it.
+
+        Raises
+        ------
+        ConfigError
+        """
+        clock, again = self.progress.clock, AGAIN.format(sample.signal)
+        back = clock.back(sample.signal, sample.t)
+        if back == "night":
+            until = f"samples up to t = {clock.until(sample.signal):.10g} are left out"
+            raise ConfigError(f"{again} in this night: {until}; {UTC}")
+        if back == "hour":
+            self._tell(f"{topic}: t = {sample.t:g}: {again}, and count as those of late samples: if it is that, {UTC}")
 
     def _samples(self, message: Message) -> list[Sample]:
         """The samples of a message.

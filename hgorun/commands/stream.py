@@ -37,7 +37,7 @@ def _follow_to_end(source: Source, name: str, options: Estimate) -> int:
     if late:
         stream.check_lateness(told=isinstance(form, CsvForm))  # which has the column then
     estimator = stream.estimator(remembered=(options.remembered or REMEMBERED) if late else 0)
-    progress = InOrder(estimator, options.checkpoint)
+    progress = InOrder(estimator, options.checkpoint, stream.unit)
     writer = Writer(sys.stdout, estimator, as_json=isinstance(form, JsonForm))
     grid = Grid(stream.experiment.origin, options.every, progress.t)
     one_by_one = OneByOne(estimator, stream.inputs, grid, progress, writer)
@@ -84,6 +84,7 @@ def _take_together(known: Samples, block: Block, one_by_one: OneByOne, progress:
             with uninterrupted():
                 writer.write_many(some.t, estimator.update_many(*some))
                 progress.took_all(some, signals)
+                one_by_one.note_times(some, signals)
         else:
             line = block.first + int(behind[at])
             one_by_one.take(Sample(line, float(t[at]), signals[kinds[at]], float(y[at]), None))

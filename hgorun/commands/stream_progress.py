@@ -13,11 +13,12 @@ from typing import TypeAlias
 
 import numpy as np
 
+from hgorun.commands.stream_clock import AGAIN, UTC, Clock
 from hgorun.commands.stream_lines import Sample, Samples
 from hgorun.errors import ConfigError
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.files import remove_leftovers, written_whole
-from hgorun.process import uninterrupted
+from hgorun.process import say, uninterrupted
 
 _MAGIC = b"hgorun-stream-1 "
 _Key: TypeAlias = tuple[str, float, float | None]  # signal, when it was taken, and its value; None for a missing one
@@ -32,6 +33,8 @@ class Progress(ABC):
         Goes on from the checkpoint, if there is one.
     path : Path or None
         Where the checkpoint is; None if nothing is kept.
+    unit : str
+        Of the times.
 
     Attributes
     ----------
@@ -41,6 +44,8 @@ class Progress(ABC):
         The last time of a grid at which the estimates have been told; -inf before the first.
     late : Counter
         By output, how many samples were late.
+    clock : Clock
+        The times of the samples.
 
     Raises
     ------
@@ -48,8 +53,8 @@ class Progress(ABC):
         When the file is no checkpoint of this stream.
     """
 
-    def __init__(self, estimator: Estimator, path: Path | None) -> None:
-        self._estimator, self._path = estimator, path
+    def __init__(self, estimator: Estimator, path: Path | None, unit: str = "") -> None:
+        self._estimator, self._path, self.clock = estimator, path, Clock(unit)
         self.t, self.shown = -math.inf, -math.inf
         self.late = Counter[str]()
         taken = []
@@ -68,8 +73,10 @@ class Progress(ABC):
             raise ConfigError("this is not a checkpoint of a stream, or one of another version", file=file)
         head, _, rest = stored[len(_MAGIC) :].partition(b"\n")
         try:
-            t, shown, taken, *late = json.loads(head)  # older ones do not count
-            self.late = Counter({str(name): int(count) for counts in late for name, count in counts.items()})
+            t, shown, taken, *more = json.loads(head)
+            late, times = (*more, {}, {})[:2]  # older ones do not count, and know less of times
+            self.late = Counter({str(name): int(count) for name, count in late.items()})
+            self.clock.restore(times)
             self.t, self.shown = float(t), float(shown)
             keys = [(str(name), float(at), None if y is None else float(y)) for name, at, y in taken]
         except (ValueError, TypeError, AttributeError) as error:
@@ -86,7 +93,7 @@ class Progress(ABC):
             return
         with uninterrupted():
             sys.stdout.flush()
-            head = json.dumps([self.t, self.shown, self._keys(), self.late]).encode()
+            head = json.dumps([self.t, self.shown, self._keys(), self.late, self.clock.kept()]).encode()
             with written_whole(self._path, durable=True) as part:
                 part.write_bytes(_MAGIC + head + b"\n" + self._estimator.checkpoint())
 
@@ -116,7 +123,7 @@ class InOrder(Progress):
 
     def _start(self, taken: list[_Key]) -> None:
         self._taken = taken  # of those that are known at t
-        self._restored, self._left = self.t, Counter(taken)
+        self._restored, self._left, self._seen = self.t, Counter(taken), set[str]()
 
     def _keys(self) -> list[_Key]:
         return self._taken
@@ -128,6 +135,8 @@ class InOrder(Progress):
 
     def knows(self, sample: Sample) -> bool:
         """Whether a sample had been taken before the stream was started again."""
+        if sample.signal not in self._seen:
+            self._begin(sample.signal, sample.t)
         known = _known(sample)
         if known != self._restored:
             return known < self._restored
@@ -137,10 +146,20 @@ class InOrder(Progress):
 
     def unknown(self, samples: Samples, signals: list[str]) -> np.ndarray:
         """The places of samples that had not been taken before; ``signals`` are the names of the kinds."""
+        for kind in np.unique(samples.kinds).tolist() if len(self._seen) < len(signals) else ():
+            if signals[kind] not in self._seen:
+                self._begin(signals[kind], float(samples.t[samples.kinds == kind][0]))
         new = samples.t > self._restored
         for k in np.flatnonzero(samples.t == self._restored).tolist():
             new[k] = not self.knows(_sample(samples, k, signals))
         return np.flatnonzero(new)
+
+    def _begin(self, signal: str, t: float) -> None:
+        """Where a signal goes on an hour before it had ended, in a night when clocks are put back, this is told."""
+        self._seen.add(signal)
+        if t < self._restored and self.clock.back(signal, t) == "night":
+            skipped = f"samples up to t = {self.clock.until(signal):.10g} are skipped as old ones"
+            say(f"hgorun: {AGAIN.format(signal)} in this night: {skipped}; {UTC}")
 
     def took(self, sample: Sample) -> None:
         if self._path is not None:
@@ -164,9 +183,9 @@ class Redelivered(Progress):
         So many, at least those that a broker has on their way at once, and those that the estimator can go back to.
     """
 
-    def __init__(self, estimator: Estimator, path: Path | None, remembered: int) -> None:
+    def __init__(self, estimator: Estimator, path: Path | None, remembered: int, unit: str = "") -> None:
         self._remembered = remembered
-        super().__init__(estimator, path)
+        super().__init__(estimator, path, unit)
 
     def _start(self, taken: list[_Key]) -> None:
         self._order, self._taken = deque[_Key](), set[_Key]()

@@ -13,10 +13,12 @@ import numpy as np
 
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.run_options import Estimate
-from hgorun.commands.stream_lines import INPUT, Sample
+from hgorun.commands.stream_clock import AGAIN, UTC
+from hgorun.commands.stream_lines import INPUT, Sample, Samples
 from hgorun.commands.stream_progress import Progress
 from hgorun.config.data import Data
 from hgorun.config.yaml_source import Source
+from hgorun.data.faults.clock_changes import PUT_FORWARD
 from hgorun.data.units.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
@@ -95,6 +97,11 @@ class Stream:
         for words in self.ignored:
             say(f"hgorun: {self.experiment.name}: {words}")
 
+    @property
+    def unit(self) -> str:
+        """That of times."""
+        return self.experiment.blocks.time.unit
+
     def estimator(self, *, remembered: int) -> Estimator:
         """At the start of the stream; ``remembered`` is 0 where no sample can be late."""
         said = self.said
@@ -167,6 +174,7 @@ class OneByOne:
 
     def take(self, sample: Sample) -> None:
         """Take a sample, and write what is known then."""
+        clock = self.progress.clock
         if self.progress.knows(sample):
             return
         known = sample.t if sample.available is None else sample.available
@@ -180,6 +188,7 @@ class OneByOne:
             with uninterrupted():
                 self._update(sample)
                 self.progress.took(sample)
+                self._tell(sample.signal, clock.took(sample.signal, sample.t))
                 if self.grid.step is None:
                     self.writer.write(known, self.estimator.estimate())
         except NoStart as error:
@@ -187,7 +196,19 @@ class OneByOne:
             message = f"{where.message} (with the inputs that have come by t = {sample.t:g})"
             raise ConfigError(message, file=where.file, line=where.line, key=where.key) from None
         except ValueError as error:
-            raise ConfigError(str(error), file=INPUT, line=sample.line) from None
+            again = f"; {AGAIN.format(sample.signal)}: {UTC}" if clock.back(sample.signal, sample.t) else ""
+            raise ConfigError(f"{error}{again}", file=INPUT, line=sample.line) from None
+
+    def note_times(self, samples: Samples, signals: list[str]) -> None:
+        """Those of samples that have been taken together, in their order."""
+        for kind in np.unique(samples.kinds).tolist():
+            times = samples.t[samples.kinds == kind]
+            self._tell(signals[kind], self.progress.clock.took_all(signals[kind], times))
+
+    def _tell(self, signal: str, ahead: float | None) -> None:
+        """What is told of the time of a signal that lies an hour ahead."""
+        if ahead is not None:
+            say(f"hgorun: {signal}, t = {ahead:.10g}: {PUT_FORWARD}; {UTC}")
 
     def _update(self, sample: Sample) -> None:
         if sample.signal in self.inputs:

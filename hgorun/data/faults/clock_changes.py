@@ -19,7 +19,7 @@ PUT_FORWARD = (
 )
 PUT_BACK = ", in a night when clocks are put back: if it is that, two hours would be mixed"
 RIGHT = "right are stamps in UTC or with their zone (%z), or a log that is cut there"
-_HOUR = 3600.0
+HOUR = 3600.0
 _OFF = 60.0, 900.0  # seconds by which the change may be off an hour, at the least and at the most
 _SUNDAY = 6
 
@@ -48,13 +48,13 @@ class HourTwice:
 def put_forward(taken: np.ndarray, origin: Origin) -> np.ndarray:
     """Samples before which an hour is missing, as where clocks are put forward; of times that increase."""
     unit, usual = _usual(taken, origin)
-    if not 0 < usual <= _HOUR:
+    if not 0 < usual <= HOUR:
         return np.empty(0, dtype=int)
-    found = gaps_above(taken, (usual + _HOUR - _off(usual)) / unit)
-    found = found[(taken[found] - taken[found - 1]) * unit <= usual + _HOUR + _off(usual)]
+    found = gaps_above(taken, (usual + HOUR - _off(usual)) / unit)
+    found = found[(taken[found] - taken[found - 1]) * unit <= usual + HOUR + _off(usual)]
     sunday, month, day, hour = _dates(taken[found], origin, unit)
     skipped = np.floor(hour) - 1
-    whole = hour - (taken[found] - taken[found - 1]) * unit / _HOUR <= skipped
+    whole = hour - (taken[found] - taken[found - 1]) * unit / HOUR <= skipped
     europe = (day >= 25) & (skipped >= 1) & (skipped <= 3)
     america = (day >= 8) & (day <= 14) & (skipped == 2)
     return np.asarray(found[sunday & whole & (month == 3) & (europe | america)])
@@ -63,14 +63,19 @@ def put_forward(taken: np.ndarray, origin: Origin) -> np.ndarray:
 def put_back(taken: np.ndarray, origin: Origin) -> np.ndarray:
     """Samples with which an hour begins again, as where clocks are put back; of times as they stand in the file."""
     unit, usual = _usual(taken, origin)
-    if not 0 < usual <= _HOUR:
-        return np.empty(0, dtype=int)
-    found = np.flatnonzero(np.abs(np.diff(taken) * unit - usual + _HOUR) <= _off(usual)) + 1
+    found = an_hour_back(taken * unit, usual)
     sunday, month, day, hour = _dates(taken[found], origin, unit)
     again = np.floor(hour)
     europe = (month == 10) & (day >= 25) & (again >= 1) & (again <= 3)
     america = (month == 11) & (day <= 7) & (again == 1)
     return np.asarray(found[sunday & (europe | america)])
+
+
+def an_hour_back(taken: np.ndarray, usual: float) -> np.ndarray:
+    """Samples with which an hour begins again, in whatever night, of times and their usual step in seconds."""
+    if not 0 < usual <= HOUR:
+        return np.empty(0, dtype=int)
+    return np.flatnonzero(np.abs(np.diff(taken) - usual + HOUR) <= _off(usual)) + 1
 
 
 def _usual(taken: np.ndarray, origin: Origin) -> tuple[float, float]:
@@ -91,5 +96,5 @@ def _dates(times: np.ndarray, origin: Origin, unit: float) -> tuple[np.ndarray, 
     date = origin.epoch.astype("datetime64[ms]") + np.rint(times * unit * 1e3).astype("timedelta64[ms]")
     day, month = date.astype("datetime64[D]"), date.astype("datetime64[M]")
     sunday = (day.astype(int) + 3) % 7 == _SUNDAY  # the first day of 1970 was a Thursday
-    hour = (date - day).astype(float) / (1e3 * _HOUR)
+    hour = (date - day).astype(float) / (1e3 * HOUR)
     return sunday, month.astype(int) % 12 + 1, (day - month.astype("datetime64[D]")).astype(int) + 1, hour
