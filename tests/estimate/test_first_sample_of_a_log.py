@@ -12,7 +12,9 @@ from examples import Block, inline
 from recordings import POLES, assessed_of, recorded_of, recording, signal, source
 from scipy.integrate import solve_ivp
 
+from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
+from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.scores.shut_out import shut_out
 from hgorun.estimate.prepared import PreparedEstimate
@@ -216,3 +218,41 @@ def test_slow_samples_are_judged_no_later_than_fast_ones(outlier: float) -> None
     config = {"time": {"start": 0.0, "end": 75.0}, "plant": COUPLED, "observers": {"F": ekf}}
     found = estimate(source(config), log, sensitivity=False)
     assert assessed_of(found, "F").scores["gated"] == {"y": 1 if outlier else 0, "z": 0}
+
+
+def two_rates(outlier: dict[int, float]) -> Recording:
+    """A pendulum whose angle is measured often, and its speed three times in two swings."""
+    fast, random = np.arange(64) / 4, np.random.default_rng(5)
+    x = solve_ivp(lambda _, x: [x[1], -np.sin(x[0])], (0, 16), [0.8, 0.0], t_eval=fast, rtol=1e-10, atol=1e-12).y
+    y, z = x[0] + STD * random.standard_normal(64), x[1, ::28] + STD * random.standard_normal(3)
+    for k, size in outlier.items():
+        z[k] += size
+    return recording(signal("y", fast, y, gate=GATE, std=STD), signal("z", fast[::28], z, gate=GATE, std=STD))
+
+
+TWO_RATES: Block = {
+    "plant": {**PENDULUM, "output": {"y": "a", "z": "b"}},
+    "observers": {"F": OBSERVERS["F"]},
+    "solver": {"step": 1 / 32},
+}
+
+
+def start_of(log: Recording) -> list[float]:
+    """Where the filter begins."""
+    start = completed(source(TWO_RATES), log, "start", "").observers["F"].initial
+    return [start["a"], start["b"]]
+
+
+def test_an_outlier_of_a_slow_output_is_not_where_a_start_is_sought_from() -> None:
+    """The fit to the others ended at a speed of 2, where it had begun."""
+    assert start_of(replace(two_rates({0: 2.0}), first_samples=3)) == pytest.approx([0.8, 0.0], abs=3 * STD)
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("outlier", [{}, {0: 2.0}, {1: 2.0}, {2: -1.0}], ids=str)
+def test_a_start_from_as_many_as_agree_is_that_of_the_fast_output(outlier: dict[int, float]) -> None:
+    """It began with three samples of the slow one, too: an outlier among them turned the start, and was used."""
+    log = replace(two_rates(outlier), first_samples="auto")
+    assert start_of(log) == pytest.approx([0.8, 0.0], abs=3 * STD)
+    found = estimate(source(TWO_RATES), log, sensitivity=False)
+    assert np.flatnonzero(~recorded_of(found).outputs["z"].used[:, 0]).tolist() == list(outlier)

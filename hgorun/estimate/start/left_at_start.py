@@ -13,7 +13,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from hgorun.data.recording import AUTO, Recording, Signal
+from hgorun.data.recording import Recording, Signal
 from hgorun.engine.plan import Integers
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled, in_order, stated
@@ -54,11 +54,16 @@ class AtStart:
 
     @classmethod
     def _of(cls, prepared: PreparedEstimate) -> AtStart:
-        left, begun = _left(prepared), prepared.experiment.begun
+        begun, n = prepared.experiment.begun, prepared.run.plant.model.n
         there = {j for j, block in enumerate(prepared.run.observers) if begun.get(block.label)}
-        count = prepared.first_samples
-        most = prepared.run.plant.model.n if count == AUTO else min(count, prepared.run.plant.model.n)
-        near = [_order(one, out)[: most if count != 1 else 0] for one, out in zip(prepared.samples, left, strict=True)]
+        if prepared.first_samples == 1:
+            left, _ = _judged(prepared)
+            return cls(left, _numbers(prepared, left), set(), there)
+        found = fit_of(prepared, prepared.first_samples)
+        left = near = _none(prepared)
+        if found is not None:
+            left = found.left
+            near = [own[~np.isin(own, out)][:n] for own, out in zip(found.task.numbers, left, strict=True)]
         return cls(left, _numbers(prepared, left), _numbers(prepared, near), there)
 
 
@@ -68,12 +73,6 @@ _KNOWN: WeakKeyDictionary[PreparedEstimate, AtStart] = WeakKeyDictionary()  # a 
 def _numbers(prepared: PreparedEstimate, which: Sequence[Integers]) -> set[int]:
     """The numbers among all of some samples of each output."""
     return {slot.start + int(k) for slot, one in zip(prepared.slots, which, strict=True) for k in one}
-
-
-def _order(one: Sampled, out: Integers) -> Integers:
-    """The samples of an output in the order in which they were taken, without some."""
-    order = np.argsort(one.taken, kind="stable")
-    return order[~np.isin(order, out)]
 
 
 def first_moved(prepared: PreparedEstimate) -> dict[str, float]:
@@ -144,17 +143,8 @@ def _place(prepared: PreparedEstimate, signal: Signal, k: int) -> str:
     return f"{file}:{line}"
 
 
-def _left(prepared: PreparedEstimate) -> Sequence[Integers]:
-    """Of each output the samples that the start leaves out."""
-    count = prepared.first_samples
-    if count == 1:
-        return _judged(prepared)[0]
-    found = fit_of(prepared, count)
-    return _none(prepared) if found is None else found.left
-
-
 def _judged(prepared: PreparedEstimate) -> tuple[Sequence[Integers], dict[str, float]]:
-    """The same of a start that is the first sample of each output, and by state the start that the others give."""
+    """Of a start that is the first sample of each output what it leaves out of each, and what the others say."""
     few = prepared.run.plant.model.n <= _STATES
     return judged_start(prepared) if few and _judges(prepared) else (_none(prepared), {})
 

@@ -81,24 +81,17 @@ class StartTask:
         without : sequence of ndarray of int, optional
             The numbers of samples that are left out, for each output.
         together : bool
-            Whether those of slow outputs end where the fastest one has so many: over a longer time what the model lacks
-            counts more than the noise.
+            Whether those of slow outputs end where the fastest one has more than so many: over a longer time what the
+            model lacks counts more than the noise.
         """
         model, known = prepared.run.plant.model, stated(prepared.experiment)
         firsts = [np.argsort(one.taken, kind="stable") for one in prepared.samples]
         if without is not None:
             firsts = [first[~np.isin(first, left)] for first, left in zip(firsts, without, strict=True)]
-        firsts = [first[:count] for first in firsts]
         if together:
-            end = min(
-                (
-                    one.taken[first[-1]]
-                    for one, first in zip(prepared.samples, firsts, strict=True)
-                    if first.size == count
-                ),
-                default=np.inf,
-            )
-            firsts = [first[one.taken[first] <= end] for one, first in zip(prepared.samples, firsts, strict=True)]
+            end = min(_next(one.taken[first], count) for one, first in zip(prepared.samples, firsts, strict=True))
+            firsts = [first[one.taken[first] < end] for one, first in zip(prepared.samples, firsts, strict=True)]
+        firsts = [first[:count] for first in firsts]
         taken = [one.taken[first] for one, first in zip(prepared.samples, firsts, strict=True)]
         times = distinct(np.concatenate([[0.0], *taken]))
         seen = [
@@ -221,6 +214,13 @@ def _between(inputs: Callable[[Floats], Floats], times: Floats, count: int) -> F
     part = np.arange(_STEPS)[:, None] + np.array([0.0, 0.5, 1.0])
     moments = times[:-1, None, None] + np.diff(times)[:, None, None] * part / _STEPS
     return inputs(moments.ravel()).reshape(*moments.shape, count)
+
+
+def _next(taken: Floats, count: int) -> float:
+    """When the sample behind so many is taken, or the last of them has been; infinite where there are fewer."""
+    if taken.size == count:
+        return float(np.nextafter(taken[-1], np.inf))
+    return float(taken[count]) if taken.size > count else math.inf
 
 
 def _numbers(function: ca.Function, *arguments: float | Floats) -> list[Floats]:

@@ -104,16 +104,19 @@ def _fitted(prepared: PreparedEstimate, count: FirstSamples, x: Floats) -> Fit |
     Of few samples none tells which is an outlier: those that come next are looked at, too, and the fit is to as many
     others.
     """
+    near, far = _looked_at(prepared, x)
     left: list[Integers] | None = None
     if count == AUTO or count < 2 * x.size + _SPARE:
-        near, far = _looked_at(prepared, x)
         found = judged(near, far, x) if np.isfinite(far.gates).any() else None
         if found is not None and any(one.size for one in found.left):
             left, x = found.left, found.x  # the guess may be one of these
-    if left is None:
-        return _agreeing(prepared, x) if count == AUTO else without_outliers(StartTask.of(prepared, count), x)
-    found = _agreeing(prepared, x, left) if count == AUTO else fit(StartTask.of(prepared, count, left), x)
-    return None if found is None else replace(found, left=left)
+    if count == AUTO:
+        found = _agreeing(prepared, x, left)
+    elif left is None:
+        found = without_outliers(StartTask.of(prepared, count), x)
+    else:
+        found = fit(StartTask.of(prepared, count, left), x)
+    return found if found is None or left is None else replace(found, left=left)
 
 
 def _require_noise(prepared: PreparedEstimate) -> None:
