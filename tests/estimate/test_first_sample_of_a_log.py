@@ -16,8 +16,8 @@ from hgorun.data.recording import Recording
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import completed
 from hgorun.estimate.estimate import estimate
-from hgorun.estimate.scores.shut_out import shut_out
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.scores.shut_out import shut_out
 from hgorun.estimate.start import left_at_start, starting
 from hgorun.result.result import Result
 

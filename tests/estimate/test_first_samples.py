@@ -16,9 +16,9 @@ from scipy.linalg import expm
 from hgorun.data.recording import FirstSamples, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import completed
-from hgorun.estimate.start import outliers, starting
 from hgorun.estimate.gains.cases import Case
 from hgorun.estimate.gains.goal import Split
+from hgorun.estimate.start import outliers, starting
 from hgorun.estimate.start.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.start.fit import Fit, fit
 from hgorun.estimate.start.start_task import StartTask

@@ -13,7 +13,7 @@ from hgorun.symbolic.evaluate import Floats
 _PASSES = 50
 _ENOUGH = 1e-9  # of the residuals: what a pass has to make them smaller by for another one
 _ROUNDING = 1e-14  # of the sum of their squares
-_TOLD = 1e-6  # singular values below that part of the largest: directions that the samples do not tell
+TOLD = 1e-6  # singular values below that part of the largest: directions that the samples do not tell
 _HALVINGS = 20
 _SUFFICIENT = 0.25  # of what the derivatives promise: a step that keeps less leads to where they say nothing
 _ALONE = 1e-6  # of the variance of a sample that alone tells something of the start: no error shows whether it is one
@@ -44,9 +44,9 @@ class Fit:
         sizes = np.where(sizes > 0, sizes, 1.0)
         _, singular, rows = np.linalg.svd(self.slope / sizes, full_matrices=True)
         singular = np.concatenate([singular, np.zeros(len(rows) - singular.size)])
-        told = singular > _TOLD * singular[0]
+        told = singular > TOLD * singular[0]
         inverse = np.divide(1.0, singular, out=np.zeros_like(singular), where=told)
-        untold = np.linalg.norm(rows[~told], axis=0) > np.sqrt(_TOLD)
+        untold = np.linalg.norm(rows[~told], axis=0) > np.sqrt(TOLD)
         return np.asarray(np.where(untold, np.inf, np.linalg.norm(inverse[:, None] * rows, axis=0) / sizes))
 
     def own_deviations(self, error: Floats) -> Floats:
@@ -56,7 +56,7 @@ class Fit:
         """
         sizes = np.linalg.norm(self.slope, axis=0)
         columns, singular, _ = np.linalg.svd(self.slope / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
-        followed = np.sum(columns[:, singular > _TOLD * singular[0]] ** 2, axis=1)
+        followed = np.sum(columns[:, singular > TOLD * singular[0]] ** 2, axis=1)
         return np.asarray(np.abs(error) / np.sqrt(np.maximum(1 - followed, _ALONE)))
 
 
@@ -111,4 +111,4 @@ def _least_squares(slope: Floats, error: Floats) -> Floats:
     """The shortest step d with slope d = error, as nearly as can be; the units of the states do not matter."""
     sizes = np.linalg.norm(slope, axis=0)
     sizes = np.where(sizes > 0, sizes, 1.0)
-    return np.asarray(np.linalg.lstsq(slope / sizes, error, rcond=_TOLD)[0] / sizes)
+    return np.asarray(np.linalg.lstsq(slope / sizes, error, rcond=TOLD)[0] / sizes)

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 
-from hgorun.estimate.start.fit import Fit, fit
+from hgorun.estimate.start.fit import TOLD, Fit, fit
 from hgorun.estimate.start.start_task import StartTask
 from hgorun.symbolic.evaluate import Floats
 
 _REWEIGHTED = 30  # passes in which errors of a start count by their size
+_SETS, _LINEAR, _BEYOND = 2000, 4, 3.0  # of outliers that are tried; times that they are; gates beyond which they are
 _MOST = 3  # of so many samples of a slow output one may be an outlier
 _NORMAL = 1.4826  # standard deviations of normal numbers in their median size
 
@@ -65,9 +68,10 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
 
     If all are within the gates of the fit to all, that is the one; errors count in their own standard deviations, which
     are smaller at the ends of the samples, where a fit follows each of them more. Otherwise the farthest is left out.
-    If the others are not within their gates even then, what is far off counts by its size and no
-    longer by its square, which few outliers turn little; those that are beyond the gates of that fit are left out. Two
-    more samples than states are needed to tell which of them it is, and more than half have to agree.
+    If the others are not within their gates even then, those few are sought without which they are, and which are far
+    beyond theirs then. If there are none, what is far off counts by its size and no longer by its square, which few
+    outliers turn little; those that are beyond the gates of that fit are left out. Two more samples than states are
+    needed to tell which of them it is, and more than half have to agree.
     """
     found = fit(task, x)
     if found is None or len(task.gates) < x.size + 2:
@@ -84,6 +88,8 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
         within = not np.any(others.own_deviations(rest)[kept] > task.gates[kept])
         if within and np.max(beyond) > _spread(rest[kept & np.isfinite(task.gates)], x.size):
             return replace(others, left=task.chosen(~kept))
+    if (several := _without_several(task, found)) is not None:
+        return several
     bent = found
     for _ in range(_REWEIGHTED):
         weights = 1 / np.sqrt(np.maximum(np.abs(error), 1.0))
@@ -95,3 +101,40 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
         return found
     others = fit(replace(bent.task, weights=kept.astype(float)), bent.x)
     return found if others is None else replace(others, left=task.chosen(~kept))
+
+
+def _without_several(task: StartTask, base: Fit) -> Fit | None:
+    """The fit without the fewest samples, two or more, that has all others within their gates and these far beyond.
+
+    What a model lacks grows from sample to sample: then the nearest of those that are left out is not far beyond.
+    """
+    size, n = task.gates.size, base.x.size
+    for count in range(2, size - max(n + 2, size // 2 + 1) + 1):
+        if math.comb(size, count) > _SETS:
+            return None
+        sets = np.array(list(combinations(range(size), count)))
+        found, kept = base, np.ones(size, dtype=bool)
+        for _ in range(_LINEAR):  # the samples tell which by the slope at a fit, which the fit without them changes
+            before, kept = kept, np.ones(size, dtype=bool)
+            kept[sets[_best_without(*found.task.residuals(found.x), sets)]] = False
+            others = (
+                None if np.array_equal(kept, before) else fit(replace(found.task, weights=kept.astype(float)), found.x)
+            )
+            if others is None:
+                break
+            found = others
+        error, _ = found.task.residuals(found.x)
+        within = not np.any(found.own_deviations(error)[kept] > task.gates[kept])
+        if within and np.all(np.abs(error[~kept]) > _BEYOND * task.gates[~kept]):
+            return replace(found, left=task.chosen(~kept))
+    return None
+
+
+def _best_without(error: Floats, slope: Floats, sets: np.ndarray) -> int:
+    """The set of samples without which the errors of the others are smallest, of a start that moves them by slopes."""
+    weights = np.ones((len(sets), error.size))
+    np.put_along_axis(weights, sets, 0.0, axis=1)
+    scaled = slope / np.maximum(np.linalg.norm(slope, axis=0), np.finfo(float).tiny)
+    normal = np.einsum("mi,ij,ik->mjk", weights, scaled, scaled)
+    moved = np.einsum("mjk,mk->mj", np.linalg.pinv(normal, rcond=TOLD, hermitian=True), (weights * error) @ scaled)
+    return int(np.argmin(np.sum(weights * (error - moved @ scaled.T) ** 2, axis=1)))

@@ -1,0 +1,74 @@
+"""Several outliers among the first samples, beside polynomials through the others: a chain passes along them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from examples import inline
+from recordings import recording, signal, source
+
+from hgorun.estimate.completed import completed
+
+STD, GATE, PERIOD = 0.01, 5.0, 0.1
+Outliers = dict[int, float]
+
+
+def measured(count: int, outliers: Outliers, bend: float = 0.0) -> np.ndarray:
+    """1 - 2 t + bend t^2 with noise, some of it off by standard deviations."""
+    t = PERIOD * np.arange(count)
+    y = 1 - 2 * t + bend * t**2 + STD * np.random.default_rng(0).standard_normal(count)
+    for k, size in outliers.items():
+        y[k] += STD * size
+    return y
+
+
+def start_of(y: np.ndarray, states: int, first_samples: int, gate: float | None = GATE) -> list[float]:
+    """Where an observer of a chain of so many integrators begins."""
+    names = "abc"[:states]
+    chain = dict(zip(names, [*names[1:], "0"], strict=True))
+    plant = {key: value for key, value in inline(chain, "a").items() if key != "initial"}
+    config = {"plant": plant, "observers": {"o": {"type": "shgo", "theta": 2}}, "solver": {"step": 0.01}}
+    log = recording(signal("a", PERIOD * np.arange(y.size), y, std=STD, gate=gate))
+    start = completed(source(config), replace(log, first_samples=first_samples), "start", "").observers["o"].initial
+    return [start[name] for name in names]
+
+
+def through(y: np.ndarray, states: int, left: Outliers) -> list[float]:
+    """The polynomial that passes nearest to all but some."""
+    kept = np.setdiff1d(np.arange(y.size), list(left))
+    factors = [1.0, 1.0, 2.0]
+    return [float(f * c) for f, c in zip(factors, np.polyfit(PERIOD * kept, y[kept], states - 1)[::-1], strict=False)]
+
+
+@pytest.mark.parametrize(
+    ("states", "count", "outliers"),
+    [
+        (2, 6, {0: 100.0, 1: 100.0}),
+        (2, 6, {0: 1000.0, 1: -40.0}),
+        (2, 6, {1: 60.0, 2: 60.0}),
+        (2, 6, {0: 40.0, 5: 40.0}),
+        (3, 8, {0: 100.0, 1: 100.0}),
+        (3, 8, {0: 200.0, 1: -200.0, 2: 200.0}),
+        (3, 8, {2: 300.0, 3: 300.0, 7: 100.0}),
+        (2, 12, {0: 50.0, 1: 50.0, 2: 50.0, 3: 50.0}),
+    ],
+)
+def test_several_outliers_are_left_out_where_more_than_half_agree(states: int, count: int, outliers: Outliers) -> None:
+    """Also where they are the first ones, and agree with each other: a fit of sizes passes through these."""
+    y = measured(count, outliers)
+    np.testing.assert_allclose(start_of(y, states, count), through(y, states, outliers), rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("bend", [0.5, 1.0, 2.0, 3.0, 4.0, 8.0, -16.0])
+@pytest.mark.parametrize("count", [6, 10])
+def test_what_a_model_lacks_is_no_outlier(count: int, bend: float) -> None:
+    """It grows from sample to sample, so that some are beyond their gates and none is far beyond."""
+    y = measured(count, {}, bend)
+    assert start_of(y, 2, count) == start_of(y, 2, count, gate=None)
+
+
+def test_where_half_disagree_nothing_is_left_out() -> None:
+    y = measured(6, {0: 100.0, 1: 130.0, 2: 90.0})
+    assert start_of(y, 2, 6) == start_of(y, 2, 6, gate=None)
