@@ -64,6 +64,8 @@ def put_back(taken: np.ndarray, origin: Origin) -> np.ndarray:
     """Samples with which an hour begins again, as where clocks are put back; of times as they stand in the file."""
     unit, usual = _usual(taken, origin)
     found = an_hour_back(taken * unit, usual)
+    if not found.size:  # as where times have no date
+        return found
     sunday, month, day, hour = _dates(taken[found], origin, unit)
     again = np.floor(hour)
     europe = (month == 10) & (day >= 25) & (again >= 1) & (again <= 3)
@@ -74,7 +76,7 @@ def put_back(taken: np.ndarray, origin: Origin) -> np.ndarray:
 def an_hour_back(taken: np.ndarray, usual: float) -> np.ndarray:
     """Samples with which an hour begins again, in whatever night, of times and their usual step in seconds."""
     if not 0 < usual <= HOUR:
-        return np.empty(0, dtype=int)
+        return np.empty(0, dtype=np.intp)
     return np.flatnonzero(np.abs(np.diff(taken) - usual + HOUR) <= _off(usual)) + 1
 
 
