@@ -15,6 +15,8 @@ from hgorun.estimate.holdout import given_to_none, note_of, part
 
 _SAME_TIME = 1e-3  # of the median step: stamps are rounded and converted otherwise in another file
 _SAME_VALUE = 1e-7  # of a value: single precision
+_DIGITS = range(3, 8)  # that values may have been rounded to: with fewer they are those of a coarse sensor
+_RARE = 20  # of so many samples of equal times one may be equal by chance, whatever the values are
 _PIECE = 1 << 15  # samples at a time: there may be many
 
 
@@ -28,17 +30,22 @@ class Twins:
         Which samples of the first have the time and the value of one of the second.
     compared, otherwise : ndarray of bool, shape (k,)
         Which samples of the second have the time and the value of one of the first, and which the time only.
+    next_to : int
+        How many of the latter have a value that is one step of the values' resolution away.
     """
 
     given: np.ndarray
     compared: np.ndarray
     otherwise: np.ndarray
+    next_to: int
 
     @classmethod
     def of(cls, given: Signal, compared: Signal) -> Twins:
         """Of samples that observers get, and of others."""
         slack = _slack(given.taken, compared.taken)
-        same, known, timed = (np.zeros(n, dtype=bool) for n in (given.taken.size, *2 * (compared.taken.size,)))
+        rounding = np.maximum(*(_rounding(one.values, compared.values) for one in (given, compared)))
+        step = max(_step(given.values), _step(compared.values))
+        same, known, near, timed = (np.zeros(n, dtype=bool) for n in (given.taken.size, *3 * (compared.taken.size,)))
         for start in range(0, compared.taken.size, _PIECE):
             piece = slice(start, start + _PIECE)
             taken, values = compared.taken[piece], compared.values[piece]
@@ -48,18 +55,50 @@ class Twins:
             for k in range(int(count.max())):
                 at = np.flatnonzero(count > k)
                 other, value = given.values[first[at] + k], values[at]
-                equal = np.abs(other - value) <= _SAME_VALUE * np.maximum(np.abs(other), np.abs(value))
+                far = np.abs(other - value)
+                equal = far <= np.maximum(_SAME_VALUE * np.maximum(np.abs(other), np.abs(value)), rounding[start + at])
+                near[start + at] |= np.abs(far / step - 1) < 1 / 2
                 same[first[at[equal]] + k] = True
                 known[start + at[equal]] = True
-        return cls(same, known, timed & ~known)
+        otherwise = timed & ~known
+        return cls(same, known, otherwise, int(np.count_nonzero(near & otherwise)))
 
     @property
     def by_chance(self) -> bool:
         """Whether the second signal is another measurement, of which some values are equal as those of coarse ones are.
 
-        More than a quarter of the samples of equal time have another value then.
+        Where two of these differ it is mostly by one step. What was taken from the log is the same but for what was
+        corrected, by whatever that needed.
         """
-        return 3 * int(np.count_nonzero(self.otherwise)) > int(np.count_nonzero(self.compared))
+        equal, other = (int(np.count_nonzero(one)) for one in (self.compared, self.otherwise))
+        return _RARE * equal < equal + other or 2 * self.next_to > min(other, equal)
+
+
+def _rounding(written: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Half of the last place of some values, where numbers were written with few digits or decimals; otherwise 0."""
+    sizes, found = np.abs(written), np.zeros(values.shape)
+    if not sizes.any():
+        return found
+    for of in (_decade, lambda numbers: np.full(numbers.shape, _decade(sizes.max()))):  # digits, and decimals
+        first, own = of(sizes), of(np.abs(values))
+        for digits in _DIGITS:
+            places = written / first * 10.0 ** (digits - 1)
+            if np.all(np.abs(places - np.rint(places)) <= _SAME_VALUE * np.abs(places)):
+                found = np.maximum(found, own / 10.0 ** (digits - 1) * (0.5 + _SAME_VALUE))
+                break
+    return found
+
+
+def _decade(sizes: np.ndarray) -> np.ndarray:
+    """The power of ten of the first digit."""
+    return np.asarray(10.0 ** np.floor(np.log10(np.where(sizes > 0, sizes, 1.0))))
+
+
+def _step(values: np.ndarray) -> float:
+    """The resolution of some values: the smallest difference between two; infinite of one value."""
+    steps = np.diff(np.sort(values))
+    steps = steps[steps > _SAME_VALUE * np.abs(values).max(initial=0.0)]
+    return float(steps.min(initial=np.inf))
 
 
 def _slack(given: np.ndarray, compared: np.ndarray) -> float:
