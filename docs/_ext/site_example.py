@@ -14,9 +14,10 @@ from site_curves import drawing
 
 import hgorun
 from hgorun.errors import HgorunError, Problem
+from hgorun.export.accents import dotted
 from hgorun.export.latex import latex
 from hgorun.export.prepared import Wanted, exported
-from hgorun.export.typeset import dotted, written
+from hgorun.export.typeset import written
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.plants.base import Plant
 from hgorun.plants.build import build_plant

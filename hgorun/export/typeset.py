@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
@@ -126,7 +127,10 @@ def _formula(i: Instruction, known: Mapping[int, Formula], names: Mapping[tuple[
 
 
 def number(value: float) -> Formula:
-    """A number with six digits."""
+    """A number with six digits; whole and half turns with all of them, since periods are counted in them."""
+    for turns, text in ((2.0, r"2 \, \pi"), (1.0, r"\pi")):
+        if abs(value) == turns * math.pi:
+            return Formula((text if value > 0 else f"-{text}",), _PRODUCT)
     text = f"{value:.6g}"
     if "e" in text:
         digits, exponent = text.split("e")
@@ -140,6 +144,22 @@ def _sum(a: Formula, b: Formula, *, minus: bool) -> Formula:
     if minus:
         signed = [_turned(term) for term in signed]
     return Formula((*a.terms, *signed), _SUM)
+
+
+def difference(a: Formula, b: Formula) -> Formula:
+    """a - b."""
+    return _sum(a, b, minus=True)
+
+
+def called_max(a: Formula, b: Formula) -> Formula:
+    """The larger one."""
+    return Formula((_called(ca.OP_FMAX, [a.text, b.text]),))
+
+
+def wrapped(symbol: str, period: Formula) -> Formula:
+    """A symbol without whole periods, in [-period/2, period/2)."""
+    turns = _called(ca.OP_FLOOR, [rf"\frac{{{symbol}}}{{{period.text}}} + 0.5"])
+    return difference(Formula((symbol,)), _product(period, Formula((turns,))))
 
 
 def _turned(term: str) -> str:
@@ -276,17 +296,3 @@ def broken(formula: Formula) -> list[str]:
         else:
             lines.append(term)
     return lines
-
-
-def dotted(symbol: str) -> str:
-    r"""The time derivative of a symbol.
-
-    >>> dotted(r"\hat{x}_{1}")
-    '\\dot{\\hat{x}}_{1}'
-    """
-    depth = 0
-    for i, char in enumerate(symbol):
-        depth += (char == "{") - (char == "}")
-        if char == "_" and not depth:
-            return rf"\dot{{{symbol[:i]}}}{symbol[i:]}"
-    return rf"\dot{{{symbol}}}"

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator
 
 import casadi as ca
 import numpy as np
 import pytest
 from examples import CONTOIS, Block, chain, experiment, inline
 from matplotlib.mathtext import MathTextParser
+from printed_equations import Printed, equations
 
 from hgorun.export.latex import Document, latex
 from hgorun.export.observer import Exported
 from hgorun.export.prepared import Wanted, exported
-from hgorun.export.typeset import Formula, _product, broken, dotted, number, written
+from hgorun.export.typeset import Formula, _product, broken, number, written
 from hgorun.observers.base import OBSERVERS, SampledObserver
 from hgorun.simulation.preparation.preparation import prepare
 from hgorun.testing.cases import Subject
@@ -28,32 +28,6 @@ ASIDE = {"initial": {"x1": 1, "x2": 10}}
 def exported_of(plant: Block, block: Block, measurement: Block | None = None) -> Exported:
     run = prepare(experiment(plant, {"O r=1": block}, measurement=measurement or SAMPLED, step=0.01))
     return exported(run, Wanted(steps=False))[0]
-
-
-def equations(text: str) -> Iterator[tuple[str, str]]:
-    """Left and right sides, lines of one equation together."""
-    for block in re.findall(r"\\begin\{align\*\}(.*?)\\end\{align\*\}", text, re.DOTALL):
-        for line in re.sub(r"\\\\\s*&\\quad", " ", block).split(r"\\"):
-            left, right = line.split("&=")
-            yield left.strip(), right.strip()
-
-
-def names_of(left: str) -> str:
-    """A symbol as a name of Python."""
-    return "s_" + re.sub(r"\W+", "_", left)
-
-
-def value(formula: str, known: dict[str, float]) -> float:
-    """A formula evaluated by its typography alone."""
-    for symbol in sorted(known, key=len, reverse=True):
-        found = rf"(?<![A-Za-z\\]){re.escape(symbol)}(?![A-Za-z])" if symbol.isalpha() else re.escape(symbol)
-        formula = re.sub(found, f"({known[symbol]!r})", formula)
-    while r"\frac" in formula:
-        formula = re.sub(r"\\frac\{((?:[^{}]|\{[^{}]*\})*)\}\{((?:[^{}]|\{[^{}]*\})*)\}", r"((\1)/(\2))", formula)
-    formula = re.sub(r"\^\{([^{}]*)\}", r"**(\1)", formula)
-    formula = formula.replace(r"\left|", "abs(").replace(r"\right|", ")").replace(r"\cdot", "*").replace(r"\,", "*")
-    formula = re.sub(r"\\(?:left|right)", "", formula).replace("\\", "")
-    return float(eval(formula, {"sin": math.sin, "cos": math.cos, "abs": abs}))
 
 
 CASES = {
@@ -78,13 +52,12 @@ def test_the_equations_have_the_observers_values(name: str) -> None:
     m = len(observer.plant.model.inputs)
     values[:m], values[2 * m] = u, e
     theirs = np.array(rate(0.0, found.values, z, values)).ravel()
-    known = dict(zip(document.states, z.tolist(), strict=True)) | {"e": e, "D": u}
-    pairs = dict(equations(latex(observer)))
-    for left, right in pairs.items():
-        if re.fullmatch(r"[a-z]_\{\d+\}", left) and left not in known and "(0)" not in left:
-            known[left] = value(right, {k: v for k, v in known.items() if k != "e" or "e" in right})
-    own = [value(pairs[dotted(state)], known) for state in document.states]
-    np.testing.assert_allclose(own, theirs, rtol=1e-4, atol=1e-4)
+    text = latex(observer)
+    known = {"D": lambda t: u, **{output: lambda t: 0.0 for output in document.names.outputs}}
+    printed = Printed(text, known, {r"\tau": lambda now, begun: 0.0} if "being the time" in text else {})
+    printed.formulas["e"] = lambda scene: e
+    assert printed.states == document.states
+    np.testing.assert_allclose(printed.slope(0.0, z), theirs, rtol=1e-4, atol=1e-4)
 
 
 def assert_typeset(text: str) -> None:
@@ -129,6 +102,76 @@ def test_an_abbreviation_is_defined_once() -> None:
     defined = [line.split("&=")[0].strip() for line in text.splitlines() if line.startswith("  c_{")]
     assert defined == [f"c_{{{i + 1}}}" for i in range(len(defined))]
     assert len(defined) > 2
+
+
+CHAIN = {"x1": "x2", "x2": "-x1"}
+
+
+def innovations(plant: Block, measurement: Block) -> tuple[str, dict[str, str]]:
+    """The words before the innovations, and these, from a text that can be typeset."""
+    text = latex(exported_of(plant, {"type": "shgo", "theta": 3}, measurement))
+    assert_typeset(text)
+    (told,) = re.findall("with the innovation(.*)\n", text)
+    return told, {left: right for left, right in equations(text) if re.match(r"e|w|\\tau", left)}
+
+
+def test_each_output_has_a_newest_sample() -> None:
+    two = inline(CHAIN, ["x1", "x2"])
+    told, found = innovations(two, SAMPLED | {"outputs": {"x2": {"sampling": {"period": 0.25}}}})
+    assert told == (
+        r", $\tau_i$ being the time when the newest sample of output $i$ was taken (before the first one $e_i = 0$),"
+    )
+    assert found["e_{2}"].startswith(r"\hat{x}_{2}(\tau_{2}) - x_{2}(\tau_{2}) + \alpha_{2}(t)")
+    _, found = innovations(two, {"outputs": {"x1": {"delay": "0.1 + 0.05*sin(t)"}}})
+    assert found["e_{1}"].endswith(r"+ \alpha_{1}(t) - \alpha_{1}(\tau_{1})")
+    assert found["e_{2}"] == r"\hat{x}_{2} - x_{2}"
+    assert found[r"\tau_{1}"] == r"\max\left(0, t - 0.1 - 0.05 \, \sin\left(t\right)\right)"
+
+
+def test_the_newest_sample_may_have_been_taken_before_the_start() -> None:
+    told, _ = innovations(chain(2), SAMPLED | {"delay": 0.25})
+    newest = "the newest sample that has arrived was taken, or 0 if that was before the start"
+    assert told == rf", $\tau$ being the time when {newest} (before the first one $e = 0$),"
+
+
+def test_whole_periods_are_left_out() -> None:
+    angle = inline(CHAIN, "x1") | {"output": {"phi": {"value": "x1", "period": "2*pi"}}}
+    turns = r"w - 2 \, \pi \, \left\lfloor \frac{w}{2 \, \pi} + 0.5\right\rfloor"
+    assert innovations(angle, {"sampling": "continuous"})[1] == {"w": r"\hat{x}_{1} - \phi", "e": turns}
+    assert innovations(angle, SAMPLED)[1]["e"] == turns
+    assert number(-math.pi).text == r"-\pi"
+
+
+def test_a_product_is_at_one_time() -> None:
+    _, found = innovations(inline(CHAIN, {"y": "x1*(2 + x1**2)"}), SAMPLED)
+    at_tau = r"\left.\left(\hat{x}_{1} \, \left(2 + \hat{x}_{1}^{2}\right)\right)\right|_{\tau}"
+    assert found["e"] == rf"{at_tau} - y(\tau) + \alpha(t) - \alpha(\tau)"
+
+
+def test_phases_say_what_the_time_is() -> None:
+    phases: Block = {"phases": [{"until": 0.5, "delay": 0.1}, {"until": 1, **SAMPLED}]}
+    text = latex(exported_of(chain(2), {"type": "shgo", "theta": 3}, phases))
+    assert r"Where the output is continuous, $\tau = \max\left(0, t - 0.1\right)$." in text
+    phases["phases"][0].pop("delay")
+    phases["outputs"] = {"x2": {"sampling": "continuous"}}
+    text = latex(exported_of(inline(CHAIN, ["x1", "x2"]), {"type": "shgo", "theta": 3}, phases))
+    assert r"Where output 1 is continuous, $\tau_{1} = t$." in text
+
+
+def test_letters_of_the_plant_are_not_used_again() -> None:
+    """An angle of attack that is called alpha, and a clipped state, which is not the state."""
+    plant = inline({"alpha": "r", "r": "tau"}, "alpha", inputs={"tau": "sin(t)"})
+    block = {"type": "shgo", "theta": 3, "saturation": {"r": [-1, 1]}, "clip_estimate": True}
+    text = latex(exported_of(plant, block))
+    taken, alpha = r"(\bar{\tau})", r"\bar{\alpha}"
+    assert rf"e &= \hat{{\alpha}}{taken} - \alpha{taken} + {alpha}(t) - {alpha}{taken}" in text
+    assert r"\bar{\hat{r}} &= \max\left(-1, \min\left(1, \hat{r}\right)\right)" in text
+    assert_typeset(text)
+
+
+def test_samples_are_compared_with_those_before_from_the_second_on() -> None:
+    text = latex(exported_of(chain(2), {"type": "deadbeat"}))
+    assert "When samples arrive at $t_k$ (from the second ones on), $T_{k} = t_{k} - t_{k-1}$," in text
 
 
 def test_signs_and_brackets() -> None:
