@@ -94,6 +94,15 @@ def test_numbers_of_any_length_and_size(digits: int) -> None:
     assert same_bits(everywhere) > 0.9
 
 
+@pytest.mark.parametrize("sign", ["", "-", "+"])
+@pytest.mark.parametrize("behind", range(11))
+def test_digits_on_both_sides_of_a_decimal_sign(sign: str, behind: int) -> None:
+    random = np.random.default_rng(behind)
+    wholes = [str(random.integers(10**count)).zfill(count) for count in range(1, 10) for _ in range(20)]
+    assert same_bits([f"{sign}{one}.{random.integers(10**behind):0{behind}d}" for one in wholes]) == 1
+    assert same_bits([f"{sign}{'0' * count}.{'0' * behind}" for count in range(1, 12)]) == 1
+
+
 def test_doubles_and_what_lies_half_way_between_them() -> None:
     random = np.random.default_rng(1)
     words = random.integers(0x0010000000000000, 0x7FE0000000000000, 4000)
@@ -124,6 +133,16 @@ def test_doubles_and_what_lies_half_way_between_them() -> None:
         ('"1",2', False),
         ("1,nano", False),
         ("1,12 34", False),
+        ("-1.5,--1.5", False),
+        ("1.5,-1.-5", False),
+        ("1.5,1.5.5", False),
+        ("1.5,1:5", False),
+        ("1.5,1/5", False),
+        ("1.5,1.5\xb5", False),
+        ("1.5,\xfa.5", False),
+        ("-1.5,+1.5", True),
+        ("-.5,5.", True),
+        ("1.5, 2.5 ", True),
     ],
 )
 def test_it_stops_at_the_first_row_that_is_not_plain(row: str, plain: bool) -> None:

@@ -71,8 +71,8 @@ def rounded(f: Function, mantissa: str, exponent: str, table: str, result: str, 
     f.store("0", result, "i64")
     f.jump(done)
     f.place(nonzero)
-    _unless(f, f.test("slt", exponent, str(LOWEST)), unknown)
-    _unless(f, f.test("sgt", exponent, str(HIGHEST)), unknown)
+    unless(f, f.test("slt", exponent, str(LOWEST)), unknown)
+    unless(f, f.test("sgt", exponent, str(HIGHEST)), unknown)
     row = f.at(table, f.scalar("mul", f.scalar("sub", exponent, str(LOWEST)), "3"))
     small = f.let(f"and i1 {unsigned(f, 'ult', mantissa, str(2**53))}, {_is_power(f, row)}")
     f.branch(small, scaled, other)
@@ -108,7 +108,7 @@ def _is_power(f: Function, row: str) -> str:
     return f.test("ne", f.word(row, 2), "0")
 
 
-def _unless(f: Function, condition: str, label: str) -> None:
+def unless(f: Function, condition: str, label: str) -> None:
     """On, unless a condition leads to a label."""
     on = f.label()
     f.branch(condition, label, on)
@@ -132,7 +132,7 @@ def _long(f: Function, mantissa: str, exponent: str, row: str, result: str, unkn
         merged = f.scalar("add", high, carried)
         full = f.let(f"and i1 {_all_set(f, merged)}, {f.test('eq', wider, '-1')}")
         open_ = f.let(f"and i1 {full}, {unsigned(f, 'ult', f.scalar('add', rest, m), m)}")
-        _unless(f, open_, unknown)
+        unless(f, open_, unknown)
         f.store(merged, upper, "i64")
         f.store(wider, lower, "i64")
     high, low = f.load(upper, "i64"), f.load(lower, "i64")
@@ -140,7 +140,7 @@ def _long(f: Function, mantissa: str, exponent: str, row: str, result: str, unkn
     cut = f.scalar("lshr", high, f.scalar("add", top, "9"))  # 54 bits
     exact = f.let(f"and i1 {f.test('eq', low, '0')}, {f.test('eq', f.scalar('and', high, '511'), '0')}")
     halfway = f.let(f"and i1 {exact}, {f.test('eq', f.scalar('and', cut, '3'), '1')}")
-    _unless(f, halfway, unknown)
+    unless(f, halfway, unknown)
     even = f.scalar("lshr", f.scalar("add", cut, f.scalar("and", cut, "1")), "1")
     over = f.scalar("lshr", even, "53")
     bits = f.scalar("lshr", even, over)
@@ -148,8 +148,8 @@ def _long(f: Function, mantissa: str, exponent: str, row: str, result: str, unkn
     power = f.scalar("add", f.scalar("ashr", f.scalar("mul", exponent, "217706"), "16"), "1087")
     power = f.scalar("sub", f.scalar("sub", power, zeros), f.scalar("xor", top, "1"))
     power = f.scalar("add", power, over)
-    _unless(f, f.test("slt", power, "1"), unknown)
-    _unless(f, f.test("sgt", power, "2046"), unknown)
+    unless(f, f.test("slt", power, "1"), unknown)
+    unless(f, f.test("sgt", power, "2046"), unknown)
     fraction = f.scalar("and", bits, str(2**52 - 1))
     f.store(f.scalar("or", f.scalar("shl", power, "52"), fraction), result, "i64")
 

@@ -13,6 +13,7 @@ from functools import cache
 import numpy as np
 
 from hgorun.data.csv.decimals import chosen, rounded, unsigned
+from hgorun.data.csv.digits import TENS, Text, every, first_byte, of_eight, usual
 from hgorun.native.compiler import NativeModule
 from hgorun.native.ir import Function
 
@@ -49,6 +50,7 @@ class _Rows:
         self.given = {name: f.word("%taken", i, "ptr" if name in pointers else "i64") for i, name in enumerate(WORDS)}
         self.place, self.row = f.slot("i64"), f.slot("i64")  # the next byte, and the number of the row
         self.stop = f.label()
+        self.text = Text(f, self.given["text"], self.given["size"])
 
     def emit(self) -> None:
         """Rows until one is not plain."""
@@ -58,8 +60,8 @@ class _Rows:
         f.store("0", self.row, "i64")
         with f.loop():
             place = f.load(begin, "i64")
-            f.leave_if(f.test("sge", place, self.given["size"]), self.stop)
-            first = self.byte(place)
+            f.leave_if(f.test("sge", place, self.text.size), self.stop)
+            first = self.text.byte(place)
             for sign in (ord("\n"), self.given["comment"], ord(" "), ord("\t")):
                 f.leave_if(f.test("eq", first, str(sign)), self.stop)
             f.store(place, self.place, "i64")
@@ -72,15 +74,9 @@ class _Rows:
         f.store(f.load(begin, "i64"), f.at("%taken", len(WORDS) - 1), "i64")
         f.do(f"ret i64 {f.load(self.row, 'i64')}")
 
-    def byte(self, place: str) -> str:
-        """A byte of the text."""
-        f = self.f
-        address = f.let(f"getelementptr i8, ptr {self.given['text']}, i64 {place}")
-        return f.let(f"zext i8 {f.let(f'load i8, ptr {address}')} to i64")
-
     def here(self) -> str:
         """The next byte."""
-        return self.byte(self.f.load(self.place, "i64"))
+        return self.text.byte(self.f.load(self.place, "i64"))
 
     def on(self) -> None:
         """To the byte behind it."""
@@ -90,7 +86,9 @@ class _Rows:
     def cell(self, column: str) -> None:
         """A cell and what ends it: a separator, behind the last one a newline."""
         f = self.f
-        skipped, wanted, end = f.label(), f.label(), f.label()
+        skipped, wanted, any_, end, on = (f.label() for _ in range(5))
+        last = f.test("eq", column, f.scalar("sub", self.given["width"], "1"))
+        expected = chosen(f, last, str(ord("\n")), self.given["separator"])
         address = f.word(self.given["plan"], column)
         spans = f.test("ne", f.word(self.given["kinds"], column), "0")
         f.branch(f.let(f"or i1 {spans}, {f.test('eq', address, '0')}"), skipped, wanted)
@@ -104,15 +102,20 @@ class _Rows:
         f.jump(end)
         f.place(wanted)
         bits = f.slot("i64")
+        end_of = usual(f, self.text, f.load(self.place, "i64"), (self.given["decimal"], expected), bits, any_)
+        f.store(end_of, self.place, "i64")
+        f.store(f.load(bits, "i64"), f.at(f.let(f"inttoptr i64 {address} to ptr"), f.load(self.row, "i64")), "i64")
+        f.jump(on)
+        f.place(any_)
         self.spaces()
         self.number(bits)
         self.spaces()
         f.store(f.load(bits, "i64"), f.at(f.let(f"inttoptr i64 {address} to ptr"), f.load(self.row, "i64")), "i64")
         f.jump(end)
         f.place(end)
-        last = f.test("eq", column, f.scalar("sub", self.given["width"], "1"))
-        expected = chosen(f, last, str(ord("\n")), self.given["separator"])
         f.leave_if(f.test("ne", self.here(), expected), self.stop)
+        f.jump(on)
+        f.place(on)
         self.on()
 
     def skip(self) -> None:
@@ -183,35 +186,39 @@ class _Rows:
     def digits(self, mantissa: str, count: str) -> str:
         """Digits, as many as there are; their number. Zeros in front do not count."""
         f = self.f
-        start = f.load(self.place, "i64")
-        self.eights(mantissa, count)
-        with f.loop() as after:
+        start, done = f.load(self.place, "i64"), f.label()
+        self.eights(mantissa, count, done)
+        with f.loop():  # at the end of a text
             digit = f.scalar("sub", self.here(), str(ord("0")))
-            f.leave_if(unsigned(f, "ugt", digit, "9"), after)
+            f.leave_if(unsigned(f, "ugt", digit, "9"), done)
             value = f.scalar("add", f.scalar("mul", f.load(mantissa, "i64"), "10"), digit)
             f.store(value, mantissa, "i64")
             counts = f.let(f"zext i1 {f.test('ne', value, '0')} to i64")
             f.store(f.scalar("add", f.load(count, "i64"), counts), count, "i64")
             self.on()
+        f.do("unreachable")
+        f.place(done)
         return f.scalar("sub", f.load(self.place, "i64"), start)
 
-    def eights(self, mantissa: str, count: str) -> None:
-        """Digits by eights, as long as there are so many, but for zeros in front."""
+    def eights(self, mantissa: str, count: str, done: str) -> None:
+        """Up to eight digits at once, while the text has so many bytes; to a label, where what follows is none."""
         f = self.f
         with f.loop() as after:
             place, before = f.load(self.place, "i64"), f.load(mantissa, "i64")
-            f.leave_if(f.test("sgt", place, f.scalar("sub", self.given["size"], "8")), after)
-            address = f.let(f"getelementptr i8, ptr {self.given['text']}, i64 {place}")
-            word = f.let(f"load i64, ptr {address}, align 1")
-            zero = f.test("eq", f.scalar("and", word, "255"), str(ord("0")))
-            f.leave_if(f.let(f"and i1 {zero}, {f.test('eq', before, '0')}"), after)
-            above, below = f.scalar("add", word, _every(0x46)), f.scalar("sub", word, _every(0x30))
-            outside = f.scalar("and", f.scalar("or", above, below), _every(0x80))
-            f.leave_if(f.test("ne", outside, "0"), after)
-            value = f.scalar("add", f.scalar("mul", before, str(10**8)), _of_eight(f, below))
+            f.leave_if(f.test("sgt", place, f.scalar("sub", self.text.size, "8")), after)
+            word = self.text.word(place)
+            above, below = f.scalar("add", word, every(0x46)), f.scalar("sub", word, every(0x30))
+            outside = f.scalar("and", f.scalar("or", above, below), every(0x80))  # right up to the first that is
+            some = first_byte(f, outside)
+            f.leave_if(f.test("eq", some, "0"), done)
+            digits = f.scalar("shl", below, f.scalar("sub", "64", f.scalar("shl", some, "3")))  # behind zeros
+            value = f.scalar("add", f.scalar("mul", before, f.word(TENS, some)), of_eight(f, digits))
             f.store(value, mantissa, "i64")
-            f.store(f.scalar("add", f.load(count, "i64"), "8"), count, "i64")
-            f.store(f.scalar("add", place, "8"), self.place, "i64")
+            significant = f.scalar("sub", "8", first_byte(f, digits))
+            counts = chosen(f, f.test("eq", before, "0"), significant, some)
+            f.store(f.scalar("add", f.load(count, "i64"), counts), count, "i64")
+            f.store(f.scalar("add", place, some), self.place, "i64")
+            f.leave_if(f.test("ne", some, "8"), done)
 
     def exponent(self) -> str:
         """The number behind e; 0 without one."""
@@ -230,18 +237,3 @@ class _Rows:
             found = f.load(size, "i64")
             f.store(chosen(f, negative, f.scalar("sub", "0", found), found), value, "i64")
         return f.load(value, "i64")
-
-
-def _every(byte: int) -> str:
-    """A word of eight equal bytes."""
-    return str(int.from_bytes(bytes([byte] * 8), "little", signed=True))
-
-
-def _of_eight(f: Function, digits: str) -> str:
-    """The number of eight digits, the first in the lowest byte: pairs, then pairs of pairs, then all."""
-    pairs = f.scalar("add", f.scalar("mul", digits, "10"), f.scalar("lshr", digits, "8"))
-    low = f.scalar("and", pairs, str(0x000000FF000000FF))
-    high = f.scalar("and", f.scalar("lshr", pairs, "16"), str(0x000000FF000000FF))
-    left = f.scalar("mul", low, str(100 + (10**6 << 32)))
-    right = f.scalar("mul", high, str(1 + (10**4 << 32)))
-    return f.scalar("lshr", f.scalar("add", left, right), "32")
