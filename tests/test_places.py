@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from hgorun.native.places import places_in, since_last_in
+from hgorun.native.places import moved_up, places_in, since_last_in
 
 TIMES = 1e-3 * np.arange(1000)
 RANDOM = np.random.default_rng(0)
@@ -54,3 +54,16 @@ def test_how_far_behind_the_last_one_each_is(within: str, sought: str) -> None:
         expected = one - before.max() if before.size else np.inf
         assert since == expected or (np.isnan(one) and np.isnan(since))
     assert found.size == SOUGHT[sought].size
+
+
+@pytest.mark.parametrize("within", ["even", "jitter", "repeated", "one"])
+def test_those_a_little_before_one_are_moved_to_it(within: str) -> None:
+    ascending, tolerance = WITHIN[within], 2e-9
+    for name, sought in SOUGHT.items():
+        expected = []
+        for one in sought.tolist():
+            following = ascending[~(ascending < one)]
+            near = following.size and one < following[0] <= one + tolerance
+            expected.append(following[0] if near else one)
+        np.testing.assert_array_equal(moved_up(ascending, sought, tolerance), expected, err_msg=name)
+    assert np.count_nonzero(moved_up(TIMES, SOUGHT["a little before"], tolerance) == TIMES) == TIMES.size

@@ -136,8 +136,8 @@ def recorded_inputs(
         return None
     # all are compared as they count from the start: there and back, rounding would put a change before its own time
     since = [one.times - origin for one in signals]
-    times = since[0] if len(since) == 1 else np.concatenate(since)
-    changes = distinct(np.append(start, times[times > start]))
+    later = [own[np.searchsorted(own, start, "right") :] for own in since]
+    changes = distinct(np.concatenate([[start], *later]))
     changes = changes[: np.searchsorted(changes, end, "right" if last else "left")]
     lines = [_lines(signal, own, changes) for signal, own in zip(signals, since, strict=True)]
     # of a single one no copies are made

@@ -16,6 +16,7 @@ from hgorun.measurement.late import HeardOtherwise, Order, order_of
 from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.measurement.variants import FROZEN, Variant
 from hgorun.memo import Memo
+from hgorun.native.places import moved_up
 from hgorun.symbolic.levels import distinct
 
 _SHORT = 1e-9  # events closer than this part of a step are one
@@ -240,16 +241,22 @@ def _following(first: int, count: int) -> np.ndarray:
 
 def at_events(times: np.ndarray, events: np.ndarray, tolerance: float) -> np.ndarray:
     """Times with those at events that lie before one by no more than a tolerance; events ascend."""
-    following = events[np.minimum(np.searchsorted(events, times), events.size - 1)]
-    before = (times < following) & (following - times <= tolerance)
-    return np.where(before, following, times) if before.any() else times
+    moved = moved_up(events, times, tolerance)
+    return times if np.array_equal(moved, times) else moved
+
+
+def first_of(times: np.ndarray, events: np.ndarray) -> int | None:
+    """Index of the first time among events, where times are events one after the other, as those of samples."""
+    if not times.size or not events.size:
+        return None
+    first = int(np.searchsorted(events, times[0]))
+    return first if np.array_equal(events[first : first + times.size], times) else None
 
 
 def nearest_event(events: np.ndarray, times: np.ndarray) -> np.ndarray:
     """Index of the event nearest to each time."""
-    if times.size and events.size:  # where times are events one after the other, as those of samples, nothing is sought
-        first = int(np.searchsorted(events, times[0]))
-        if np.array_equal(events[first : first + times.size], times):
-            return _following(first, times.size)
+    first = first_of(times, events)
+    if first is not None:
+        return _following(first, times.size)
     right = np.clip(np.searchsorted(events, times), 1, events.size - 1)
     return np.where(times - events[right - 1] <= events[right] - times, right - 1, right)

@@ -52,8 +52,29 @@ def since_last_in(ascending: np.ndarray, sought: np.ndarray) -> np.ndarray:
     return np.where(places > 0, sought - ascending[np.maximum(places, 1) - 1], np.inf)
 
 
+def moved_up(ascending: np.ndarray, sought: np.ndarray, tolerance: float) -> np.ndarray:
+    """The sought ones, of which those that lie before the next ascending one by no more than a tolerance are at it.
+
+    Parameters
+    ----------
+    ascending : ndarray, shape (N,), N > 0
+    sought : ndarray, shape (n,)
+    tolerance : float
+    """
+    found = np.empty(sought.size)
+    if _walked("up", ascending, sought, found, "left", tolerance):
+        return found
+    following = ascending[np.minimum(np.searchsorted(ascending, sought), ascending.size - 1)]
+    return np.where((sought < following) & (following - sought <= tolerance), following, sought)
+
+
 def _walked(
-    name: str, ascending: np.ndarray, sought: np.ndarray, found: np.ndarray, side: Literal["left", "right"]
+    name: str,
+    ascending: np.ndarray,
+    sought: np.ndarray,
+    found: np.ndarray,
+    side: Literal["left", "right"],
+    tolerance: float = 0.0,
 ) -> bool:
     """Whether machine code has found what is sought."""
     doubles = ascending.dtype == float == sought.dtype and ascending.flags.c_contiguous
@@ -62,7 +83,7 @@ def _walked(
     sought = np.ascontiguousarray(sought)  # every so many samples are not
     first = int(np.searchsorted(ascending, sought[0], side=side))
     numbers = (ascending.size, sought.size, first, _WALKED * sought.size)
-    return _passes(name, (ascending, sought, found), numbers) == sought.size
+    return _passes(name, (ascending, sought, found), numbers, tolerance) == sought.size
 
 
 def _walk(before: str, tell: Callable[[Function, str, str, str], str] | None, f: Function) -> None:
@@ -105,6 +126,16 @@ def _since(f: Function, ascending: str, here: str, one: str) -> str:
     return f.let(f"select i1 {none}, double {hexadecimal(float('inf'))}, double {behind}")
 
 
+def _up(f: Function, ascending: str, here: str, one: str) -> str:
+    """The one at a place, where it is not far behind; else one itself."""
+    last = f.scalar("sub", f.word("%taken", 3), "1")
+    place = f.let(f"select i1 {f.test('slt', here, last)}, i64 {here}, i64 {last}")
+    following = f.word(ascending, place, "double")
+    near = f.test("ole", f.scalar("fsub", following, one), "%real")
+    moved = f.let(f"and i1 {f.test('olt', one, following)}, {near}")
+    return f.let(f"select i1 {moved}, double {following}, double {one}")
+
+
 def _step(f: Function, to: str, place: str, left: str, given_up: str) -> None:
     """To another place, as long as there are steps left."""
     f.leave_if(f.test("eq", f.load(left, "i64"), "0"), given_up)
@@ -117,5 +148,6 @@ _passes = Passes(
         "left": partial(_walk, "olt", None),
         "right": partial(_walk, "ole", None),
         "since": partial(_walk, "ole", _since),
+        "up": partial(_walk, "olt", _up),
     }
 )

@@ -1,4 +1,4 @@
-"""Some columns of a table as rows of their own."""
+"""Some columns of a table: as rows of their own, and whether they have one number."""
 
 from __future__ import annotations
 
@@ -15,13 +15,27 @@ _FEWEST = 1 << 10  # rows
 
 def copied(rows: np.ndarray) -> np.ndarray:
     """``rows.copy()``, which goes number by number and takes four times as long where rows of few stand apart."""
-    count, width = rows.shape if rows.ndim == 2 else (0, 0)
-    apart = count >= _FEWEST and width in _WIDTHS and rows.dtype == np.float64 and not rows.flags.c_contiguous
-    if not apart or rows.strides[0] % 8 or rows.strides[1] != 8:
+    if rows.flags.c_contiguous or not _in_words(rows) or rows.shape[1] not in _WIDTHS:
         return rows.copy()
     found = np.empty(rows.shape)
-    _passes(f"copy{width}", (rows, found), (count, rows.strides[0] // 8))
+    _passes(f"copy{rows.shape[1]}", (rows, found), (len(rows), rows.strides[0] // 8))
     return found
+
+
+def all_are(rows: np.ndarray, value: np.generic) -> bool:
+    """Whether all numbers have the bits of one of their kind; rows of few take numpy six times as long."""
+    kind = np.dtype(f"u{rows.dtype.itemsize}")
+    bits = np.asarray(value).view(kind)
+    if not _in_words(rows):
+        return bool(np.all(rows.view(kind) == bits))
+    numbers = (*rows.shape, rows.strides[0] // 8, int(bits.view(np.int64)))
+    return _passes("others", (rows,), numbers) == 0
+
+
+def _in_words(rows: np.ndarray) -> bool:
+    """Whether these are many rows of doubles, the numbers of each one behind the other."""
+    words = rows.ndim == 2 and len(rows) >= _FEWEST and rows.dtype == np.float64
+    return words and rows.strides[1] == 8 and not rows.strides[0] % 8
 
 
 def in_one_piece(rows: np.ndarray) -> np.ndarray:
@@ -39,4 +53,18 @@ def _copy(width: int, f: Function) -> None:
     f.do("ret i64 0")
 
 
-_passes = Passes({f"copy{width}": partial(_copy, width) for width in _WIDTHS})
+def _others(f: Function) -> None:
+    """Which bits of some number are not those of one."""
+    rows = f.word("%taken", 0, "ptr")
+    count, width, step, value = (f.word("%taken", i) for i in range(1, 5))
+    found = f.slot("i64")
+    f.store("0", found, "i64")
+    with f.count(0, count) as k:
+        row = f.at(rows, f.scalar("mul", k, step))
+        with f.count(0, width) as column:
+            others = f.scalar("xor", f.word(row, column), value)
+            f.store(f.scalar("or", f.load(found, "i64"), others), found, "i64")
+    f.do(f"ret i64 {f.load(found, 'i64')}")
+
+
+_passes = Passes({**{f"copy{width}": partial(_copy, width) for width in _WIDTHS}, "others": _others})

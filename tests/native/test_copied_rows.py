@@ -1,11 +1,11 @@
-"""Copies of columns that stand apart in a table are those that numpy makes."""
+"""Copies of columns that stand apart in a table are those that numpy makes; whether they have one number is told."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from hgorun.native.rows import copied
+from hgorun.native.rows import all_are, copied
 
 TABLE = np.random.default_rng(0).standard_normal((3000, 6))
 TABLE[7, 2], TABLE[8, 3], TABLE[9, 3] = np.nan, -0.0, np.inf
@@ -41,3 +41,20 @@ def test_copies_of_rows(rows: str) -> None:
     assert found.flags.c_contiguous
     assert found.tobytes() == expected.tobytes()
     assert not np.shares_memory(found, given)
+
+
+@pytest.mark.parametrize("value", [1.5, -0.0, np.nan])
+@pytest.mark.parametrize("columns", [slice(2, 3), slice(1, 4), slice(None)])
+@pytest.mark.parametrize("count", [9, 3000])
+def test_rows_of_one_number_are_told_by_its_bits(count: int, columns: slice, value: float) -> None:
+    table = TABLE[:count].copy()
+    table[:, columns] = value
+    rows, number = table[:, columns], np.float64(value)
+    assert all_are(rows, number)
+    assert not all_are(rows, np.float64(0.0))
+    for row in (0, count // 2, count - 1):
+        table[row, columns.stop and columns.stop - 1] = -value if value else 0.0
+        assert not all_are(rows, number)
+        table[row, columns] = value
+    assert all_are(np.full(count, 3, dtype=np.int8), np.int8(3))
+    assert not all_are(np.arange(count), np.int64(0))

@@ -292,8 +292,7 @@ class LongLog:
 
     def _write_band(self, file: ResultInParts, found: Found, label: str, widths: Widths) -> None:
         written = file.whole(f"observers/{label}/xhat")
-        for first in range(0, self._grid.size, _ROWS):
-            stop = min(first + _ROWS, self._grid.size)
-            xhat, width = written.read(first, stop), widths.at(self._grid[first:stop])
+        for first, width in widths.in_pieces(self._grid, _ROWS):
+            xhat = written.read(first, first + len(width))
             for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
                 self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)

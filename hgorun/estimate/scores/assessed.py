@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +15,7 @@ from hgorun.estimate.scores.row_left_out import in_a_row
 from hgorun.estimate.scores.scores import scores_of, settled, settled_from, since
 from hgorun.pieces import all_true
 from hgorun.result.records.recorded import WIDE, Assessed
+from hgorun.simulation.timeline.grid import EvenPoints
 from hgorun.symbolic.evaluate import Floats
 
 _RESIDUALS = 1 << 20  # that a band is made of, evenly chosen where there are more
@@ -60,6 +61,13 @@ class Widths:
             if found:
                 width[:, k] = found[0] if len(found) == 1 else np.min(np.broadcast_arrays(*found), axis=0)
         return width
+
+    def in_pieces(self, grid: EvenPoints, rows: int) -> Iterator[tuple[int, Floats]]:
+        """Along a grid, so many rows at a time, each piece with the number of its first point."""
+        grow = any(band.level is None for bands in self.bands for band, _ in bands)
+        same = self.at(grid[:rows])
+        for first in range(0, grid.size, rows):
+            yield first, self.at(grid[first : first + rows]) if grow else same[: grid.size - first]
 
 
 def _at(band: Band, one: Sampled | None, grid: Floats, known: dict[int, Floats]) -> Floats | float:

@@ -17,11 +17,11 @@ from types import TracebackType
 import h5py
 import numpy as np
 
+from hgorun.native.rows import all_are
 from hgorun.result.hdf5 import digests
 from hgorun.result.hdf5.sink import Sink
 
 _PIECE = 1 << 16
-_FEW = 8  # numbers of a row
 _THREADS = 2
 _WAITING = 4  # pieces that may wait for each thread: they are memory
 
@@ -66,11 +66,7 @@ class Growing:
             return False
         if rows.size and rows[-1:].flat[-1].tobytes() != self._value.tobytes():  # which mostly tells already
             return False
-        kind = np.dtype(f"u{rows.dtype.itemsize}")
-        bits, value = rows.view(kind), np.asarray(self._value).view(kind)
-        if rows.ndim == 2 and rows.shape[1] <= _FEW:  # column by column, since rows of few numbers take longer
-            return all(bool(np.all(column == value)) for column in bits.T)
-        return bool(np.all(bits == value))
+        return all_are(rows, self._value)
 
     def _take_room(self) -> None:
         """From now on the rows differ; those before are written."""

@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.engine.layout import SET, Held
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import stepped_between
-from hgorun.measurement.schedule import nearest_event
+from hgorun.measurement.schedule import first_of, nearest_event
 from hgorun.native.places import places_in
 from hgorun.simulation.design.first_inputs import Recorded
 from hgorun.simulation.timeline.kinds import Kind, Numbered
@@ -63,8 +63,10 @@ class RecordedInputs:
         tolerance : float
             How much before an event a point counts as one at it.
         """
-        at = nearest_event(events, np.maximum(self.times, events[0]))
-        return replace(self, shown=events[at] - tolerance)
+        moments = np.maximum(self.times, events[0])
+        if first_of(moments, events) is None:
+            moments = events[nearest_event(events, moments)]
+        return replace(self, shown=moments - tolerance)
 
     def _lines(self, times: np.ndarray) -> np.ndarray | slice:
         """Which line holds at each of several times."""
@@ -104,11 +106,12 @@ class RecordedInputs:
 
 def last_of(times: np.ndarray, sought: np.ndarray) -> np.ndarray | slice:
     """Where the last of some ascending times is that is not after each sought one; the first where all are."""
-    if sought.size:  # where these are the times themselves, one after the other, nothing is sought
-        first = int(np.searchsorted(times, sought[0], side="right")) - 1
-        own = times[max(first, 0) : first + sought.size]
-        if np.array_equal(own, sought) and np.all(own[1:] > own[:-1]):
-            return slice(first, first + sought.size)
+    if sought.size:  # where one of them follows each time, as at the times themselves, nothing is sought
+        first = max(int(np.searchsorted(times, sought[0], side="right")) - 1, 0)
+        some = slice(first, first + sought.size)
+        own, following = times[some], times[first + 1 : some.stop + 1]
+        if own.size == sought.size and np.all(own <= sought) and np.all(sought[: following.size] < following):
+            return some
     return np.asarray(np.maximum(places_in(times, sought, "right") - 1, 0))
 
 

@@ -55,14 +55,23 @@ class StepCounts:
 
 
 _COUNTED: Memo[StepCounts] = Memo(4)
+_COUNTED_EVENTS: Memo[StepCounts] = Memo(4, lambda counts: counts.steps.size < _KEPT)
 
 
 def counted_steps(schedule: AnySchedule, longest: float, key: str = "step") -> StepCounts:
     """The steps of a schedule, counted; as :func:`count_steps`."""
     if isinstance(schedule, Schedule):
-        steps = steps_between(schedule, longest, key)
-        return StepCounts(steps, np.ones_like(steps))
+        return _COUNTED_EVENTS.get(
+            (schedule, longest, key), lambda: _alike_together(steps_between(schedule, longest, key))
+        )
     return _COUNTED.get((same(schedule), longest, key), lambda: _counted(schedule.gaps(), longest, key))
+
+
+def _alike_together(steps: np.ndarray) -> StepCounts:
+    """All gaps at once where they take as many steps, else each of them."""
+    if steps.size and steps.min() == steps.max():
+        return StepCounts(steps[:1], np.array([steps.size]))
+    return StepCounts(steps, np.ones_like(steps))
 
 
 def _counted(parts: Iterable[np.ndarray], longest: float, key: str) -> StepCounts:
