@@ -8,9 +8,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
-import numpy as np
-
 from hgorun.errors import ConfigError
+from hgorun.native.line_ends import newlines_of
 
 BLOCK = 2**20  # bytes read at once: as many as a cache of the processor holds
 LONGEST = 2**20  # bytes of a line
@@ -45,7 +44,7 @@ class Block:
     @cached_property
     def lines(self) -> int:
         """How many."""
-        return int(np.count_nonzero(np.frombuffer(self.text, dtype=np.uint8) == ord("\n")))
+        return newlines_of(self.text)[0]
 
 
 def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterator[Block]:
@@ -71,8 +70,8 @@ def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterat
             if whole.find(b"\n") > LONGEST:
                 raise _too_long(path, line)
             if whole:
-                block = _checked(Block(_unix(whole), line), path)
-                line += block.lines  # counted here: who reads ahead does so meanwhile
+                block = _block(whole, line, path)  # counted here: who reads ahead does so meanwhile
+                line += block.lines
                 yield block
             if len(rest) > LONGEST:
                 raise _too_long(path, line)
@@ -102,6 +101,16 @@ def _cut(before: bytes, piece: bytes) -> tuple[bytes, bytes]:
 def _unix(text: bytes) -> bytes:
     """Line ends of any kind as newlines."""
     return text.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in text else text
+
+
+def _block(whole: bytes, line: int, path: Path) -> Block:
+    """Whole lines, from a line on, with newlines at their ends; checked as by :func:`_checked`."""
+    count, plain = newlines_of(whole)
+    if not plain:
+        return _checked(Block(_unix(whole), line), path)
+    block = Block(whole, line)
+    vars(block)["lines"] = count  # which is known already
+    return block
 
 
 def _checked(block: Block, path: Path) -> Block:
