@@ -110,16 +110,19 @@ class Program:
         memory = self.memory(plan, start, tolerance, window)
         memory.stop_without(until)
         chunk = 1 if tolerance or progress else _FIRST  # adaptive segments may be long
-        passed, tries = 0, 0
+        passed, tries, all_work = 0, 0, plan.work
         for part, segments in enumerate(plan.parts()):
             if part:  # it has the first
                 memory.take(segments)
-            work = work_up_to(segments.counts)
-            stop, done = 0, 0
-            while stop < work.size:
+            stop, done, count = 0, 0, len(segments.counts)
+            work = work_up_to(segments.counts) if chunk < all_work or progress else None
+            while stop < count:
                 before = time.perf_counter()
-                stop = max(stop + 1, int(work.searchsorted(done + chunk, side="right")))
-                done = int(work[stop - 1])
+                if work is None:  # the whole plan takes less than a slice
+                    stop = count
+                else:
+                    stop = max(stop + 1, int(work.searchsorted(done + chunk, side="right")))
+                    done = int(work[stop - 1])
                 granted = memory["budget"] = _granted(limit - tries)
                 verdict = self._run(memory.address, stop)
                 pauses, reached = 0, memory.real("now")

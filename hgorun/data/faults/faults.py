@@ -54,6 +54,7 @@ class Stretch:
 
 
 _ASCENDING: Memo[bool] = Memo(2)  # the signals of a file share their times
+_GAPS: Memo[np.ndarray] = Memo(2)  # as above
 
 
 def ascending(taken: np.ndarray) -> bool:
@@ -75,8 +76,12 @@ def repeated(taken: np.ndarray) -> np.ndarray:
 
 def gaps(taken: np.ndarray) -> np.ndarray:
     """Samples that follow a gap of more than ``GAP`` median steps."""
-    usual = usual_step(taken)
-    return gaps_above(taken, GAP * usual) if usual > 0 else np.empty(0, dtype=int)
+
+    def found() -> np.ndarray:
+        usual = usual_step(taken)
+        return gaps_above(taken, GAP * usual) if usual > 0 else np.empty(0, dtype=int)
+
+    return _GAPS.get(same(taken), found)
 
 
 def usual_step(taken: np.ndarray) -> float:

@@ -212,7 +212,8 @@ def innovations_of(
     one, model = prepared.samples[output], prepared.run.plant.model
     innovations, observers = carried.raw.innovations, range(len(prepared.run.observers))
     own = [innovations[prepared.own_slots(output, j), j, 0] for j in observers]
-    found = -model.wrapped(output, np.reshape(own, (len(observers), one.values.size)))
+    rows = own[0][None] if len(own) == 1 else np.reshape(own, (len(own), one.values.size))  # of one no copy is made
+    found = -model.wrapped(output, rows)
     if one.available is not one.taken and np.any(late := one.available > one.taken):
         taken = one.taken[late]
         places = np.searchsorted(times, taken)

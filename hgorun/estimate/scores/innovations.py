@@ -16,8 +16,8 @@ _ROWS = 1 << 16  # that are read at a time
 class Innovations(Protocol):
     """Of an output measured minus estimated at the time of each sample, as it was estimated without that sample."""
 
-    def of(self, j: int, some: slice = slice(None)) -> Floats:
-        """Those of observer j, of some samples."""
+    def of(self, j: int, some: slice = slice(None), room: Floats | None = None) -> Floats:
+        """Those of observer j, of some samples; ``room`` may be taken for them."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -31,7 +31,7 @@ class InnovationsInMemory:
 
     values: Floats
 
-    def of(self, j: int, some: slice = slice(None)) -> Floats:
+    def of(self, j: int, some: slice = slice(None), room: Floats | None = None) -> Floats:
         """Those of observer j, of some samples, which are not to be changed."""
         return self.values[j, some]
 
@@ -50,10 +50,11 @@ class WrittenInnovations:
     def __init__(self, written: Growing, count: int) -> None:
         self._written, self._count = written, count
 
-    def of(self, j: int, some: slice = slice(None)) -> Floats:
-        """Those of observer j, of some samples: an array of its own, which may be changed."""
+    def of(self, j: int, some: slice = slice(None), room: Floats | None = None) -> Floats:
+        """Those of observer j, of some samples: an array of its own, or in a room, which may be changed."""
         first, stop, step = some.indices(self._count)
-        found = np.empty(len(range(first, stop, step)))
+        count = len(range(first, stop, step))
+        found = np.empty(count) if room is None or room.size < count else room[:count]
         size, done = step * max(1, _ROWS // step), 0
         for start in range(first, stop, size):
             values = self._written.read(start, min(start + size, stop))[::step, j]

@@ -59,13 +59,15 @@ def scores_of(
             add("holdout_coverage", name, coverage_of_normal(one.residuals[j], normal.aside[name]))
     for i, sampled in enumerate(prepared.samples):
         used = found.carried.used[prepared.slots[i], j]
-        every = found.predicted[i].of(j)
+        every = found.predicted[i].of(j, room=room if spare else None)
         innovations = settled(every if all_true(used) else every[used])
         name = sampled.output
         add("innovation_mean", name, float(np.mean(innovations)) if innovations.size else None)
         add("innovation_rms", name, rms(innovations))
         size = float(np.std(innovations)) / noise[name] if name in noise and innovations.size > 1 else None
-        if not spare and room.size < innovations.size:
+        if spare:
+            room = every
+        elif room.size < innovations.size:
             room = np.empty(innovations.size)
         add("whiteness", name, ljung_box(innovations, room=innovations if spare else room))
         add("size", name, size)
