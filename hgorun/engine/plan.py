@@ -210,13 +210,6 @@ class Plan:
         if self.following is not None:
             yield from self.following.parts()
 
-    def made(self) -> Plan:
-        """The same with all its parts made already."""
-        if self.following is None:
-            return self
-        parts = list(self.following.parts())
-        return replace(self, following=replace(self.following, parts=lambda: iter(parts)))
-
     @property
     def steps(self) -> int:
         """Steps of the whole run (fixed step)."""

@@ -104,4 +104,5 @@ def _set_of(steps: np.ndarray) -> set[int]:
 
 
 def _plan(stretch: Stretch, times: Floats, step: float, uneven: float | None, shared: Stretchwise) -> Plan:
-    return stretch.prepared.plan(np.append(times, stretch.end), step, uneven, shared).made()
+    """Its tables but for the first ones are made by whoever carries it out, in whose cache they are then."""
+    return stretch.prepared.plan(np.append(times, stretch.end), step, uneven, shared)

@@ -140,11 +140,13 @@ class Actions:
             Where the rows of each event begin, and the end of the last ones.
         """
         key = first, stop
-        if key not in self._known:
+        found = self._known.get(key)  # which another thread may forget meanwhile
+        if found is None:
+            found = self._rows(first, stop)
             if len(self._known) >= self._kept:
                 self._known.clear()
-            self._known[key] = self._rows(first, stop)
-        return self._known[key]
+            self._known[key] = found
+        return found
 
     def take_from(self, other: Actions) -> None:
         """Take the tables of another part of the run, where the same happens, as often and in the same order."""
