@@ -7,6 +7,7 @@ import os
 import re
 import stat
 import tempfile
+import threading
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from errno import EACCES, EINVAL
@@ -23,6 +24,7 @@ _HOST = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTE
 _MACHINE = f"{crc32(_HOST.encode()):08x}"
 _LEFTOVER = re.compile(rf"\..*-{_MACHINE}-(\d+)-[^-]*\.part")
 _LONGEST_NAME = 255  # of the file systems in use
+_LARGE = 1 << 26  # bytes of a file that is not given up in a moment
 
 RESULT_SUFFIXES = frozenset((".h5", ".hdf5", ".nc"))
 """How names of files of results end."""
@@ -78,7 +80,7 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
             os.chmod(part, _FILE_MODE)
             if durable:
                 _keep(part)
-            os.replace(part, path)
+            _replace(part, path)
             if durable and os.name == "posix":
                 _keep(path.parent)  # the new name, too
         finally:
@@ -86,6 +88,21 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
             unfinished.discard(part)
     except OSError as error:
         raise HgorunError(f"{path}: cannot be written: {error.strerror or error}") from error
+
+
+def _replace(part: Path, path: Path) -> None:
+    """Give a file its name.
+
+    To give back the room of a large one that had it takes the system a while: it does so in a thread, in which the last
+    hold on it ends.
+    """
+    large = os.name == "posix" and os.path.exists(path) and os.path.getsize(path) > _LARGE
+    held = os.open(path, os.O_RDONLY) if large and os.access(path, os.R_OK) else None
+    try:
+        os.replace(part, path)
+    finally:
+        if held is not None:
+            threading.Thread(target=os.close, args=(held,), name="giving room back", daemon=True).start()
 
 
 def why_unreachable(path: Path) -> str:

@@ -6,6 +6,7 @@ import fcntl
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -25,6 +26,29 @@ def test_a_file_appears_when_it_is_whole(tmp_path: Path) -> None:
     write_text(path, "ξ")
     assert path.read_bytes() == "ξ".encode()
     assert [p.name for p in path.parent.iterdir()] == ["file.txt"]
+
+
+def test_the_room_of_a_large_file_that_is_replaced_is_given_back_by_a_thread(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    closed: list[tuple[int, str]] = []
+    close = os.close
+
+    def told(handle: int) -> None:
+        closed.append((os.fstat(handle).st_nlink, threading.current_thread().name))
+        close(handle)
+
+    path = tmp_path / "result.h5"
+    path.write_text("old")
+    with written_whole(path) as part:
+        part.write_text("small")
+        monkeypatch.setattr(files, "_LARGE", 2)
+        monkeypatch.setattr(os, "close", told)
+    for thread in threading.enumerate():
+        if thread.name == "giving room back":
+            thread.join()
+    assert path.read_text() == "small"
+    assert closed == [(0, "giving room back")]
 
 
 def test_a_link_to_a_file_of_another_kind_is_no_name_of_a_result(tmp_path: Path) -> None:

@@ -94,6 +94,8 @@ def estimate(options: Estimate) -> int:
 
         ready(source)
         recording, aside = _held_out(log, log.read(files.result), options)
+    del files
+    notes = recording.notes
     before = there([target, *([] if options.export_csv is None else [options.export_csv])])
     remove_leftovers(target.parent)
     try:
@@ -106,9 +108,10 @@ def estimate(options: Estimate) -> int:
             result = estimated(source, recording, name=name, text=text, held_out=aside, sensitivity=options.sensitivity)
             result.save(target)
     except HgorunError:
-        for note in recording.notes:  # what was found in the log may be why
+        for note in notes:  # what was found in the log may be why
             print(f"hgorun: {of_run(name, str(note))}", file=sys.stderr)
         raise
+    del recording, aside  # which takes the system a while, as does a large result that was replaced
     file = str(target)
     warn(result)
     told = [target, *_also_written(options, page, result, target)]
