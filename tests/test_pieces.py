@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hgorun import pieces
-from hgorun.pieces import all_true, ascending, everywhere, extremes, present
+from hgorun.pieces import all_true, ascending, everywhere, extremes, median, medians, present, quantiles
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 8, 9, 17])
@@ -40,3 +40,29 @@ def test_numbers_that_are_there() -> None:
     assert present(holes).tolist() == [1.0, np.inf]
     assert present(holes[:0]).size == 0
     assert np.isnan(extremes(holes[:0])).all()
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 8, 9, 1001])
+def test_medians_are_numpys_bit_by_bit(count: int) -> None:
+    random = np.random.default_rng(count)
+    tables = [random.standard_normal((4, count)), random.integers(-5, 5, (4, count)), np.full((4, count), np.inf)]
+    with_nan = tables[0].copy()
+    with_nan[1, count // 2] = np.nan
+    for table in (*tables, with_nan):
+        for axis in (0, 1):
+            assert medians(table, axis).tobytes() == np.median(table, axis=axis).tobytes()
+        for row in table:
+            assert np.float64(median(row)).tobytes() == np.float64(np.median(row)).tobytes()
+            assert np.float64(median(row.copy(), spare=True)).tobytes() == np.float64(np.median(row)).tobytes()
+
+
+def test_nothing_has_no_median() -> None:
+    assert np.isnan(median(np.zeros(0)))
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 10, 11, 1000])
+def test_quantiles_are_numpys_bit_by_bit(count: int) -> None:
+    random = np.random.default_rng(count)
+    parts = np.concatenate([np.arange(11) / 10, np.arange(1, 5) / 5, random.random(100)])
+    for values in (random.standard_normal(count), 1e-3 * np.arange(count), np.full(count, 0.1)):
+        assert quantiles(values, parts).tobytes() == np.quantile(values, parts).tobytes()

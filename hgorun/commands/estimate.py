@@ -111,7 +111,7 @@ def estimate(options: Estimate) -> int:
         for note in notes:  # what was found in the log may be why
             print(f"hgorun: {of_run(name, str(note))}", file=sys.stderr)
         raise
-    del recording, aside  # which takes the system a while, as does a large result that was replaced
+    del recording, aside  # while a thread gives back the room of a large result that was replaced: both take a while
     file = str(target)
     warn(result)
     told = [target, *_also_written(options, page, result, target)]

@@ -32,7 +32,7 @@ from hgorun.data.times.day_counts import (
 from hgorun.data.times.undeclared_dates import first_day, is_too_long, unix_unit
 from hgorun.data.units.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
-from hgorun.pieces import present
+from hgorun.pieces import median, present
 
 _COUNTED = ("unix", *WORKBOOKS)  # formats of numbers that are dates
 EXACT = "numbers that count from the first one, or dates as text, are exact"
@@ -207,7 +207,7 @@ def rounding(cells: Cells, table: Table) -> tuple[float, float]:
     first, last = table.columns[cells][:_FIRST], np.abs(table.columns[cells][-1:])
     steps = np.diff(first)
     steps = steps[steps > 0]  # of equal stamps nothing is known but that they are
-    step = float(np.median(steps)) if steps.size else 0.0
+    step = median(steps) if steps.size else 0.0
     whole = bool(np.all((first == np.floor(first)) | np.isnan(first))) and last < _WHOLE
     apart = 0.0 if whole or np.isnan(last).any() else float(np.spacing(last[0]))
     return (apart if last >= _WHOLE or apart > _ROUNDED * step > 0 else 0.0), step

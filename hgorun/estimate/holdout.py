@@ -11,6 +11,7 @@ from hgorun.config.nearest import among
 from hgorun.data.faults.said_places import samples_said
 from hgorun.data.recording import Note, Recording, Signal
 from hgorun.errors import ConfigError
+from hgorun.pieces import median
 
 
 @dataclass(frozen=True)
@@ -140,7 +141,7 @@ def of_one_time(whole: Recording, left: Recording) -> Iterator[Note]:
 def _apart(taken: np.ndarray, period: float) -> np.ndarray:
     """Which of some times, in their order, are a period or more behind the last of them."""
     chosen = np.zeros(taken.size, dtype=bool)
-    least = period - 0.5 * float(np.median(np.diff(taken))) if taken.size > 1 else period
+    least = period - 0.5 * median(np.diff(taken)) if taken.size > 1 else period
     place = 0
     while place < taken.size:
         chosen[place] = True

@@ -31,6 +31,7 @@ from hgorun.observers.capabilities import NotExported, Punctual
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.observers.treatment import treatment_of
+from hgorun.pieces import median
 from hgorun.result.records.status import Verdict
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.prepared import PreparedRun
@@ -273,7 +274,7 @@ def _lateness(run: PreparedRun, output: int) -> float:
 def _usual_gap(run: PreparedRun) -> float:
     """The median of the times between events; those of a long run are alike."""
     schedule = run.schedule
-    return float(np.median(np.diff(schedule.events))) if isinstance(schedule, Schedule) else run.longest_gap
+    return median(np.diff(schedule.events)) if isinstance(schedule, Schedule) else run.longest_gap
 
 
 def _pieces(run: PreparedRun, steps: Steps, outputs: tuple[Output, ...], lateness: float) -> int:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hgorun.measurement.events import Irregular, Kinks
 from hgorun.memo import Memo
+from hgorun.pieces import medians
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.interval_operations import Bounds
@@ -67,7 +68,7 @@ def _steepness(kinks: Kinks, values: Floats, start: float, end: float) -> tuple[
 def _steep(slopes: Kinks, values: Floats, start: float, end: float) -> Floats:
     """Extremes in those parts of a span where a function may be much steeper than in most of them."""
     edges, rates = _steepness(slopes, values, start, end)
-    steep = np.flatnonzero(np.any(rates > _STEEP * np.median(rates, axis=1, keepdims=True), axis=0))
+    steep = np.flatnonzero(np.any(rates > _STEEP * medians(rates, 1)[:, None], axis=0))
     times = [np.zeros(0)]
     for cell in steep if steep.size <= _FEW else []:
         try:
@@ -80,7 +81,7 @@ def _steep(slopes: Kinks, values: Floats, start: float, end: float) -> Floats:
 def usual_rate(slopes: Kinks, values: Floats, start: float, end: float) -> float:
     """How often in a unit of time a function may change by its own range in most of a span."""
     _, rates = _steepness(slopes, values, start, end)
-    return float(np.max(np.median(rates, axis=1), initial=0.0))
+    return float(np.max(medians(rates, 1), initial=0.0))
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from hgorun import pieces
 from hgorun.data.faults.fault_passes import (
     EVEN,
     EXACT,
@@ -23,6 +22,8 @@ from hgorun.data.faults.fault_passes import (
 )
 from hgorun.data.faults.switched import is_switched
 from hgorun.memo import Memo, same
+from hgorun.pieces import ascending as in_order
+from hgorun.pieces import median, medians
 
 GAP = 20.0
 """Median steps that make a gap."""
@@ -59,7 +60,7 @@ _GAPS: Memo[np.ndarray] = Memo(2)  # as above
 
 def ascending(taken: np.ndarray) -> bool:
     """Whether all stamps are numbers, and each is larger than the one before."""
-    return _ASCENDING.get(same(taken), lambda: not np.isnan(taken[:1]).any() and pieces.ascending(taken, strictly=True))
+    return _ASCENDING.get(same(taken), lambda: not np.isnan(taken[:1]).any() and in_order(taken, strictly=True))
 
 
 def backwards(taken: np.ndarray) -> np.ndarray:
@@ -86,7 +87,7 @@ def gaps(taken: np.ndarray) -> np.ndarray:
 
 def usual_step(taken: np.ndarray) -> float:
     """The median step, 0 where there are too few to speak of one."""
-    return float(np.median(np.diff(taken[:_FIRST]))) if taken.size > _FEW else 0.0
+    return median(np.diff(taken[:_FIRST])) if taken.size > _FEW else 0.0
 
 
 def stuck(values: np.ndarray) -> list[Stretch]:
@@ -101,10 +102,10 @@ def stuck(values: np.ndarray) -> list[Stretch]:
     long = int(np.count_nonzero(sizes >= STUCK))
     if not long:
         return []
-    usual = float(np.median(sizes)) if sizes.size > 1 else 1.0
+    usual = median(sizes) if sizes.size > 1 else 1.0
     singles = values.size - int(sizes.sum())
     if (1 if long <= _TWO else long) * _RARE <= sizes.size + singles:
-        usual = min(usual, float(np.median(np.append(sizes, np.ones(min(singles, sizes.size + 1))))))
+        usual = min(usual, median(np.append(sizes, np.ones(min(singles, sizes.size + 1)))))
     return [Stretch(start, stop) for start, stop in runs[sizes >= max(STUCK, 5 * usual)].tolist()]
 
 
@@ -163,7 +164,7 @@ def _quantum(rise: np.ndarray) -> float:
     for step in (smallest, *10.0 ** (decimal - np.arange(4))):
         parts = sizes / step
         # rounding leaves differences of rounded numbers off by some last bits
-        if np.median(parts) < 1e9 and np.mean(np.abs(parts - np.rint(parts)) < 1e-3) > 0.9:
+        if median(parts) < 1e9 and np.mean(np.abs(parts - np.rint(parts)) < 1e-3) > 0.9:
             return float(step) * _coarser(np.unique(np.rint(parts)))
     return 0.0
 
@@ -243,7 +244,7 @@ def _scaled(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
 def _confirmed(values: np.ndarray, places: np.ndarray, width: int) -> list[tuple[int, float]]:
     """Those on whose sides the values differ by a factor between units."""
     places, before, after = _beside(values, places, width)
-    ratio = np.median(after, axis=1) / np.median(before, axis=1)
+    ratio = medians(after, 1) / medians(before, 1)
     factors = np.concatenate([_FACTORS, 1 / _FACTORS])
     # a unit's factor is exact; what the quantity itself has changed meanwhile is little
     off = np.abs(np.log(np.abs(ratio)[:, None] / factors))
@@ -267,6 +268,6 @@ def _shifted(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
     """Those on whose sides the values differ by 273.15 and little else."""
     places, before, after = _beside(values, places, width)
     quiet = (np.ptp(before, axis=1) < 10) & (np.ptp(after, axis=1) < 10)
-    moved = np.abs(np.median(after, axis=1) - np.median(before, axis=1))
+    moved = np.abs(medians(after, 1) - medians(before, 1))
     shifted: np.ndarray = places[quiet & (np.abs(moved - KELVIN) < NEAR)]
     return shifted

@@ -7,6 +7,7 @@ import numpy as np
 from hgorun.data.times.dates import NAT
 from hgorun.data.times.day_counts import DAY
 from hgorun.data.times.time_steps import unevenness
+from hgorun.pieces import median
 
 _HOUR = 3600 * 10**9  # nanoseconds
 _MONTHS = 12
@@ -55,7 +56,7 @@ def unlike_others(counted: np.ndarray) -> tuple[int, int] | None:
     gaps = np.diff(counted[there])
     gaps = np.where(gaps < -_HOUR, gaps + DAY, np.maximum(gaps, 0))
     k = int(gaps.argmax())
-    longest, usual = int(gaps[k]), float(np.median(gaps))
+    longest, usual = int(gaps[k]), median(gaps)
     alone = gaps.size > 1 and longest > _TIMES * usual
     return (int(there[k + 1]), longest) if alone or longest > _HOUR else None
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.memo import Memo, same
+from hgorun.pieces import median, quantiles
 
 _PIECE = 2**15  # times whose steps are compared at once: as many as a cache of the processor holds
 
@@ -56,7 +57,7 @@ def _median_step(times: np.ndarray) -> float:
     later = steps > 0
     if not later.all():
         steps = steps[later]
-    return float(np.median(steps, overwrite_input=True)) if steps.size else float("nan")
+    return median(steps, spare=True) if steps.size else float("nan")
 
 
 def _median_within(times: np.ndarray) -> float | None:
@@ -65,7 +66,7 @@ def _median_within(times: np.ndarray) -> float | None:
     Most steps are only counted: where they differ by rounding alone, both bounds are the median.
     """
     some = np.arange(0, times.size - 1, max(times.size // _SHOWN, 1))
-    low, high = np.quantile(times[some + 1] - times[some], [0.5 - _BESIDE, 0.5 + _BESIDE], method="nearest").tolist()
+    low, high = quantiles(times[some + 1] - times[some], np.array([0.5 - _BESIDE, 0.5 + _BESIDE])).tolist()
     below, equal, between = 0, 0, []
     for first in range(0, times.size - 1, _PIECE):
         steps = np.diff(times[first : first + _PIECE + 1])

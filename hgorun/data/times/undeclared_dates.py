@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from hgorun.data.times.day_counts import DAY, UNITS, WORKBOOKS, day_of, of_our_days
+from hgorun.pieces import median
 
 _YEAR = 365.25 * DAY
 _LONGEST = 200  # years for which nothing has counted
@@ -61,7 +62,7 @@ def first_day(values: np.ndarray, unit: float, now: int, before: float = 0.0) ->
     if unit == DAY or some.size < _FEWEST:
         return None
     first, last = ((float(end) - before) * DAY + WORKBOOKS["excel"] for end in (some.min(), some.max()))
-    if not (first >= _SINCE and last <= now + 2 * DAY) or not 0 < float(np.median(np.diff(values[:_LOOKED_AT]))) < 1:
+    if not (first >= _SINCE and last <= now + 2 * DAY) or not 0 < median(np.diff(values[:_LOOKED_AT])) < 1:
         return None
     if any(_whole(some * parts, 1e-3) for parts in _ROUND):
         return None

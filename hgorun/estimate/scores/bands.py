@@ -13,8 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.native.places import places_in, since_last_in
+from hgorun.pieces import quantiles
 from hgorun.result.records.recorded import WIDE
 from hgorun.symbolic.evaluate import Floats
+from hgorun.symbolic.levels import distinct
 
 LEVEL = 0.95
 FEWEST = 19  # residuals from which a rank follows
@@ -61,7 +63,7 @@ def band_of(residuals: Floats, since: Floats) -> Band | None:
     if sizes.size < FEWEST:
         return None
     classes = int(np.clip(sizes.size // _OF_A_CLASS, 1, _CLASSES))
-    until = np.unique(np.quantile(since, np.arange(1, classes) / classes)) if classes > 1 else np.zeros(0)
+    until = distinct(quantiles(since, np.arange(1, classes) / classes)) if classes > 1 else np.zeros(0)
     until = _apart(until[until < since.max()], since)
     which = _classes(until, since)
     members = [sizes[which == k] for k in range(until.size + 1)]

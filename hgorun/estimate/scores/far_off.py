@@ -11,6 +11,7 @@ from hgorun.estimate.samples import stated
 from hgorun.estimate.scores.evaluated import Evaluated
 from hgorun.estimate.scores.outlying import FAR, NORMAL, few
 from hgorun.estimate.scores.scores import rms
+from hgorun.pieces import median
 from hgorun.symbolic.evaluate import Floats
 
 
@@ -52,6 +53,6 @@ def far_off(prepared: PreparedEstimate, found: Evaluated) -> Iterator[str]:
 
 def _deviations(residuals: Floats, least: float) -> Floats:
     """How many standard deviations each is from their median; of residuals that are mostly equal, none."""
-    away = np.abs(residuals - np.median(residuals))
-    scale = max(NORMAL * float(np.median(away)), least)
+    away = np.abs(residuals - median(residuals))
+    scale = max(NORMAL * median(away), least)
     return away / scale if scale > 0 else np.zeros(away.size)

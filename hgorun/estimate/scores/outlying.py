@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.estimate.scores.scores import rms
+from hgorun.pieces import median
 from hgorun.symbolic.evaluate import Floats
 
 FAR = 10.0  # standard deviations, where no gate says how many
@@ -79,7 +80,7 @@ def _far(runs: Sequence[Errors], limit: float | None) -> Mask:
     sizes = [np.abs(one.values) for one in runs]
     if limit is None or not sizes[0].size:
         return np.zeros(sizes[0].size, dtype=bool)
-    medians = [float(np.median(size)) for size in sizes]
+    medians = [median(size) for size in sizes]
     good = [size for size, median in zip(sizes, medians, strict=True) if median <= _ALIKE * min(medians)]
     scale = max(NORMAL * min(medians), runs[0].noise)
     return np.asarray(np.min(good, axis=0) > (limit * scale or np.inf))

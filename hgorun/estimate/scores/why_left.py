@@ -10,6 +10,7 @@ import numpy as np
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
+from hgorun.pieces import median, medians
 from hgorun.simulation.divergence.too_large import too_large_for
 from hgorun.simulation.error_dynamics.apart import Apart
 from hgorun.simulation.error_dynamics.timing import Timing
@@ -138,11 +139,11 @@ def _followed(prepared: PreparedEstimate, j: int, times: Floats, step: float) ->
 def grown(names: Sequence[str], before: Followed, last: Followed, when: str, bound: float) -> str:
     """What grew, and the estimates then."""
     shown = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, last.xhat[-1], strict=True))
-    size, usual = np.abs(last.xhat[-1]), np.maximum(np.median(np.abs(before.xhat), axis=0), 1e-3)
+    size, usual = np.abs(last.xhat[-1]), np.maximum(medians(np.abs(before.xhat), 0), 1e-3)
     if np.any((size > _GROWN * usual) | (size > _NEARLY * bound)):
         k = int(np.argmax(size / usual))
         return f"its estimate of {names[k]} grew until {shown} at {when}"
     own = float(np.max(np.abs(last.rest[-1]), initial=0.0))
-    if own > _GROWN * np.median(np.max(np.abs(before.rest), axis=1, initial=1e-3)) or own > _NEARLY * bound:
+    if own > _GROWN * median(np.max(np.abs(before.rest), axis=1, initial=1e-3)) or own > _NEARLY * bound:
         return f"its own states (its gain, P) grew to {own:.3g} while it estimated {shown} at {when}"
     return f"its numbers grew within one step from the estimates {shown} at {when}"

@@ -17,6 +17,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from hgorun.pieces import quantiles
 from hgorun.result.evaluation.estimated import Estimated
 from hgorun.symbolic.evaluate import Floats
 
@@ -215,4 +216,4 @@ def _bounds(x: Floats, gap: Floats) -> Floats:
 def _quiet(errors: Floats) -> float:
     """The error that a tenth of the points does not exceed; zero where none is finite."""
     finite = errors[np.isfinite(errors)]
-    return float(np.quantile(finite, _SMALLEST)) if finite.size else 0.0
+    return float(quantiles(finite, np.array([_SMALLEST]))[0]) if finite.size else 0.0
