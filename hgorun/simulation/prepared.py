@@ -12,14 +12,20 @@ from hgorun.measurement.channels import Channel
 from hgorun.measurement.extremes import Unknown
 from hgorun.measurement.late import Treatment, heard
 from hgorun.measurement.long import AnySchedule
+from hgorun.measurement.schedule import Schedule, at_events, tolerances
+from hgorun.memo import Memo, same
 from hgorun.plants.build import BuiltPlant
 from hgorun.simulation.design.first_inputs import Recorded
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.plant_alone import PlantRun
 from hgorun.simulation.system.observer_block import ObserverBlock
 from hgorun.simulation.system.structure import Structure
+from hgorun.simulation.timeline.grid import LONG
 from hgorun.simulation.timeline.timeline import Timeline
 from hgorun.symbolic.forms import Form
+
+# tables of runs of one family are known again by their grids
+_AT_EVENTS: Memo[np.ndarray] = Memo(16, lambda grid: grid.size < LONG)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -132,8 +138,17 @@ class PreparedRun:
 
     @property
     def timeline(self) -> Timeline:
-        """When everything happens."""
-        return self.timeline_on(self.grid)
+        """When everything happens.
+
+        On a clock that does not start at zero, listed times of samples are off by its rounding from points of the grid,
+        which count from the start: those are then at the samples.
+        """
+        grid, schedule = self.grid, self.schedule
+        if self.origin and isinstance(schedule, Schedule):
+            rounding, _ = tolerances(self.channels, self.step)
+            key = same(grid), same(schedule), rounding
+            grid = _AT_EVENTS.get(key, lambda: at_events(self.grid, schedule.events, rounding))
+        return self.timeline_on(grid)
 
     def timeline_on(self, grid: np.ndarray) -> Timeline:
         """The same with other output times."""

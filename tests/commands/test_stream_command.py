@@ -430,3 +430,19 @@ def test_names_in_a_stream_may_be_quoted() -> None:
     together = form.together(next(blocks), {"a": 7})
     assert together is not None
     assert together.kinds.tolist() == [7]
+
+
+def test_a_point_that_is_a_sample_on_paper_is_behind_it(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    """From 0.7 on, sums of the start and multiples of a step lie before some of the stamps, and behind others."""
+    stamps = [round(0.7 + 0.1 * k, 1) for k in range(40)]
+    assert {np.sign(0.7 + 0.1 * k - t) for k, t in enumerate(stamps)} == {-1.0, 0.0, 1.0}
+    lines = ["t,signal,y", *(f"{t},a,{np.sin(9 * t):.4f}" for t in stamps)]
+    of_time = ("--set", "time.start=0.7", "--set", "time.end=9")
+    _, expected, _ = piped(shell, monkeypatch, "\n".join(lines), *of_time)
+    _, found, _ = piped(shell, monkeypatch, "\n".join(lines), *of_time, "--every", "0.1")
+    assert found == expected[:-1]  # of the last it is not known yet whether there is more
+    parts = []
+    for last in (8, 41):
+        text = "\n".join(lines[:last])
+        parts += piped(shell, monkeypatch, text, *of_time, "--every", "0.1", "--checkpoint", "state")[1][1:]
+    assert parts == found[1:]

@@ -75,3 +75,16 @@ def test_the_median_step_of_many_times_is_that_of_numpy(kind: str, count: int, m
     }[kind]
     steps = np.diff(times)
     assert time_steps.median_step(times) == np.median(steps[steps > 0])
+
+
+@pytest.mark.parametrize("piece", [7, 1 << 15])
+def test_the_step_of_times_with_gaps_has_no_rounding_of_theirs(piece: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(time_steps, "_PIECE", piece)
+    for start, step, digits in ((0.0, 0.1, 1), (1.7e9, 0.01, 2), (-3.0, 0.07, 2)):
+        k = np.delete(np.arange(20_000 // max(1, 1000 // piece)), [3, 5, 6, 70])
+        times = np.round(start + step * k, digits)
+        found = time_steps.even_step(times)
+        assert np.max(np.abs(times[0] + k * found - times)) <= 2 * np.spacing(np.max(np.abs(times)))
+    for uneven in ([0.0, 1.0, 2.0, 4.5, 5.5], [0.0, 1.0, 2.0 + 1e-9, 3.0, 5.0], [2.0, 2.0, 2.0, 2.0]):
+        times = np.array(uneven)
+        np.testing.assert_equal(time_steps.even_step(times), time_steps.median_step(times))

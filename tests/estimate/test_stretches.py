@@ -115,6 +115,25 @@ def test_what_is_written_is_that_of_the_whole(
 
 
 @pytest.mark.costly
+def test_points_at_samples_are_those_of_the_whole(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """Stamps that are sums lie behind the multiples of a step, those of the input before, and one sample is missing."""
+    even = np.cumsum(np.full(COUNT, 0.02)) - 0.02
+    y, t = np.sin(even), np.delete(even + 3.6, 150)
+    log = recording(
+        signal("a", t, np.delete(y, 150)),
+        signal("d", even[::3] + 3.6, np.cos(even[::3])),
+        u=held_input("u", 3.6 + 0.02 * np.arange(COUNT) - 1e-12, y),
+        reference={"b": signal("b", t[5::9] - 1e-12, np.cos(t[5::9] - 3.6))},
+    )
+    of_time = {"start": 3.6, "end": float(even[-1]) + 3.61, "output_step": 0.02}
+    more: dict[str, Any] = {"time": of_time, "solver": {"step": 1e-3}}
+    whole, found = _both(log, path := tmp_path / "a.h5", "shgo", "fhgo2", **more)
+    assert found is not None
+    assert _digests(path) == digests_of(whole)
+    np.testing.assert_array_equal(whole.time, even + 3.6)
+
+
+@pytest.mark.costly
 def test_times_that_are_equal_are_stored_once(short: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Under the names that each of them has, for every reader."""
     t = np.linspace(0.0, 6.0, COUNT)

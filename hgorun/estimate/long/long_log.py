@@ -34,13 +34,13 @@ from hgorun.estimate.scores.assessed import Widths, widths_of
 from hgorun.estimate.scores.compared import between_shown, compared_with, inside, instruments_of, see, unseen, with_lag
 from hgorun.estimate.scores.evaluated import Evaluated, first_undefined, innovations_of
 from hgorun.estimate.scores.innovations import WrittenInnovations
+from hgorun.estimate.scores.output_points import OutputPoints, clocks_of
 from hgorun.estimate.scores.scores import scores_of
 from hgorun.native.rows import in_one_piece
 from hgorun.result.file.parts import ResultInParts
 from hgorun.result.records.recorded import Assessed, Recorded
 from hgorun.result.result import Result
 from hgorun.simulation.outcome.outcome import internal
-from hgorun.simulation.timeline.grid import EvenPoints
 from hgorun.symbolic.evaluate import Floats
 
 _ROWS = 1 << 15  # of a band that are written at a time
@@ -98,13 +98,13 @@ class LongLog:
         self._sensitivity = sensitivity
         self._halvings = 0
         experiment = self._prepared.experiment
-        points, every, _ = experiment.even_grid
-        self._grid = EvenPoints(-(-points.size // every), points.step, every)
+        of_inputs = [(one.times, experiment.origin) for one in recording.inputs.values()]
+        self._grid = OutputPoints.of(experiment, [*clocks_of(stretches.samples), *of_inputs])
         signals = {(0, name): one for name, one in held_out.items()}
         signals |= {(1, name): one for name, one in recording.reference.items()}
         self._span = experiment.origin, experiment.time.end
         self._signals = signals
-        self._asked = {key: inside(signal, *self._span) for key, signal in signals.items()}
+        self._asked = {key: inside(signal, *self._span, self._grid) for key, signal in signals.items()}
         self._held_out = held_out
         self._set_aside = {name: one.values.size for name, one in held_out.items()}
 

@@ -12,7 +12,7 @@ from hgorun.estimate.carrying import UNEVEN
 from hgorun.estimate.long.stretches import Stretch, Stretches, points_before
 from hgorun.estimate.scores.compared import Key
 from hgorun.estimate.scores.lag import Instrument, felt_of
-from hgorun.simulation.timeline.grid import EvenPoints
+from hgorun.estimate.scores.output_points import OutputPoints
 from hgorun.simulation.timeline.steps import steps_between
 from hgorun.simulation.timeline.tabulated import Stretchwise
 from hgorun.symbolic.evaluate import Floats
@@ -48,7 +48,7 @@ class Planned:
 
 def planned(
     stretches: Stretches,
-    grid: EvenPoints,
+    grid: OutputPoints,
     asked: Mapping[Key, tuple[Floats, Floats]],
     step: float,
     instruments: Sequence[Instrument],
@@ -59,7 +59,7 @@ def planned(
     Parameters
     ----------
     stretches : Stretches
-    grid : EvenPoints
+    grid : OutputPoints
         The output points of the run.
     asked : mapping of Key to (ndarray, ndarray)
         Times and values of all that is compared.

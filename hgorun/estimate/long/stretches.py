@@ -13,6 +13,7 @@ from hgorun.data.recording import InputSignal, Recording
 from hgorun.engine.moments import ROUNDING, SNAP
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
 from hgorun.estimate.samples import Sampled, channel, recorded_inputs, rounding_of
+from hgorun.estimate.scores.output_points import OutputPoints
 from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.samples import Samples
 from hgorun.measurement.schedule import Schedule, build_schedule, kinds_of, tolerances, variants_of
@@ -22,7 +23,6 @@ from hgorun.pieces import ascending
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.plant_alone import plant_kinks
 from hgorun.simulation.system.structure import structure_of
-from hgorun.simulation.timeline.grid import EvenPoints
 from hgorun.simulation.timeline.steps import count_steps
 from hgorun.symbolic.evaluate import Floats
 
@@ -204,14 +204,14 @@ def count_of(recording: Recording) -> int:
     return sum(outputs) + sum(one.times.size for one in recording.inputs.values())
 
 
-def points_before(grid: Floats | EvenPoints, stretch: Stretch, step: float) -> int:
+def points_before(grid: Floats | OutputPoints, stretch: Stretch, step: float) -> int:
     """How many points of a grid lie before the end of a stretch, as the engine has it."""
     if not np.isfinite(stretch.until):
         return grid.size
     before, end = stretch.prepared.run.schedule.events[-2:]
     h = (end - before) / float(count_steps(np.array([end - before]), step)[0])
     until = end - max(SNAP * h + ROUNDING * end, stretch.prepared.tolerance)
-    return grid.before(until) if isinstance(grid, EvenPoints) else int(np.searchsorted(grid, until, side="left"))
+    return grid.before(until) if isinstance(grid, OutputPoints) else int(np.searchsorted(grid, until, side="left"))
 
 
 def _free_before(times: Floats, t: float, margin: float, origin: float = 0.0) -> bool:

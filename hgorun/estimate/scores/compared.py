@@ -10,6 +10,7 @@ import numpy as np
 from hgorun.data.recording import Signal
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.scores.lag import Instrument, felt_of, just_before, points_between
+from hgorun.estimate.scores.output_points import OutputPoints
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.result.records.recorded import Unseen
 from hgorun.symbolic.evaluate import Floats
@@ -39,10 +40,10 @@ class Compared:
     residuals: Floats
 
 
-def inside(signal: Signal, origin: float, end: float) -> tuple[Floats, Floats]:
-    """Times and values of a signal in a run."""
+def inside(signal: Signal, origin: float, end: float, points: OutputPoints) -> tuple[Floats, Floats]:
+    """Times and values of a signal in a run; its times are those of samples as output points are."""
     taken, inside = signal.taken - origin, _inside(signal, origin, end)
-    return taken[inside], signal.values[inside]
+    return points.at_samples(taken[inside]), signal.values[inside]
 
 
 def unseen(signals: Mapping[str, Signal], origin: float, end: float) -> dict[str, Unseen]:

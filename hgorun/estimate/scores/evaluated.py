@@ -22,6 +22,7 @@ from hgorun.estimate.scores.compared import (
     with_lag,
 )
 from hgorun.estimate.scores.innovations import Innovations, InnovationsInMemory
+from hgorun.estimate.scores.output_points import OutputPoints, clocks_of
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 
@@ -102,10 +103,9 @@ def evaluate_run(
     origin, end = experiment.origin, experiment.time.end
     asked = {(0, name): signal for name, signal in held_out.items()}
     asked |= {(1, name): signal for name, signal in reference.items()}
-    chosen = {key: inside(signal, origin, end) for key, signal in asked.items()}
-    grid, _, _ = experiment.grid
-    every = experiment.grid[1]
-    shown = grid[::every]
+    points = OutputPoints.of(experiment, clocks_of(prepared.samples, prepared.inputs))
+    chosen = {key: inside(signal, origin, end, points) for key, signal in asked.items()}
+    shown = points[:]
     late = [one.taken for one in prepared.samples if one.taken is not one.available]
     covariances = prepared.covariances()
     instruments = instruments_of(prepared, asked, chosen)

@@ -32,6 +32,11 @@ class EvenPoints:
     step: float
     every: int = 1
 
+    @property
+    def spacing(self) -> float:
+        """From one of them to the next."""
+        return self.step * self.every
+
     def __getitem__(self, some: slice) -> np.ndarray:
         """Some that follow each other, as an array."""
         first, stop, between = some.indices(self.size)
@@ -42,7 +47,7 @@ class EvenPoints:
 
     def before(self, time: float) -> int:
         """How many lie before a time."""
-        near = int(np.clip(time / (self.step * self.every), 0, self.size))  # rounding may have moved it by one
+        near = int(np.clip(time / self.spacing, 0, self.size))  # rounding may have moved it by one
         first = max(near - 2, 0)
         return first + int(np.searchsorted(self[first : near + 3], time, side="left"))
 
