@@ -172,7 +172,7 @@ class PreparedEstimate:
         """Beyond that an observer is lost at a time, with the samples that have arrived before it."""
         known = [np.abs(one.values[one.available < t]) for one in self.samples]
         sizes = [float(np.max(part)) for part in known if part.size]
-        return bound_with(self.run.solver.divergence, max(known_at(self.run.numbers.z0), *sizes))
+        return bound_with(self.run.solver.divergence, max([known_at(self.run.numbers.z0), *sizes]))
 
     def u(self, times: Floats) -> Floats:
         """The inputs at several times, shape (len(times), m)."""

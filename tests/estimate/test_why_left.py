@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from examples import inline
 from recordings import PENDULUM, held_input, observers, recording, signal, source
+from scipy.integrate import quad
 
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.scores.why_left import Followed, grown
@@ -35,6 +36,25 @@ def test_of_long_logs_the_bound_is_said(monkeypatch: pytest.MonkeyPatch) -> None
     found = estimate(source(text), recording(signal("a", taken, np.sin(taken))), sensitivity=False)
     (trouble,) = found.troubles()
     assert "its numbers passed the bound of 0.7 (solver.divergence): look at" in trouble
+
+
+@pytest.mark.parametrize(("divergence", "bound"), [(None, "3e+12"), (1e9, "1e+09")])
+def test_one_that_is_lost_before_the_first_sample_is_told(divergence: float | None, bound: str) -> None:
+    """x'' = x^3 from x = v = 3 on has v^2 = x^4/2 - 31.5, and x grows beyond all numbers in a finite time."""
+    escape, _ = quad(lambda x: (x**4 / 2 - 31.5) ** -0.5, 3.0, np.inf)
+    text = {
+        "time": {"start": 0.0, "end": 4.0},
+        "plant": inline({"x": "v", "v": "x**3"}, "x"),
+        "observers": {"S": {"type": "shgo", "theta": 3, "initial": {"x": 3, "v": 3}}},
+        "solver": {"step": 1e-3} | ({} if divergence is None else {"divergence": divergence}),
+    }
+    taken = np.arange(3.0, 4.0, 0.1)
+    found = estimate(source(text), recording(signal("x", taken, np.zeros(10))), sensitivity=False)
+    verdict = found.observers["S"].verdict
+    assert verdict.status == "diverged"
+    assert verdict.at == pytest.approx(escape, abs=5e-3)
+    assert str(verdict.reason).startswith("its estimate of v grew until x = ")
+    assert f"the bound is {bound} (solver.divergence): look at its initial values" in str(verdict.reason)
 
 
 @pytest.mark.parametrize(
