@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ HALVINGS = 12
 LOST_HALVINGS = 6  # of them for observers that are lost alone: some are with any step
 _STABLE = 3.0  # times 1/rate: longer steps of RK4 and DOPRI5 amplify what decays
 _ALIKE = 0.05  # of the time until an observer is lost: so far apart it is with two steps that show the same
+_SHORTER = tuple(1 << k for k in range(4, 24, 4))  # times so many steps in place of a first one
 _ROWS = 1 << 15  # that are compared at a time: there may be many
 
 
@@ -47,8 +48,8 @@ class Carried:
         Of the right-hand side, over all passes.
     xhat : list of ndarray or None
         Of every observer on the grid, where that is short enough to keep.
-    by_steps : ndarray of bool, shape (m,)
-        Which observers are lost since the steps are too long for them, as other steps show.
+    by_steps : ndarray of bool, shape (m,), or None
+        Which observers are lost since the steps are too long for them, as other steps show; None where none did.
     """
 
     raw: Raw
@@ -58,7 +59,12 @@ class Carried:
     error: Floats
     evaluations: int
     xhat: list[Floats] | None = None
-    by_steps: np.ndarray = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    by_steps: np.ndarray | None = None
+
+    @property
+    def judged(self) -> bool:
+        """Whether of all observers that are lost it is known why."""
+        return self.by_steps is not None or not np.any(np.isfinite(self.raw.diverged))
 
 
 def carry_out(
@@ -100,14 +106,40 @@ def carry_out(
         if not solver.controlled or enough or 2 * spent > solver.max_evaluations:
             break
         step /= 2
-    lasts = raw.diverged[:, 0] > step  # what is lost at once may be so with any step
-    return Carried(raw, used, offered, step, error, spent, xhat, apart & (lasts | _too_fast(prepared, step)))
+    at_once = apart & (raw.diverged[:, 0] <= step) & ~_too_fast(prepared, step)  # which may be so with any step
+    if np.any(at_once):
+        at_once &= ~_followed_by_shorter(prepared, np.where(at_once, raw.diverged[:, 0], 0.0))
+    return Carried(raw, used, offered, step, error, spent, xhat, apart & ~at_once)
 
 
 def _too_fast(prepared: PreparedEstimate, step: float) -> np.ndarray:
     """Which observers have a rate that explicit steps of such a length do not follow; 0: not known."""
     rates = [b.observer.fastest_rate(b.form) or 0.0 for b in prepared.run.observers]
     return np.array(rates) * min(step, prepared.run.longest_gap) > _STABLE
+
+
+def _followed_by_shorter(prepared: PreparedEstimate, lost: Floats) -> np.ndarray:
+    """Which observers are not lost by the times at which a first step has lost them, if steps are short enough.
+
+    Parameters
+    ----------
+    lost : ndarray, shape (m,)
+        Times from the start on, or 0 for those that are not asked for.
+    """
+    followed, until = np.zeros(lost.size, dtype=bool), float(np.max(lost))
+    for shorter in _SHORTER:
+        plan = prepared.plan(np.zeros(1), until / shorter, whole=True)
+        stop = int(np.argmax(plan.spans[:, 1] >= until)) + 1
+        spans, counts = plan.spans[:stop].copy(), plan.counts[:stop].copy()
+        since, end = spans[-1, :2]
+        count = max(int(np.ceil(counts[-1, 0] * (until - since) / (end - since))), 1)
+        counts[-1, :3] = count, 0, count
+        spans[-1, [1, 3]] = np.minimum(spans[-1, [1, 3]], until)  # what comes behind is not asked for
+        raw = prepared.program().run(replace(plan, spans=spans, counts=counts), prepared.start())
+        followed |= raw.diverged[:, 0] > lost
+        if np.all(followed):
+            break
+    return followed
 
 
 def lost_apart(own: Floats, other: Floats) -> np.ndarray:

@@ -84,6 +84,8 @@ def estimate_prepared(
 ) -> Result:
     """Carry a prepared estimate out; see :func:`estimate`, and of the error of given steps :func:`evaluate_run`."""
     found = evaluate_run(prepared, held_out, recording.reference, with_error=with_error)
+    if not found.carried.judged:  # whether steps that are too long have lost an observer
+        found = evaluate_run(prepared, held_out, recording.reference)
     assessed = [assess(prepared, found, j) for j in range(len(prepared.run.observers))]
     counts = {name: one.values.size for name, one in held_out.items()}
     result = result_of(prepared, recording, found, assessed, _recorded(prepared, recording, held_out, found), counts)
@@ -257,7 +259,7 @@ def _verdict(prepared: PreparedEstimate, found: Evaluated, j: int) -> Verdict:
     origin = prepared.run.origin
     if np.isfinite(lost) and (unresolved := too_large_at_first(prepared, j)):
         return Verdict("inaccurate", origin + lost, unresolved)
-    if np.isfinite(lost) and found.carried.by_steps[j]:
+    if np.isfinite(lost) and found.carried.by_steps is not None and found.carried.by_steps[j]:
         return Verdict("inaccurate", origin + lost, _TOO_LONG.format(found.carried.step))
     if np.isfinite(lost):
         return Verdict("diverged", origin + lost, why_left(prepared, j, lost, found.carried.step))

@@ -12,7 +12,8 @@ from scipy.integrate import solve_ivp
 from hgorun.estimate import prepared
 from hgorun.estimate.carrying import lost_apart
 from hgorun.estimate.completed import completed
-from hgorun.estimate.estimate import estimate
+from hgorun.estimate.estimate import estimate, estimate_prepared
+from hgorun.estimate.prepared import prepare_estimate
 from hgorun.result.result import Result
 from hgorun.simulation.preparation.first_step import first_moments, nominal_step
 
@@ -86,6 +87,44 @@ def test_given_steps_that_a_first_covariance_is_too_fast_for() -> None:
     """It is lost in the first step, as one may be that is lost with any step: its rate tells that it is not."""
     verdict = estimated(KALMAN, 0.01, solver={"step": 0.05}).observers["KB"].verdict
     assert (verdict.status, verdict.at) == ("inaccurate", 0.05)
+
+
+def at_once(plant: dict[str, Any], observer: dict[str, Any], gap: float, step: float, *, with_error: bool) -> Result:
+    """Samples of y = 2 all along."""
+    taken = gap * np.arange(round(2 / gap) + 1)
+    log = recording(signal("y", taken, np.full(taken.size, 2.0)))
+    text = {"plant": plant, "observers": {"O": observer}, "time": {"start": 0.0, "end": 2.0, "output_step": 0.5}}
+    experiment = completed(source(text | {"solver": {"step": step}}), log, "estimate", "")
+    return estimate_prepared(prepare_estimate(experiment, log), log, {}, with_error=with_error)
+
+
+@pytest.mark.parametrize("with_error", [True, False])
+@pytest.mark.parametrize(("gap", "step"), [(1.0, 0.25), (1.0, 0.03125), (0.125, 1.0), (0.00390625, 0.25)])
+def test_a_first_step_that_is_too_long_is_told_where_no_rate_is_known(
+    gap: float, step: float, with_error: bool
+) -> None:
+    """Since the output is no state: h = x + x^3 has the slope 4 where it is 2, so that P = 1/(1 + 16 t/R)."""
+    plant = {"states": ["x"], "dynamics": {"x": "0"}, "output": {"y": "x + x**3"}}
+    filtered = {"type": "kalman_bucy", "Q": {"x": 1e-12}, "R": 0.01, "initial": {"x": 1.0}, "internal": {"P": [[1.0]]}}
+    verdict = at_once(plant, filtered, gap, step, with_error=with_error).observers["O"].verdict
+    assert verdict.status == "inaccurate"
+    assert verdict.at is not None
+    assert verdict.at <= step
+    assert f"it diverges with steps of {step:.3g}, but not at that time with others" in str(verdict.reason)
+    if gap == step * 4:
+        followed = at_once(plant, filtered, gap, 2.0**-12, with_error=with_error).observers["O"]
+        assert followed.status == "ok"
+        P = followed.internal["P"].ravel()
+        np.testing.assert_allclose(P[1:], 1 / (1 + 16 * np.arange(0.5, 2.1, 0.5) / 0.01), rtol=1e-3)
+
+
+@pytest.mark.parametrize("with_error", [True, False])
+def test_an_escape_within_any_step_is_told_as_one(with_error: bool) -> None:
+    """x'' = x^3 from x = 1e13 on is infinite after 2.6e-13."""
+    plant = {"states": ["x", "v"], "dynamics": {"x": "v", "v": "x**3"}, "output": {"y": "x"}}
+    start = {"type": "shgo", "theta": 3, "initial": {"x": 1e13, "v": 0.0}}
+    verdict = at_once(plant, start, 0.5, 0.25, with_error=with_error).observers["O"].verdict
+    assert (verdict.status, verdict.at) == ("diverged", 0.25)
 
 
 def test_when_losses_are_apart() -> None:
