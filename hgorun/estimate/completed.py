@@ -34,9 +34,9 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     The span of the data is that of the run, unless ``time`` says otherwise, and the output step is their median gap, or
     a part of it in a short log.
     When samples come is decided by the data; the measurement block is asked for the noise alone. Filters of samples are
-    designed for the mean time between those of the run. States that are
-    measured start from the first sample of each, where an observer's ``initial`` does not name them; or all states
-    that it does not name start where the model passes nearest to the first samples, if several are to be used.
+    designed for the mean time between those of the run. States that are measured start from the first sample of each,
+    where an observer's ``initial`` does not name them; or all states that it does not name start where the model passes
+    nearest to the first samples, if several are to be used.
 
     Parameters
     ----------
@@ -69,7 +69,11 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     changes["measurement"] = _measurement(given.get("measurement") or {}, recording, begin)
     whole, states = _with_plant(_with(source, changes))
     intervals = mean_intervals(recording, begin, float(end) if isinstance(end, (int, float)) else recording.span[1])
-    experiment = Experiment(whole, name=name, text=text).with_intervals(intervals)
+
+    def built(whole: Source) -> Experiment:
+        return Experiment(whole, name=name, text=text).with_intervals(intervals).with_recorded(recording.inputs)
+
+    experiment = built(whole)
     with experiment.located():
         _check_names(experiment, recording)
     measured, others = first_values(experiment, recording), dict[str, float]()
@@ -80,18 +84,16 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     judged = recording.start_is_fitted or any(one.gate is not None for one in recording.outputs.values())
     if judged and not all(sought <= set(one.initial) for one in experiment.observers.values()):
         there = changes | _begin(experiment, measured)
-        guess = Experiment(_with(whole, there), name=name, text=text).with_intervals(intervals)
-        others = _start_in(guess, recording)
+        others = _start_in(built(_with(whole, there)), recording)
     first = others if others.keys() >= measured.keys() else measured | others
     changes |= _begin(experiment, first)
     if not changes:
         return experiment
-    found = Experiment(_with(whole, changes), name=name, text=text).with_intervals(intervals)
     begun: Begun = {
         label: {state: "model" if state in others else "sample" for state in first if state not in one.initial}
         for label, one in experiment.observers.items()
     }
-    return found.with_begun(begun)
+    return built(_with(whole, changes)).with_begun(begun)
 
 
 def _begin(experiment: Experiment, first: Mapping[str, float]) -> dict[str, Any]:

@@ -77,7 +77,7 @@ class Estimator:
         require_names("std", std)
         if not isinstance(remembered, int) or remembered < 0:
             raise ConfigError(f"remembered: expected a whole number of events, 0 or more, found {remembered!r:.50}")
-        experiment = with_noise(experiment, std)
+        experiment = with_noise(experiment, std).with_recorded(inputs)
         with experiment.located():
             require_known_start(experiment)
             self._system = system = LiveSystem.of(experiment, tuple(inputs))

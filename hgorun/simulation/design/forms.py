@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import get_origin
 
 import casadi as ca
@@ -11,6 +12,8 @@ import numpy as np
 from hgorun.errors import HgorunError, NotObservableForm, Problem, called
 from hgorun.memo import Memo, same
 from hgorun.observers.base import OBSERVERS, AnyObserver, CorrectedObserver, SampledObserver
+from hgorun.observers.capabilities import RecallsInputs
+from hgorun.observers.recalling import RecallingObserver
 from hgorun.observers.stepped import SteppedObserver
 from hgorun.plants.build import BuiltPlant
 from hgorun.result.records.observer import Coordinates
@@ -21,10 +24,30 @@ from hgorun.symbolic.forms import ChosenChains, Form, FormFinder, Redecided
 from hgorun.symbolic.observability import CanonicalForms
 from hgorun.symbolic.unseen import unseen_states
 
+
+@dataclass(frozen=True)
+class Around:
+    """What decides whether observers take a plant, besides its equations and numbers.
+
+    Attributes
+    ----------
+    sampled : bool
+        Whether all outputs are sampled.
+    past : bool
+        Whether observers can look back at signals of their own: not in closed loops, and not of data.
+    untimed : tuple of int
+        The inputs that are no functions of time, by their numbers.
+    """
+
+    sampled: bool = False
+    past: bool = True
+    untimed: tuple[int, ...] = ()
+
+
 _FOUND: Memo[list[tuple[Form, Redecided | None]]] = Memo(256)  # by plant and function
 _DECIDED: Memo[tuple[Form, Form]] = Memo(256)  # by numbers, too
 _COORDINATES: Memo[Coordinates | None] = Memo(256)  # of forms; to ask for their type again takes longer
-_TAKERS: Memo[list[str]] = Memo(4)  # by plant, numbers and whether outputs are sampled: each observer is tried
+_TAKERS: Memo[list[str]] = Memo(4)  # by plant, numbers and what is around them: each observer is tried
 _KEPT = 8  # forms of one plant and function
 _USUAL = ("shgo", "fhgo2", "ekf")  # named first
 _NAMED = 8  # of those that take a plant
@@ -37,7 +60,7 @@ def form_of(
     observer: AnyObserver,
     noise: Mapping[str, float] | None = None,
     chosen: Coordinates | None = None,
-    sampled: Callable[[], bool] = lambda: False,
+    around: Callable[[], Around] = Around,
 ) -> tuple[Form, Form]:
     """The form that an observer needs, and the one that was first found: of the same equations, but other numbers.
 
@@ -47,8 +70,8 @@ def form_of(
         Standard deviation of the noise of outputs.
     chosen : Coordinates, optional
         Those to take where the observer's keys do not say which, as long as the plant has them.
-    sampled : callable, optional
-        Whether all outputs are sampled, which is asked where other observers are named for the plant.
+    around : callable, optional
+        What stands around the plant, which is asked where other observers are named for it.
 
     Raises
     ------
@@ -62,12 +85,12 @@ def form_of(
         return _DECIDED.get((*known, *numbers), lambda: _decide(plant, function, _FOUND.get(known, list)))
     except NotObservableForm as error:
         if chosen is not None and observer.map == "auto" and not observer.chains:
-            return form_of(plant, label, observer, noise, sampled=sampled)  # with these numbers the plant has others
+            return form_of(plant, label, observer, noise, around=around)  # with these numbers the plant has others
         if observer.map != "auto" or observer.chains:
             key = "chains" if observer.chains else "map"
             raise Problem(("observers", label, key), str(error)) from error
         _refuse_undefined(plant)
-        raise Problem(("plant",), f"{error}; {_elsewhere(plant, label, observer, sampled())}") from error
+        raise Problem(("plant",), f"{error}; {_elsewhere(plant, label, observer, around())}") from error
     except Problem:
         raise
     except ValueError as error:
@@ -132,11 +155,11 @@ def _refuse_undefined(plant: BuiltPlant) -> None:
             raise Problem(("plant", *plant.block.place_of(name)), what)
 
 
-def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver, sampled: bool) -> str:
+def _elsewhere(plant: BuiltPlant, label: str, observer: AnyObserver, around: Around) -> str:
     """Which observers take the plant, in place of one that does not."""
-    sampled = sampled or isinstance(observer, _NEED_SAMPLES)
-    known = plant.symbolic, plant.initial.tobytes(), plant.parameters.tobytes(), sampled
-    takers = _TAKERS.get(known, lambda: sorted(_takers(plant, sampled), key=_rank))
+    around = replace(around, sampled=around.sampled or isinstance(observer, _NEED_SAMPLES))
+    known = plant.symbolic, plant.initial.tobytes(), plant.parameters.tobytes(), around
+    takers = _TAKERS.get(known, lambda: sorted(_takers(plant, around), key=_rank))
     mine = f"observer {label} ({observer.type}) needs another form of the plant"
     unseen = " (which carry that state along, uncorrected)" if unseen_states(plant.model) else ""
     if observer.type in takers:  # with other keys, which ask for another form
@@ -157,10 +180,12 @@ def _rank(name: str) -> int:
     return _USUAL.index(name) if name in _USUAL else len(_USUAL)
 
 
-def _takers(plant: BuiltPlant, sampled: bool) -> Iterator[str]:
+def _takers(plant: BuiltPlant, around: Around) -> Iterator[str]:
     """The families that find their form of the plant, and a gain for it; those that need samples on request."""
     for name, family in OBSERVERS.all().items():
-        if issubclass(family, _NEED_SAMPLES) and not issubclass(family, SteppedObserver) and not sampled:
+        if issubclass(family, _NEED_SAMPLES) and not issubclass(family, SteppedObserver) and not around.sampled:
+            continue
+        if issubclass(family, RecallingObserver) and not around.past:
             continue
         if any(field.is_required() and get_origin(field.annotation) is dict for field in family.model_fields.values()):
             continue  # it is told of the plant what does not follow from the equations, as the yields of reactions
@@ -169,6 +194,8 @@ def _takers(plant: BuiltPlant, sampled: bool) -> Iterator[str]:
             form = family.form(plant.model, plant.initial, plant.parameters)
             block.design(form)
             started(form, plant.initial, plant, False)
+            if issubclass(family, RecallsInputs) and any(map(form.plant.depends_on_input, around.untimed)):
+                continue
         except (HgorunError, ValueError):  # Problem is a ValueError; a class that fails takes no plant
             continue
         yield name

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Set
 from functools import cached_property, partial
 from typing import Any, Literal, TypeAlias
 
@@ -14,7 +14,7 @@ from hgorun.observers.base import AnyObserver
 from hgorun.observers.capabilities import ByLateness, BySampling, NoiseInformed
 from hgorun.result.records.observer import Coordinates
 from hgorun.simulation.design.design import Design
-from hgorun.simulation.design.forms import coordinates_of, form_of
+from hgorun.simulation.design.forms import Around, coordinates_of, form_of
 from hgorun.simulation.experiment.blocks import Checked, as_available, check_again, observer_of
 from hgorun.simulation.experiment.configured import ONLY_A_FILE
 from hgorun.simulation.experiment.observed import Observed
@@ -26,7 +26,7 @@ from hgorun.symbolic.sensors import Sensor
 _DESIGNS: Memo[Design] = Memo(256)  # what the runs of a family share
 
 # in a copy; all else follows from these
-_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known", "_intervals", "begun")
+_KEPT = ("name", "text", "source", "_checked", "_noise", "_chosen", "_known", "_intervals", "begun", "_recorded")
 
 Begun: TypeAlias = Mapping[str, Mapping[str, Literal["sample", "model"]]]
 """By observer the states whose initial estimates were taken from data: a first sample, or what the model says of some.
@@ -122,7 +122,7 @@ class Experiment(Observed):
         with source.located():
             found = observer_of(label, source.data["observers"][label], source)
             observer = self._informed(self._available(found))
-            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self.sampled)
+            form, origin = form_of(self.plant, label, observer, self._noise, self._taken().get(label), self._around)
             return Design.of(label, observer, form, origin)
 
     def __getstate__(self) -> dict[str, Any]:
@@ -171,7 +171,7 @@ class Experiment(Observed):
             return {label: known.get(label) or self._form(label) for label in self.observers}
 
     def _form(self, label: str) -> tuple[Form, Form]:
-        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self.sampled)
+        return form_of(self.plant, label, self.observers[label], self._noise, self._chosen.get(label), self._around)
 
     @cached_property
     def _chosen(self) -> dict[str, Coordinates]:
@@ -240,6 +240,26 @@ class Experiment(Observed):
         new = self._anew()
         new.begun = begun
         return new
+
+    @cached_property
+    def _recorded(self) -> Set[str] | None:
+        """See :meth:`with_recorded`; None in a simulation."""
+        return None
+
+    def with_recorded(self, inputs: Iterable[str]) -> Experiment:
+        """The same, where outputs and these inputs are recorded, or come one by one, and nothing is simulated."""
+        new = object.__new__(type(self))
+        new.__dict__ |= self.__dict__
+        new._recorded = frozenset(inputs)
+        return new
+
+    def _around(self) -> Around:
+        """What decides whether observers take the plant, besides its equations and numbers."""
+        law, recorded = self.plant.symbolic.controller, self._recorded or ()
+        untimed = {i for i, name in enumerate(self.plant.model.inputs) if name in recorded}
+        untimed |= set(() if law is None else law.driven)
+        past = law is None and self._recorded is None
+        return Around(sampled=self.sampled(), past=past, untimed=tuple(sorted(untimed)))
 
     def informed_by(self, other: Experiment) -> Experiment:
         """The same with observers that are designed for the noise of another's sensors."""
