@@ -16,11 +16,11 @@ from hgorun.commands.mqtt_session import Message, Session
 from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_clock import AGAIN, UTC
+from hgorun.commands.stream_grid import Grid
 from hgorun.commands.stream_lines import INPUT, Block, JsonForm, Sample
 from hgorun.commands.stream_progress import Redelivered
 from hgorun.commands.stream_samples import (
     REMEMBERED,
-    Grid,
     OneByOne,
     Stream,
     Writer,

@@ -9,9 +9,10 @@ from contextlib import nullcontext
 
 from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
+from hgorun.commands.stream_grid import Grid
 from hgorun.commands.stream_lines import Block, CsvForm, JsonForm, Sample, Samples, read
 from hgorun.commands.stream_progress import InOrder
-from hgorun.commands.stream_samples import REMEMBERED, Grid, OneByOne, Stream, Writer, refuse_results, tell_left_out
+from hgorun.commands.stream_samples import REMEMBERED, OneByOne, Stream, Writer, refuse_results, tell_left_out
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 from hgorun.files import held_alone

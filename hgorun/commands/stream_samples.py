@@ -14,6 +14,7 @@ import numpy as np
 from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_clock import AGAIN, UTC
+from hgorun.commands.stream_grid import Grid
 from hgorun.commands.stream_lines import INPUT, Sample, Samples
 from hgorun.commands.stream_progress import Progress
 from hgorun.config.data import Data
@@ -22,7 +23,6 @@ from hgorun.data.faults.clock_changes import PUT_FORWARD
 from hgorun.data.units.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
-from hgorun.estimate.scores.output_points import same_point
 from hgorun.estimate.scores.shut_out import told_row, too_many, too_small
 from hgorun.estimate.stated_of_data import StatedOfData
 from hgorun.estimate.stream.estimator import Estimator
@@ -234,37 +234,6 @@ def tell_left_out(one_by_one: OneByOne, stream: Stream) -> None:
                 small = too_small(experiment.observers[label], stream.said.gates[output])
                 why += f", too many for outliers: look at their unit, the model, and {small}"
             say(f"hgorun: {label}: the gate of {output} left out {count} of {offered} samples{why}")
-
-
-class Grid:
-    """Multiples of a step, from what has been reached on; one that is a sample on paper is at its time, and behind it.
-
-    As output points of a file are, see :class:`~hgorun.estimate.scores.output_points.OutputPoints`.
-    """
-
-    def __init__(self, origin: float, step: float | None, reached: float) -> None:
-        self._origin, self.step, self._next, self._reached = origin, step, 0, reached
-        if step is not None and reached > origin:
-            self._next = max(math.floor((reached - origin) / step) - 1, 0)
-            while self._due(step) < reached - self._near(step, reached):
-                self._next += 1
-
-    def until(self, t: float) -> Iterator[float]:
-        """Those before a time, which is that of a sample."""
-        if self.step is None:
-            return
-        before = t - self._near(self.step, t)
-        while (due := self._due(self.step)) < before:
-            yield self._reached if abs(due - self._reached) <= self._near(self.step, due) else due
-            self._next += 1
-        self._reached = max(self._reached, t)
-
-    def _due(self, step: float) -> float:
-        return self._origin + self._next * step
-
-    def _near(self, step: float, t: float) -> float:
-        """How far apart a multiple and a sample are one."""
-        return same_point(step, 4 * math.ulp(max(abs(self._origin), abs(t))))
 
 
 class Writer:
