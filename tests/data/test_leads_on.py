@@ -39,6 +39,27 @@ def test_a_comma_that_may_be_either_is_named_with_its_line_and_both_remedies_rea
         recorded(tmp_path, content, {"csv": {"decimal": "."}})
 
 
+def test_one_column_with_the_other_sign_gets_a_csv_of_its_own(tmp_path: Path) -> None:
+    """The sign of all of the file, which is advised elsewhere, is wrong for the others."""
+    content = "t;T;glucose\n0;20.5;1,25\n1;21.25;1,5\n2;20.75;1,75\n3;21.0;2,25\n"
+    both = {"reference": {"T": "T"}}
+    with pytest.raises(ConfigError) as caught:
+        recorded(tmp_path, content, both | {"csv": {"decimal": "."}})
+    right = """'1,25'; this column has decimal commas, and 'T' has points: csv with decimal: "," below its signal """
+    assert right in caught.value.message
+    with pytest.raises(
+        ConfigError, match=r"'20\.5'; this column has decimal points, and 'glucose' has commas: csv with"
+    ):
+        recorded(tmp_path, content, both | {"csv": {"decimal": ","}})
+    found = recorded(tmp_path, content, both | {"outputs": {"S": {"column": "glucose", "csv": {"decimal": ","}}}})
+    assert found.outputs["S"].values.tolist() == [1.25, 1.5, 1.75, 2.25]
+    assert found.reference["T"].values.tolist() == [20.5, 21.25, 20.75, 21.0]
+    with pytest.raises(ConfigError, match=r"'glucose' has commas: write one sign into all of the file"):
+        recorded(tmp_path, content, {"time": "T", "csv": {"decimal": ","}})
+    with pytest.raises(ConfigError, match=r"found 'bad'; if it means"):
+        recorded(tmp_path, content.replace("1,25", "bad"), both | {"csv": {"decimal": "."}})
+
+
 @pytest.mark.parametrize("text", ["1.#QNAN", "1.#IND", "-1.#IND00"])
 def test_no_number_as_c_wrote_it_is_missing_once_it_is_told(tmp_path: Path, text: str) -> None:
     content = f"t,glucose\n0,7\n1,8\n2,{text}\n3,9.5\n"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from itertools import chain, islice
@@ -11,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from hgorun.config.types import describe
-from hgorun.data.cells import IF_MISSING, Cells, Flags, is_word
+from hgorun.data.cells import IF_MISSING, Cells, Flags, Numbers, is_word
 from hgorun.data.csv.comments import is_comment
 from hgorun.data.csv.dialect import SPACES, Dialect, cells_of
 from hgorun.data.csv.text import Block
@@ -20,6 +21,7 @@ from hgorun.data.times.date_hints import may_be_date
 from hgorun.errors import ConfigError
 
 _AT_ONCE = 20_000  # rows that are held as text
+_DECIMAL = re.compile(r"[-+]?[0-9]*([.,])(?![0-9]{3}$)[0-9]+")
 _BELOW = 1000  # rows in which dates of a column that is refused are looked at
 
 
@@ -153,10 +155,35 @@ class Rows:
                 when = not isinstance(cells, Flags) and cells.key == "time"
                 dated = when and may_be_date(row[place].strip())
                 said, hint = str(error), self._no_sample(row[place]) if when and not dated else ""
+                if isinstance(cells, Numbers) and not dated and (own := self._own_sign(cells, place)):
+                    text = row[place].strip()
+                    said = f"expected a number, found {describe(text)}; {own}" if _DECIMAL.fullmatch(text) else said
                 if line == self._dialect.first and self._dialect.doubtful:
                     said, hint = said.partition(IF_MISSING)[0], self._of_header()
                 return self._error(line, f"{said}{hint}", cells.column)
         raise AssertionError("a row was refused and read")
+
+    def _own_sign(self, cells: Numbers, place: int) -> str:
+        """What to do where a column has another decimal sign than others that are read; empty where it has not."""
+        sign, own = self._dialect.decimal, self._signs(place)
+        others = [
+            one
+            for one, there in zip(self._wanted, self._places, strict=True)
+            if isinstance(one, Numbers) and there != place and self._signs(there) == {sign}
+        ]
+        if self._dialect.thousands is not None or len(own) != 1 or sign in own or not others:
+            return ""
+        here, there = ("points", "commas") if sign == "," else ("commas", "points")
+        beside = next((one for one in others if one.key), others[0])
+        right = f'csv with decimal: "{next(iter(own))}" below its signal reads it'
+        if cells.key or beside.key:
+            right = "write one sign into all of the file"
+        return f"this column has decimal {here}, and {beside.column!r} has {there}: {right}"
+
+    def _signs(self, place: int) -> set[str]:
+        """The decimal signs of the first numbers of a column, but for those that may stand between thousands."""
+        found = (_DECIMAL.fullmatch(row[place].strip()) for _, row in self._dialect.rows if place < len(row))
+        return {match[1] for match in found if match}
 
     def _of_header(self) -> str:
         """What to do about the first row where it looks like a line of the header."""
