@@ -219,7 +219,7 @@ class _Making:
                 return
             plausible = block.plausible
         read = {cells.column for cells in file.wanted if not isinstance(cells, Flags)}
-        found = mixed(file.table.texts(), samples, block.column, read, plausible)
+        found = mixed(file.table.texts, samples, block.column, read, plausible)
         if found is None:
             return
         message = found.sentence(measured=measured)

@@ -27,6 +27,8 @@ _EACH = 3.0  # rows of each of them, at the least, where the column is not calle
 _TWICE = 2.0  # rows of each, and how often it comes again
 _APART = 5.0  # times: so much more do values jump from name to name than they move within one
 _OFTEN = 0.5  # of all rows: so many have another name than the one above
+_LOOKED_AT = 1_000_000  # samples in which the largest steps are looked for
+_STEPS, _LARGE = 4, 20.0  # of them, and times the usual one
 _SHOWN, _LONGEST = 3, 40  # names that a message has, and characters of each
 _CALLED = (
     *("tag", "signal", "variable", "var", "channel", "chan", "sensor", "point", "parameter", "param", "item", "topic"),
@@ -80,7 +82,7 @@ class Mixed:
     names : sequence of str
         The different ones.
     line : int
-        Where the second one stands first.
+        Where a second one stands.
     sure : bool
         Whether the column is called after such names, and these are no numbers.
     """
@@ -139,14 +141,14 @@ def of_several(near: NearRows | None, samples: Samples, pair: tuple[int, int], o
 
 
 def mixed(
-    rows: Texts, samples: Samples, column: str, read: Collection[str], plausible: tuple[float, float] | None = None
+    near: NearRows, samples: Samples, column: str, read: Collection[str], plausible: tuple[float, float] | None = None
 ) -> Mixed | None:
     """That values are of several signals; None where nothing says so.
 
     Parameters
     ----------
-    rows : Texts
-        The first ones of the first file.
+    near : callable
+        Of the first file.
     samples : Samples
         As they stand in the files.
     column : str
@@ -157,26 +159,38 @@ def mixed(
         Between what values are used.
     """
     low, high = plausible or (-math.inf, math.inf)
+    size = int(np.searchsorted(samples.part, 0, "right")) if samples.part.size else samples.lines.size
+    size = min(size, _LOOKED_AT)
+    lines, values = samples.lines[:size], samples.values[:size]
+    rows = _rows(near, lines, values)
     for name, cells in _candidates(rows, read):
-        some = slice(0, len(cells))
-        lines, values = samples.lines[some].tolist(), samples.values[some].tolist()
-        found = [
-            (line, cells[line], y)
-            for line, y in zip(lines, values, strict=True)
-            if cells.get(line) and low <= y <= high
-        ]
+        places = np.flatnonzero(np.isin(lines, list(cells)))
+        every = zip(lines[places].tolist(), values[places].tolist(), strict=True)
+        found = [(line, cells[line], y) for line, y in every if cells[line] and low <= y <= high]
         words = [word for _, word, _ in found]
         names = list(dict.fromkeys(words))
-        sure = _is_called(name) and not all(map(PLAIN_NUMBER.fullmatch, names))
-        if (
-            len(names) > 1
-            and _come_again(words, names, sure=sure)
-            and _jump(words, np.array([y for *_, y in found]))
-            and (sure or _nothing_else(name, names, rows, column))
-        ):
+        often = sum(one != other for one, other in pairwise(words))
+        if len(names) < 2 or often + 1 < _TWICE * len(names):
+            continue
+        in_turn, jumps = often >= _OFTEN * len(words), _jump(words, np.array([y for *_, y in found]))
+        called = _is_called(name) and not all(map(PLAIN_NUMBER.fullmatch, names))
+        if (called and (jumps or in_turn)) or (jumps and in_turn and _nothing_else(name, names, rows, column)):
             line = next(line for line, word, _ in found if word != names[0])
-            return Mixed(name, names, line, sure)
+            return Mixed(name, names, line, called and jumps)
     return None
+
+
+def _rows(near: NearRows, lines: np.ndarray, values: np.ndarray) -> Texts:
+    """The first rows of a file, with those near the largest steps where a column may have one name for long."""
+    rows = near()
+    steps = np.abs(np.diff(values))
+    steps[np.isnan(steps)] = 0.0
+    if not steps.size or not any(map(_is_called, rows)):
+        return rows
+    largest = np.argpartition(steps, -min(_STEPS, steps.size))[-_STEPS:]
+    beside = lines[largest[steps[largest] > _LARGE * float(np.median(steps))] + 1]
+    more = near(*beside.tolist()) if beside.size else {}
+    return {name: dict(sorted({**cells, **more.get(name, {})}.items())) for name, cells in rows.items()}
 
 
 def _candidates(rows: Texts, read: Collection[str]) -> Iterator[tuple[str, Mapping[int, str]]]:
@@ -197,12 +211,6 @@ def _are_names(cells: Collection[str], *, called: bool) -> bool:
     different = set(texts)
     likely = called or all(text[:1].isalpha() for text in different)
     return likely and 1 < len(different) <= min(_MOST, len(texts) / (_TWICE if called else _EACH))
-
-
-def _come_again(words: Sequence[str], names: Sequence[str], *, sure: bool) -> bool:
-    """Whether names change from row to row, or, of a column that is called after them, go to and fro."""
-    changes = sum(one != other for one, other in pairwise(words))
-    return changes + 1 >= _TWICE * len(names) and (sure or changes >= _OFTEN * len(words))
 
 
 def _jump(words: Sequence[str], values: np.ndarray) -> bool:

@@ -32,6 +32,9 @@ def told(folder: Path, content: str, changes: dict[str, Any] | None = None) -> l
 
 SELDOM = [("TT" if k % 30 == 29 else "LT", (80 if k % 30 == 29 else 5) + 0.01 * k) for k in range(200)]
 
+VERY_SELDOM = [("TT", 80 + 0.01 * k) if k % 1000 == 0 and k else ("LT", 5 + 0.001 * (k % 7)) for k in range(3500)]
+ALIKE = [("LC101.SP" if k % 2 else "LC101.PV", 5 + 0.02 * y) for k, y in enumerate(NOISE[:60])]
+
 
 @pytest.mark.parametrize(
     ("content", "line", "names"),
@@ -42,6 +45,7 @@ SELDOM = [("TT" if k % 30 == 29 else "LT", (80 if k % 30 == 29 else 5) + 0.01 * 
         (log("VarName", in_turn(*"ABCDE", levels=[1, 9, 20, 40, 70])), 3, "(A, B, C and 2 more)"),
         (log("sensor_id", in_turn("4711-A", "4711-B")), 3, "(4711-A, 4711-B)"),
         (log("signal", SELDOM), 31, "(LT, TT)"),
+        (log("signal", VERY_SELDOM), 2002, "(LT, TT)"),  # near the largest steps
         (log("point", in_turn("LT", "TT"), lambda k: f",{7 * k % 5},{'m' if k % 2 else 'K'}", ",x,unit"), 3, "LT, TT"),
     ],
 )
@@ -78,9 +82,10 @@ def test_an_input_has_rows_of_its_own(tmp_path: Path) -> None:
         log("col2", in_turn("LT", "TT"), lambda k: f",{'m' if k % 2 else 'K'},192,{k}", ",unit,quality,ms"),
         log("unit", in_turn("m", "degC")),
         log("channel", in_turn("1", "2")),
+        log("tag", ALIKE),
     ],
 )
-def test_names_in_a_column_that_is_called_otherwise_are_told(tmp_path: Path, content: str) -> None:
+def test_names_in_a_column_that_is_called_otherwise_or_of_like_values_are_told(tmp_path: Path, content: str) -> None:
     (said,) = told(tmp_path, content)
     assert said.startswith("rows may be of several signals, which ")
 
