@@ -40,6 +40,40 @@ def test_nothing_is_found_in_what_is_no_fault(name: str, digits: int | None) -> 
     assert faults.slips(values) == []
 
 
+PLACE = np.arange(600.0)
+RATE = np.where(PLACE % 100 < 60, 43 * (1 + 0.003 * np.resize(NOISE, 600)), 0.0)
+MACHINES = {
+    "totaliser": np.cumsum(RATE).round(),
+    "totaliser of two rates": np.cumsum(np.where(PLACE % 100 < 50, 7.3, np.where(PLACE % 100 < 80, 1.1, 0.0))).round(1),
+    "angle": PLACE * 0.93 % 8,
+    "scale": np.interp(PLACE % 150, [0.3, 40, 60.4, 70, 150], [0, 413, 413, 0, 0]).round(),
+    "tank": np.interp(PLACE % 200, [0, 150.3, 190, 200], [0.1, 1.9, 1.9, 0.1]).round(2),
+    "conveyor": np.interp(PLACE % 80, [0, 30.2, 40, 70.7, 80], [0, 1200, 1200, 0, 0]).round(),
+    "crane": np.interp(PLACE, [0, 50, 80.5, 200, 260.3, 400, 420, 600], [0, 0, 33.3, 33.3, 12.1, 12.1, 40, 40]).round(
+        2
+    ),
+    "crane that begins as it moves": np.interp(
+        PLACE, [0, 50.5, 200, 580.2, 596.5, 600], [0, 33.3, 33.3, 12.1, 9, 9]
+    ).round(2),
+}
+
+
+@pytest.mark.parametrize("name", MACHINES)
+def test_lines_of_a_machine_are_not_filled_in(name: str) -> None:
+    assert faults.filled(PLACE, MACHINES[name]) == []
+
+
+def test_lines_from_any_value_to_any_other_are() -> None:
+    """Also beside some that begin and end where the signal rests."""
+    values = NOISY[:400].copy()
+    values[100:130] = np.linspace(values[100], values[129], 30)
+    for start in (200, 260):
+        values[start : start + 40] = 5.0
+        values[start + 10 : start + 30] = np.linspace(5.0, 5.0 + start / 20, 20)
+        values[start + 30 : start + 40] = 5.0 + start / 20
+    assert [stretch.start for stretch in faults.filled(TIME[:400], values)] == [100]
+
+
 @pytest.mark.parametrize("digits", [None, 4, 6])
 def test_a_column_filled_between_few_samples_is_found(digits: int | None) -> None:
     few = np.arange(0, 2000, 25)

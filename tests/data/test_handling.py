@@ -159,7 +159,7 @@ def test_signals_below_each_other_are_told_apart_by_their_names(tmp_path: Path) 
     assert recorded(tmp_path, content, block).outputs["S"].values.tolist() == [1.5, 2.5, 3.5, 4.5, 5.5]
 
 
-TURNING = table(np.arange(60.0), np.arange(60.0) * 0.93 % 8)
+TURNING = table(np.arange(60.0), (0.93 * np.arange(60) + 0.001 * np.arange(60) ** 2).round(2) % 8)
 PASSED = table(np.arange(60.0), np.where(np.arange(60) < 30, 7.93, -0.18) + 0.01 * np.arange(60))
 
 

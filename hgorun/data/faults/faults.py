@@ -20,6 +20,7 @@ from hgorun.data.faults.fault_passes import (
     large_steps,
     straight_runs,
 )
+from hgorun.data.faults.machine_lines import of_a_machine
 from hgorun.data.faults.switched import is_switched
 from hgorun.memo import Memo, same
 from hgorun.pieces import ascending as in_order
@@ -113,7 +114,8 @@ def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
     """Stretches of points on one straight line that is not level: filled in by interpolation.
 
     Such a line begins and ends at a sharp bend, which tells it from a signal that is merely smooth. It counts if it has
-    ``LINE`` points, or if such lines, of at least four points, make up half of the signal.
+    ``LINE`` points, or if such lines, of at least four points, make up half of the signal; not if a machine may have
+    drawn it: see :func:`hgorun.data.faults.machine_lines.of_a_machine`.
     """
     if values.size < LINE:
         return []
@@ -122,9 +124,10 @@ def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
     lines = [Stretch(start, stop + 2) for start, stop in runs.tolist()]
     if lines:
         lines = _between_bends(taken, values, lines, quantum)
-    if sum(line.size for line in lines) >= values.size / 2:
-        return lines
-    return [line for line in lines if line.size >= LINE]
+    if sum(line.size for line in lines) < values.size / 2:
+        lines = [line for line in lines if line.size >= LINE]
+    drawn = of_a_machine(values, np.array([[line.start, line.stop] for line in lines], dtype=int), quantum)
+    return [line for line, own in zip(lines, drawn, strict=True) if not own]
 
 
 def _bends(taken: np.ndarray, values: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
