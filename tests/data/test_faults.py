@@ -123,6 +123,19 @@ def test_a_machine_that_rests_between_short_moves_is_not_stuck(move: int) -> Non
     assert not faults.stuck(np.floor(ways))
 
 
+def test_a_slow_signal_in_coarse_digits_is_not_stuck_and_one_that_moves_meanwhile_is() -> None:
+    slow = np.round(7 + 0.003 * np.cumsum(np.resize(NOISE, 900)), 2)
+    hours = np.floor(np.cumsum(np.arange(790) % 90 < 40) / 6) / 10
+    for values in (slow, hours):
+        assert faults.stuck(values) == []
+    held = np.append(hours, np.full(60, hours[-1]))
+    assert [stretch.stop for stretch in faults.stuck(held)] == [held.size]
+    jumps = slow.copy()
+    jumps[600:] += 0.3
+    jumps[500:600] = jumps[500]
+    assert [stretch.stop for stretch in faults.stuck(jumps)] == [600]
+
+
 @pytest.mark.parametrize("factor", [1000, 1e-3, 100, 60, 1 / 3600, 1e6])
 @pytest.mark.parametrize("count", [20, 2000])
 def test_a_slip_of_the_unit_is_found(factor: float, count: int) -> None:

@@ -96,7 +96,8 @@ def stuck(values: np.ndarray) -> list[Stretch]:
 
     Usual is the median of those of two or more: sensors that are coarse, or machines that rest between moves, have
     many. Where those that may be stuck are few among all values, it is the median of all, single values too: two that
-    are stuck would be each other's usual length.
+    are stuck would be each other's usual length. A stretch that begins and ends with a step of the digits is none, nor
+    is one that is not longer and ends with the log.
     """
     runs = equal_runs(values)
     sizes = runs[:, 1] - runs[:, 0]
@@ -107,7 +108,23 @@ def stuck(values: np.ndarray) -> list[Stretch]:
     singles = values.size - int(sizes.sum())
     if (1 if long <= _TWO else long) * _RARE <= sizes.size + singles:
         usual = min(usual, median(np.append(sizes, np.ones(min(singles, sizes.size + 1)))))
-    return [Stretch(start, stop) for start, stop in runs[sizes >= max(STUCK, 5 * usual)].tolist()]
+    found = [Stretch(start, stop) for start, stop in runs[sizes >= max(STUCK, 5 * usual)].tolist()]
+    quantum = _quantum(np.diff(values[:_FIRST])) * (1 + EXACT)
+    slow = [_within_digits(values, one, quantum) for one in found]
+    longest = max((one.size for one, true in zip(found, slow, strict=True) if true), default=0)
+    ends = [one.stop == values.size and one.size <= longest for one in found]
+    return [one for one, *no in zip(found, slow, ends, strict=True) if not any(no)]
+
+
+def _within_digits(values: np.ndarray, held: Stretch, quantum: float) -> bool:
+    """Whether a signal comes to a value and leaves it by a step of its digits: it is as slow, not stuck.
+
+    What is stuck jumps where it ends, unless nothing has moved meanwhile; at the end of a log nothing shows it.
+    """
+    if held.stop == values.size:
+        return False
+    into = abs(values[held.start] - values[held.start - 1]) if held.start else 0.0
+    return bool(max(into, abs(values[held.stop] - values[held.stop - 1])) <= quantum)
 
 
 def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:

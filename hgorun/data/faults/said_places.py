@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 import numpy as np
@@ -19,12 +20,16 @@ def samples_said(count: int, of_one: str = "", of_several: str = "") -> str:
 
 
 def held_said(values: np.ndarray, found: Sequence[Stretch]) -> str:
-    """What is said of stretches of equal values: at the least or the largest one a machine rests, or meets a limit."""
+    """What is said of stretches of equal values: of a sensor that is stuck, or of what rests or is at a limit, too.
+
+    It rests at the least or the largest value, at one to which it comes again, or counts and never falls.
+    """
     rows = "of equal values in a row" if len(found) == 1 else f"in {len(found):,} stretches of equal values"
-    ends = extremes(values)
-    at_ends = ends[0] < ends[1] and all(values[stretch.start] in ends for stretch in found)
-    if at_ends:
-        return f"{rows}, at an end of their range: at rest or at a limit, or of a sensor that is stuck"
+    least, largest = extremes(values)
+    held = Counter(float(values[stretch.start]) for stretch in found)
+    comes_again = all(count > 1 or value in (least, largest) for value, count in held.items())
+    if least < largest and (comes_again or bool(np.all(values[1:] >= values[:-1]))):
+        return f"{rows}, as of a machine at rest, a limit, or a sensor that is stuck"
     return f"{rows}, as if the sensor were stuck"
 
 
