@@ -126,7 +126,8 @@ def test_a_machine_that_rests_between_short_moves_is_not_stuck(move: int) -> Non
 def test_a_slow_signal_in_coarse_digits_is_not_stuck_and_one_that_moves_meanwhile_is() -> None:
     slow = np.round(7 + 0.003 * np.cumsum(np.resize(NOISE, 900)), 2)
     hours = np.floor(np.cumsum(np.arange(790) % 90 < 40) / 6) / 10
-    for values in (slow, hours):
+    converter = np.rint((50 + 20 * np.sin(np.arange(4000) / 500)) / 0.0244) * 0.0244
+    for values in (slow, hours, converter.round(3)):
         assert faults.stuck(values) == []
     held = np.append(hours, np.full(60, hours[-1]))
     assert [stretch.stop for stretch in faults.stuck(held)] == [held.size]

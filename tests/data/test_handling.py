@@ -34,7 +34,7 @@ LONG_TIMES, LONG_VALUES = noisy(100)
 LONG_VALUES[5:26] = LONG_VALUES[60:82] = 20.5
 STUCK_TWICE = table(LONG_TIMES, LONG_VALUES)
 AT_REST = table(LONG_TIMES, np.where(LONG_VALUES == 20.5, 0.0, LONG_VALUES))
-COUNTER = table(LONG_TIMES, np.cumsum(np.where(np.arange(100) // 40 == 1, 0, 2.5 + LONG_VALUES % 1)).round(2))
+COUNTER = table(LONG_TIMES, np.cumsum(np.where(np.arange(100) // 40 == 1, 0, 0.5 + LONG_VALUES % 5)).round(2))
 CONSTANT = table(LONG_TIMES, np.full(100, 20.5))
 SLIPPED = changed(values={k: VALUES[k] * 1000 for k in range(30, 60)})
 GAP = table(np.where(np.arange(60) < 40, TIMES, TIMES + 1000), VALUES)

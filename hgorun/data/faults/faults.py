@@ -109,22 +109,25 @@ def stuck(values: np.ndarray) -> list[Stretch]:
     if (1 if long <= _TWO else long) * _RARE <= sizes.size + singles:
         usual = min(usual, median(np.append(sizes, np.ones(min(singles, sizes.size + 1)))))
     found = [Stretch(start, stop) for start, stop in runs[sizes >= max(STUCK, 5 * usual)].tolist()]
-    quantum = _quantum(np.diff(values[:_FIRST])) * (1 + EXACT)
-    slow = [_within_digits(values, one, quantum) for one in found]
+    if not found:
+        return []
+    steps = np.abs(np.diff(values[:_FIRST]))
+    step = 1.5 * float(np.min(steps, where=steps > 0, initial=np.inf))  # of a converter's it may be rounded
+    slow = [np.isfinite(step) and _within_digits(values, one, step) for one in found]
     longest = max((one.size for one, true in zip(found, slow, strict=True) if true), default=0)
     ends = [one.stop == values.size and one.size <= longest for one in found]
     return [one for one, *no in zip(found, slow, ends, strict=True) if not any(no)]
 
 
-def _within_digits(values: np.ndarray, held: Stretch, quantum: float) -> bool:
-    """Whether a signal comes to a value and leaves it by a step of its digits: it is as slow, not stuck.
+def _within_digits(values: np.ndarray, held: Stretch, step: float) -> bool:
+    """Whether a signal comes to a value and leaves it by no more than a step of its digits: it is as slow, not stuck.
 
     What is stuck jumps where it ends, unless nothing has moved meanwhile; at the end of a log nothing shows it.
     """
     if held.stop == values.size:
         return False
     into = abs(values[held.start] - values[held.start - 1]) if held.start else 0.0
-    return bool(max(into, abs(values[held.stop] - values[held.stop - 1])) <= quantum)
+    return bool(max(into, abs(values[held.stop] - values[held.stop - 1])) <= step)
 
 
 def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
@@ -185,7 +188,7 @@ def _quantum(rise: np.ndarray) -> float:
         parts = sizes / step
         # rounding leaves differences of rounded numbers off by some last bits
         if median(parts) < 1e9 and np.mean(np.abs(parts - np.rint(parts)) < 1e-3) > 0.9:
-            return float(step) * _coarser(np.unique(np.rint(parts)))
+            return float(step) * (_coarser(np.unique(np.rint(parts))) if parts.min() > _COARSE - 0.5 else 1.0)
     return 0.0
 
 
@@ -198,8 +201,6 @@ def _coarser(parts: np.ndarray) -> float:
         Ascending, from 1 on.
     """
     step = upto = float(parts[0])
-    if step < _COARSE:
-        return 1.0
     while upto < 2 * parts[-1]:
         upto *= 2
         some = parts[parts <= upto]  # larger ones tell the step more exactly, once it is known to some extent
@@ -254,10 +255,12 @@ def _steadily(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
 
 def _scaled(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
     """Those without noise that is as large on both sides: that of a slip has the unit of its values, too."""
+    if not places.size:
+        return places
     places, before, after = _beside(values, places, width)
     noise = np.sort([np.abs(np.diff(side, axis=1)).mean(axis=1) for side in (before, after)], axis=0)
-    digits = np.array([_quantum(np.diff(both)) for both in np.hstack([before, after])])
-    scaled: np.ndarray = places[~((noise[1] < _AS_LARGE * noise[0]) & (noise[0] > _AS_LARGE * digits))]
+    digits = _quantum(np.diff(values[:_FIRST]))
+    scaled: np.ndarray = places[(noise[1] >= _AS_LARGE * noise[0]) | (noise[0] <= _AS_LARGE * digits)]
     return scaled
 
 
