@@ -16,6 +16,7 @@ from typing import Any
 from zlib import crc32
 
 from hgorun.errors import ConfigError, HgorunError
+from hgorun.originals import is_original
 from hgorun.process import unfinished
 
 # Temporary files are called .NAME-MACHINE-PID-RANDOM.part: who finds one whose process is gone may remove it. Of the
@@ -39,7 +40,8 @@ def _mode() -> int:
     return 0o666 & ~mask
 
 
-_FILE_MODE = _mode()  # asked for once, before there are threads: the question changes the process for a moment
+FILE_MODE = _mode()  # asked for once, before there are threads: the question changes the process for a moment
+"""Of new files."""
 
 
 def real_path(path: Path) -> Path:
@@ -61,9 +63,12 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
     ------
     HgorunError
         When the file cannot be written.
+    ConfigError
+        When it is one that the command reads.
     """
     if "\0" in str(path):
         raise HgorunError(f"{str(path)!r}: cannot be written: a name of a file has no NUL")
+    refuse_original(path)
     try:
         if path.is_symlink():
             path = real_path(path)  # what it points to is replaced, not the link
@@ -77,7 +82,7 @@ def written_whole(path: Path, *, durable: bool = False) -> Iterator[Path]:
         unfinished.add(part)
         try:
             yield part
-            os.chmod(part, _FILE_MODE)
+            os.chmod(part, FILE_MODE)
             if durable:
                 _keep(part)
             _replace(part, path)
@@ -194,6 +199,24 @@ def refuse_no_result(path: Path, argument: str) -> None:
         raise ConfigError(f"{argument}: expected the name of a file {kinds}, found {found}{instead}")
 
 
+def refuse_original(path: Path, option: str = "") -> None:
+    """Refuse to replace a configuration, a recording or another file that the command reads.
+
+    Parameters
+    ----------
+    path : Path
+    option : str
+        By which somebody names it, if one does.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if is_original(path):
+        named = f"{option}: " if option else ""
+        raise ConfigError(f"{named}{path} is read, and would be replaced: name another file or folder")
+
+
 def write_text(path: Path, text: str) -> None:
     """Write a text file, whole or not at all."""
     with written_whole(path) as part:
@@ -237,64 +260,6 @@ def _alive(pid: int) -> bool:
         return Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()[0] != b"Z"
     except (OSError, IndexError):
         return True
-
-
-@contextmanager
-def held_alone(path: Path) -> Iterator[None]:
-    """Hold a file for this block alone: whoever else would hold it meanwhile, in this process or another, is refused.
-
-    The lock is on a file beside it, .NAME.lock, for the file itself is replaced whenever it is written. The system lets
-    go of it however the process ends. Where the system or the place has no such locks, nobody is refused.
-
-    Raises
-    ------
-    ConfigError
-        When it is held already.
-    """
-    target = Path(os.path.realpath(path))  # one file, by whichever name
-    lock = target.with_name(f".{target.name}.lock")
-    try:
-        lock.parent.mkdir(parents=True, exist_ok=True)
-        handle = _locked(lock)
-    except BlockingIOError:
-        raise ConfigError(
-            f"another process has it in use ({lock.name} is locked): end that process, or name another file",
-            file=str(path),
-        ) from None
-    except (ImportError, OSError):
-        yield
-        return
-    unfinished.add(lock)
-    try:
-        yield
-    finally:
-        lock.unlink(missing_ok=True)  # while it is held: nobody else's is removed
-        os.close(handle)
-        unfinished.discard(lock)
-
-
-def _locked(lock: Path) -> int:
-    """The handle of a file that is locked.
-
-    Raises
-    ------
-    BlockingIOError
-        When somebody else has locked it.
-    OSError, ImportError
-        When it cannot be made or locked, or the system has no such locks.
-    """
-    import fcntl
-
-    while True:
-        handle = os.open(lock, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW, _FILE_MODE)
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.fstat(handle).st_nlink:  # else it is that of somebody who has removed it meanwhile
-                return handle
-        except OSError:
-            os.close(handle)
-            raise
-        os.close(handle)
 
 
 def json_value(value: Any) -> Any:

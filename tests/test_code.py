@@ -94,6 +94,7 @@ WITHOUT_NUMBERS = {
     "hgorun.errors",
     "hgorun.files",
     "hgorun.markup",
+    "hgorun.originals",
     "hgorun.process",
     "hgorun.registry",
     "hgorun.study.varied_paths",

@@ -27,6 +27,7 @@ from hgorun.errors import ConfigError
 from hgorun.files import write_text
 from hgorun.noise.base import NOISE
 from hgorun.observers.base import OBSERVERS
+from hgorun.originals import note_originals
 from hgorun.plants.base import PLANTS
 from hgorun.registry import Registry
 from hgorun.result.reading import read
@@ -80,6 +81,7 @@ def cite(options: Cite) -> int:
     if options.output is not None and options.output.suffix.lower() not in _BIBTEX:
         raise ConfigError(f"--output: expected a file .bib, found {options.output}")
     refuse_other_kinds(options.output, _BIBTEX)
+    note_originals([options.config])
     made = is_result(options.config) or is_sweep(options.config)
     found = uses(options.config if made else configuration(options.config, "cite"), options.run)
     entries = publications(found)

@@ -13,6 +13,7 @@ import typer
 from typer.core import TyperCommand, TyperGroup
 
 from hgorun.commands import usage
+from hgorun.originals import kept_as_they_are
 from hgorun.process import CLOSED_PIPE, silence
 
 if TYPE_CHECKING:
@@ -102,7 +103,8 @@ def command(name: str, record: type[Options], third: str = "") -> Callable[[Call
         def run(**values: object) -> None:
             given = {name: value for name, value in values.items() if value is not None}
             try:
-                code = function(record(**given))
+                with kept_as_they_are():
+                    code = function(record(**given))
                 sys.stdout.flush()
             except BrokenPipeError:  # whoever read our output has left; click would make an error of it
                 silence(sys.stdout)

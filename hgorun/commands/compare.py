@@ -23,7 +23,8 @@ from hgorun.commands.remarks import warn
 from hgorun.commands.run import experiments_of, print_json, run_with_progress
 from hgorun.config.nearest import no_file, refuse_other
 from hgorun.errors import ConfigError
-from hgorun.files import remove_leftovers
+from hgorun.files import refuse_original, remove_leftovers
+from hgorun.originals import note_originals
 from hgorun.process import say
 from hgorun.result.result import Result
 from hgorun.simulation.experiment.experiment import Experiment
@@ -42,6 +43,7 @@ def compare(options: Compare) -> int:
     from hgorun.figures.page import Page
 
     page = Page.named(options.width, options.style)
+    note_originals(options.sources)
     for path in options.sources:
         _refuse_what_is_not_there(path, options)
     if any(map(may_be_ensemble, options.sources)):
@@ -64,6 +66,8 @@ def compare(options: Compare) -> int:
         else:
             loaded += [prepare(experiment) for experiment in _single(configuration(path, "compare"), options)]
         files += [str(path)] * (len(loaded) - len(files))
+    if options.output is not None:
+        refuse_original(options.output, "--output")
     results = [s if isinstance(s, Result) else run_with_progress(s, show=options.text) for s in loaded]
     predicted = _predicted(loaded, results) if options.analyze else []
     units = {result.units.get("time", "") for result in results}

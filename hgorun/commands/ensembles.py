@@ -36,6 +36,7 @@ from hgorun.ensemble.members.refused import refusal_of, told_where
 from hgorun.ensemble.sweep import Place
 from hgorun.errors import ConfigError, SimulationError
 from hgorun.figures.page import Page
+from hgorun.originals import note_originals
 from hgorun.process import say
 from hgorun.progress import shown as progress
 from hgorun.study.ensembles import carried_out, ensemble_of
@@ -132,6 +133,7 @@ def report(options: Report) -> int:
 
     refuse_other_kinds(options.output, _PAGES, default=RESULTS)
     refuse_name_of_another_thing(options.source)
+    note_originals([options.source])
     found = _compared(read_sweep(options.source), options, str(options.source))
     if not found.members.observers:
         raise ConfigError("it has no observers, so there is nothing to report", file=str(options.source))

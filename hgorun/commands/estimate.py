@@ -19,6 +19,7 @@ from hgorun.commands.outputs import (
     RESULTS,
     refuse_no_csv,
     refuse_other_kinds,
+    refuse_same,
     refuse_unwritable,
     there,
     written,
@@ -33,7 +34,8 @@ from hgorun.errors import ConfigError, HgorunError
 from hgorun.estimate.holdout import HoldOut, held_out, number_of, of_one_time, parse_holdout, thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
-from hgorun.files import RESULT_SUFFIXES, real_path, remove_leftovers, write_text
+from hgorun.files import RESULT_SUFFIXES, refuse_original, remove_leftovers, write_text
+from hgorun.originals import note_originals
 from hgorun.process import keep_memory, say, take_short_turns
 from hgorun.study.split import split
 
@@ -53,6 +55,8 @@ def estimate(options: Estimate) -> int:
     options = replace(options, config=configuration(options.config, "estimate"))
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     refuse_file_of_another_command(source.data, options.config)
+    if options.checkpoint is not None:
+        refuse_original(options.checkpoint, "--checkpoint")
     source, name = one_run(source, options.config, options.run)
     tell_what_runs_keep(options.config, options)
     if "-" in options.data:
@@ -70,18 +74,20 @@ def estimate(options: Estimate) -> int:
             "hgorun estimate CONFIG -, or hgorun estimate CONFIG mqtt://HOST/TOPIC"
         )
     log = log_of(source, options.config, tuple(map(Path, options.data)))
+    note_originals([*log.all_files, *(Path(what) for _, what in map(parse_holdout, options.holdout))])
     if options.export_samples is not None:
+        refuse_original(options.export_samples, "--export-samples")
         with source.located():
             from hgorun.commands.remarks import of_run
 
             recording = log.read()
             for note in recording.notes:
                 say(f"hgorun: {of_run(name, str(note))}")
-            return export_samples(recording, log.all_files, options.export_samples, quiet=not options.text)
+            return export_samples(recording, options.export_samples, quiet=not options.text)
     keep_memory()
     take_short_turns()
     target = _target(options, name)
-    _refuse_to_overwrite(options, log, target)
+    _refuse_to_overwrite(options, target)
     refuse_unwritable(target, kind="file")
     with source.located(), ThreadPoolExecutor(1) as pool:
         files = pool.submit(log.open)
@@ -177,14 +183,12 @@ def _refuse_with_samples(options: Estimate) -> None:
         raise ConfigError("--export-samples estimates nothing: leave out --holdout, --export-csv and --output")
 
 
-def _refuse_to_overwrite(options: Estimate, log: Log, target: Path) -> None:
-    """Refuse to write where something is read from: a recording cannot be made once more."""
-    held_out = (Path(what) for _, what in map(parse_holdout, options.holdout))
-    read_from = {real_path(path) for path in (options.config, *log.all_files, *held_out)}
-    if real_path(target) in read_from:
-        raise ConfigError(f"{target} is read, and the result would replace it: name another file with --output")
-    if options.export_csv is not None and real_path(options.export_csv) in read_from | {real_path(target)}:
-        raise ConfigError(f"--export-csv: {options.export_csv} is read or written otherwise: name another file")
+def _refuse_to_overwrite(options: Estimate, target: Path) -> None:
+    """Refuse to write where something is read from, or written otherwise: a recording cannot be made once more."""
+    refuse_original(target, "--output")
+    if options.export_csv is not None:
+        refuse_original(options.export_csv, "--export-csv")
+        refuse_same(options.export_csv, [target])
 
 
 def _also_written(options: Estimate, page: Page, result: Result, target: Path) -> list[Path]:

@@ -4,31 +4,22 @@ from __future__ import annotations
 
 import sys
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from hgorun.commands.outputs import STDOUT
 from hgorun.data.recording import Recording
-from hgorun.errors import ConfigError
-from hgorun.files import real_path, write_text
+from hgorun.files import write_text
 
 
-def export_samples(recording: Recording, read_from: Sequence[Path], target: Path, *, quiet: bool = False) -> int:
-    """Write the samples.
-
-    Raises
-    ------
-    ConfigError
-        Where the file is one of those that are read.
-    """
+def export_samples(recording: Recording, target: Path, *, quiet: bool = False) -> int:
+    """Write the samples."""
     if target == STDOUT:
         for line in lines(recording):
             sys.stdout.write(line)
         return 0
-    if real_path(target) in {real_path(path) for path in read_from}:
-        raise ConfigError(f"--export-samples: {target} is read: name another file")
     write_text(target, "".join(lines(recording)))
     if not quiet:
         print(f"written: {target}")

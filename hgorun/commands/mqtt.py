@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from typing import NoReturn, Protocol
 
+from hgorun.commands.held import held_alone
 from hgorun.commands.mqtt_address import Address, Credentials, client_id_of, require_topic
 from hgorun.commands.mqtt_session import Message, Session
 from hgorun.commands.outputs import NOT_OK
@@ -29,7 +30,6 @@ from hgorun.commands.stream_samples import (
 )
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, HgorunError, printable
-from hgorun.files import held_alone
 from hgorun.process import end_with, say
 
 _TOLD = 20  # messages that are left out and told; of more it is known that there are more

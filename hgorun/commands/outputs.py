@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from hgorun.errors import ConfigError
-from hgorun.files import called_otherwise, why_unwritable
+from hgorun.files import called_otherwise, real_path, refuse_original, why_unwritable
 
 RESULTS = Path("results")
 STDOUT = Path("-")  # in the place of a file, where a command takes it
@@ -77,6 +77,7 @@ def refuse_unwritable(path: Path, option: str = "--output", kind: Literal["file"
     ------
     ConfigError
     """
+    refuse_original(path, option)
     if kind == "file" and os.path.isdir(path):
         why = "it is a folder"
     elif kind == "folder" and os.path.isfile(path):
@@ -125,6 +126,12 @@ def refuse_no_csv(option: str, file: Path | None, *, or_stdout: bool = False) ->
     if os.path.isdir(file):
         raise ConfigError(f"{option}: expected a file {', '.join(_CSV)}, found the folder {file}")
     refuse_unwritable(file, option)
+
+
+def refuse_same(export: Path, targets: Iterable[Path]) -> None:
+    """Refuse an ``--export-csv`` that is one of the result files."""
+    if real_path(export) in map(real_path, targets):
+        raise ConfigError(f"--export-csv: {export} is to be the file of the result, too: name another file")
 
 
 def formats(output: Path | None) -> tuple[str, ...]:

@@ -13,6 +13,7 @@ from hgorun.commands.outputs import (
     RESULTS,
     refuse_no_csv,
     refuse_other_kinds,
+    refuse_same,
     refuse_unwritable,
     there,
     written,
@@ -22,7 +23,7 @@ from hgorun.commands.run import experiments_of, print_json
 from hgorun.commands.run_options import Simulate
 from hgorun.config.refusals import Refusals
 from hgorun.errors import ConfigError
-from hgorun.files import RESULT_SUFFIXES, real_path, remove_leftovers, write_text
+from hgorun.files import RESULT_SUFFIXES, refuse_original, remove_leftovers, write_text
 from hgorun.progress import shown
 from hgorun.result.result import Result
 from hgorun.simulation.prepared import PreparedRun
@@ -123,8 +124,8 @@ def _check_export(
         raise ConfigError(f"--export-csv: {file} is one file, and takes one run: name it with --run")
     if runs[0].grid.size > LONG:
         raise ConfigError(f"--export-csv: more than {LONG} output points are in the result file alone")
-    if real_path(file) in {real_path(path) for path in (*options.configs, *targets)}:
-        raise ConfigError(f"--export-csv: {file} is read or written otherwise: name another file")
+    refuse_original(file, "--export-csv")
+    refuse_same(file, targets)
 
 
 def _exported(options: Simulate, result: Result) -> list[Path]:

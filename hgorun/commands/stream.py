@@ -7,6 +7,7 @@ import time as clock
 from collections.abc import Iterator
 from contextlib import nullcontext
 
+from hgorun.commands.held import held_alone
 from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_grid import Grid
@@ -15,7 +16,6 @@ from hgorun.commands.stream_progress import InOrder
 from hgorun.commands.stream_samples import REMEMBERED, OneByOne, Stream, Writer, refuse_results, tell_left_out
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
-from hgorun.files import held_alone
 from hgorun.process import uninterrupted
 
 _FEW = 3  # lines that are not worth being taken together

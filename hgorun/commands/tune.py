@@ -13,7 +13,7 @@ import numpy as np
 
 from hgorun.commands.ensemble_options import Tune
 from hgorun.commands.inputs import configuration
-from hgorun.commands.outputs import RESULTS, refuse_other_kinds, there, written
+from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable, there, written
 from hgorun.config.reading import read_source
 from hgorun.config.written import rounded, with_values
 from hgorun.ensemble.collected.units import units_of
@@ -64,9 +64,12 @@ def tune(options: Tune) -> int:
     if options.data and "data" not in blocks:
         raise ConfigError(f"{options.data[0]}: files are for recordings, and the configuration has no data")
     asked = load_tuning(options.config, options.overrides, run=options.run)
-    found, missed = _all_tuned(asked, options)
     folder = options.output or RESULTS
-    before = there(folder / f"{asked.name}{suffix}" for suffix in (".tuned.yaml", ".tune.h5"))
+    targets = [folder / f"{asked.name}{suffix}" for suffix in (".tuned.yaml", ".tune.h5")]
+    for target in targets:  # before the search: the configuration may extend one that was tuned
+        refuse_unwritable(target, kind="file")
+    found, missed = _all_tuned(asked, options)
+    before = there(targets)
     files = _write(found, asked, options, page)
     told = [_table(one) for one in found]
     for one in found:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from hgorun.commands.ensemble_options import Tune as Options
-from hgorun.commands.outputs import RESULTS, there, written
+from hgorun.commands.outputs import RESULTS, refuse_unwritable, there, written
 from hgorun.commands.remarks import of_run
 from hgorun.config.nearest import among
 from hgorun.config.tuning import Tune, require_few
@@ -57,6 +57,8 @@ def tune_data(options: Options, text: str, source: Source) -> int:
     """Seek the gains, write the tuned configuration and print what was found."""
     if isinstance(source.data, dict) and "runs" in source.data:
         raise ConfigError("with recorded data, a configuration without runs is tuned", file=str(options.config))
+    target = (options.output or RESULTS) / f"{options.config.stem}.tuned.yaml"
+    refuse_unwritable(target, kind="file")
     block = validate(Tune, source.data["tune"], source, ("tune",))
     with source.located():
         if len(block.minimise) > 1 or block.subject:
@@ -72,8 +74,6 @@ def tune_data(options: Options, text: str, source: Source) -> int:
             _tuned(cases, one, gains, block.runs(len(gains), recorded=True), _as_given(source, gains))
             for one, gains in tasks
         ]
-    folder = options.output or RESULTS
-    target = folder / f"{options.config.stem}.tuned.yaml"
     for one in (one for one in found if not one.kept):
         _warn(one, options.config.stem, experiments[0])
     _tell(found, options.config.stem)

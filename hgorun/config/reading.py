@@ -15,6 +15,7 @@ from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError
 from hgorun.files import real_path
+from hgorun.originals import note_originals
 
 _LONGEST_CHAIN = 20  # files that extend each other
 
@@ -91,6 +92,7 @@ def _read(path: Path) -> tuple[str, Source]:
     """Read a YAML file; anything else, such as a pipe, might never end."""
     if os.path.exists(path) and not os.path.isfile(path) and not os.path.isdir(path):
         raise ConfigError("not a regular file", file=str(path))
+    note_originals([path])
     return yaml_source.read(path)
 
 

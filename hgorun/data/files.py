@@ -12,6 +12,7 @@ from hgorun.config.nearest import MEASURED, no_file
 from hgorun.data.csv.csv_table import CsvFile
 from hgorun.data.table import TableFile
 from hgorun.errors import ConfigError, KeyPath, Problem
+from hgorun.originals import note_originals
 
 _CONFIGURATIONS = (".yaml", ".yml")
 _NAMED = {".parquet": "a Parquet table", ".h5": "an HDF5 file", ".hdf5": "an HDF5 file", ".nc": "a netCDF file"}
@@ -43,6 +44,7 @@ def open_table(path: Path, told: Csv, key: KeyPath | None, clocks: Mapping[str, 
         if key is None:
             raise ConfigError(what, file=str(path))
         raise Problem(key, f"{path}: {what}")
+    note_originals([path])
     try:
         with path.open("rb") as stream:
             kind = kind_of(stream.read(HEAD))

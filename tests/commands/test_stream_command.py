@@ -14,10 +14,10 @@ from pendulum_log import write
 from shell import Shell
 from typing_extensions import Buffer
 
+from hgorun.commands.held import held_alone
 from hgorun.commands.stream_lines import Sample
 from hgorun.commands.stream_lines import read as read_lines
 from hgorun.errors import ConfigError
-from hgorun.files import held_alone
 
 
 @pytest.fixture(name="shell")

@@ -1,0 +1,98 @@
+"""No command replaces what it reads: a configuration, one that this extends, a recording, what is held out."""
+
+from __future__ import annotations
+
+import io
+import sys
+from pathlib import Path
+
+import pytest
+from shell import Shell
+
+from hgorun.files import write_text
+from hgorun.originals import is_original, kept_as_they_are, note_originals
+
+BASE = """
+plant: {states: [a, b], dynamics: {a: b, b: -a}, output: a}
+observers: {S: {type: shgo, theta: 2, initial: {a: 0, b: 1}}}
+solver: {step: 0.05}
+"""
+FILES = {
+    "base.yaml": BASE,
+    "log.csv": "t,a\n" + "".join(f"{k},{k % 3 - 1}\n" for k in range(20)),
+    "lab.csv": "t,a\n0.5,1\n1.5,0.5\n",
+    "log.yaml": "extends: base.yaml\ndata: {file: log.csv, time: t, outputs: {a: {column: a, std: 0.1}}}\n",
+    "sim.yaml": "extends: base.yaml\nplant: {initial: {a: 1, b: 0}}\ntime: {end: 1, output_step: 0.1}\n",
+    "sim.bib": "extends: base.yaml\nplant: {initial: {a: 1, b: 0}}\ntime: {end: 1, output_step: 0.1}\n",
+    "sweep.yaml": "base: sim.yaml\naxes: {seed: {count: 2}}\n",
+    "results/tuned.tuned.yaml": "extends: ../sim.yaml\n",
+    "tuned.yaml": "extends: results/tuned.tuned.yaml\n"
+    "tune: {gains: {observers.S.theta: {log: [1, 9]}}, minimise: 'rmse(S, b)', seeds: 2, held_out: 2, budget: 30}\n",
+    "results/gains.tuned.yaml": "extends: ../log.yaml\n",
+    "gains.yaml": "extends: results/gains.tuned.yaml\n"
+    "tune: {gains: {observers.S.theta: {log: [1, 9]}}, minimise: 'holdout_rmse(S, a)'}\n",
+}
+LINKS = {"to_log.csv": "log.csv", "to_base.csv": "base.yaml", "to_base.h5": "base.yaml", "to_base.png": "base.yaml"}
+
+
+@pytest.fixture(name="shell")
+def in_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Shell:
+    (tmp_path / "results").mkdir()
+    for name, text in FILES.items():
+        (tmp_path / name).write_text(text)
+    for name, target in LINKS.items():
+        (tmp_path / name).symlink_to(target)
+    return Shell(tmp_path, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("words", "named"),
+    [
+        ("estimate log.yaml --export-samples log.yaml", "--export-samples: log.yaml"),
+        ("estimate log.yaml --export-samples base.yaml", "--export-samples: base.yaml"),
+        ("estimate log.yaml --export-samples to_base.csv", "--export-samples: to_base.csv"),
+        ("estimate log.yaml --export-samples to_log.csv", "--export-samples: to_log.csv"),
+        ("estimate log.yaml lab.csv --export-samples lab.csv", "--export-samples: lab.csv"),
+        ("estimate log.yaml --export-csv to_log.csv", "--export-csv: to_log.csv"),
+        ("estimate log.yaml --holdout a=lab.csv --export-csv lab.csv", "--export-csv: lab.csv"),
+        ("estimate log.yaml -o to_base.h5", "--output: to_base.h5"),
+        ("estimate log.yaml - --checkpoint base.yaml", "--checkpoint: base.yaml"),
+        ("simulate sim.yaml --export-csv to_base.csv", "--export-csv: to_base.csv"),
+        ("simulate sim.yaml -o to_base.h5", "--output: to_base.h5"),
+        ("sweep sweep.yaml -o to_base.h5", "--output: to_base.h5"),
+        ("tune tuned.yaml", "--output: results/tuned.tuned.yaml"),
+        ("tune gains.yaml", "--output: results/gains.tuned.yaml"),
+        ("cite sim.bib -o sim.bib", "sim.bib"),
+        ("compare sim.yaml -o to_base.png", "--output: to_base.png"),
+    ],
+)
+def test_what_is_read_stays(shell: Shell, monkeypatch: pytest.MonkeyPatch, words: str, named: str) -> None:
+    monkeypatch.setattr(sys, "stdin", io.StringIO("t,signal,y\n0,a,1\n"))
+    code, _, err = shell(*words.split())
+    assert (code, err) == (
+        2,
+        f"hgorun: {named} is read, and would be replaced: name another file or folder\n",
+    )
+    assert {name: (shell.folder / name).read_text() for name in FILES} == FILES
+
+
+def test_a_result_and_its_text_are_two_files(shell: Shell) -> None:
+    (shell.folder / "one.csv").symlink_to("one.h5")
+    for command in ("estimate log.yaml", "simulate sim.yaml"):
+        code, _, err = shell(*command.split(), "-o", "one.h5", "--export-csv", "one.csv")
+        assert code == 2
+        assert err == "hgorun: --export-csv: one.csv is to be the file of the result, too: name another file\n"
+
+
+def test_files_are_noted_while_a_command_runs(tmp_path: Path) -> None:
+    file, gone, other = tmp_path / "file", tmp_path / "gone", tmp_path / "other"
+    other.write_text("")
+    file.write_text("")
+    note_originals([file])
+    assert not is_original(file)  # in Python, whoever reads a file may write it
+    with kept_as_they_are():
+        with kept_as_they_are():
+            note_originals([gone, file])
+        assert [is_original(path) for path in (file, gone, other)] == [True, False, False]
+        write_text(other, "new")
+    assert not is_original(file)
