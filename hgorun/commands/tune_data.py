@@ -29,7 +29,7 @@ from hgorun.files import json_value, write_text
 from hgorun.process import say
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.tables.layout import number, packed, wrapped
-from hgorun.tuning.gain import Gain, at_an_end, refuse_ends
+from hgorun.tuning.gain import Gain, at_an_end, refuse_ends, refuse_unasked
 from hgorun.tuning.loading import is_of_tune
 
 _OF_PLANT = "plant.parameters."
@@ -149,6 +149,8 @@ def _tasks(experiment: Experiment, goal: Goal, block: Tune) -> list[tuple[Goal, 
     missing = [label for label in wanted if label not in found and not (of_plant and label in experiment.observers)]
     if missing:
         raise Problem(("tune", "minimise", 0), f"no gains of an observer {missing[0]!r} are sought")
+    for label in (one for one in found if one not in wanted):
+        refuse_unasked(next(iter(found[label].values())).key, label)
     tasks = [(Goal(goal.score, label, goal.name), [*{**of_plant, **found.get(label, {})}.values()]) for label in wanted]
     for _, gains in tasks:
         require_few(len(gains))

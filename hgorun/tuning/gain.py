@@ -47,6 +47,17 @@ def refuse_ends(base: Experiment, gain: Gain) -> None:
             raise Problem(("tune", "gains", gain.key), message) from None
 
 
+def refuse_unasked(key: str, label: str) -> None:
+    """Refuse a gain of an observer that no goal and no limit speaks of: whatever it is, they are the same.
+
+    Raises
+    ------
+    Problem
+        At ("tune", "gains", key).
+    """
+    raise Problem(("tune", "gains", key), f"nothing of observer {label} is minimised or bounded")
+
+
 def at_an_end(base: Experiment, gain: Gain, value: float) -> str | None:
     """That the value found is at an end of its range, and which range is wider there; nothing where it is at none.
 

@@ -22,7 +22,7 @@ from hgorun.result.windows import MetricSettings
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.timeline.grid import metric_step
 from hgorun.study.sentences import Sentence, read_sentence
-from hgorun.tuning.gain import Gain, refuse_ends
+from hgorun.tuning.gain import Gain, refuse_ends, refuse_unasked
 
 Floats = NDArray[np.float64]
 ALL = "*"
@@ -146,7 +146,7 @@ def _task(experiment: Experiment, tune: Tune, label: str, paths: Sequence[tuple[
     for path, key in paths:
         whose = _observer_of(path, experiment)
         if whose is not None and whose not in named:
-            raise Problem(("tune", "gains", key), f"nothing of observer {whose} is minimised or bounded")
+            refuse_unasked(key, whose)
     others = {f"observers.{one}": None for one in experiment.observers if one not in named}
     base = experiment.varied(others) if others else experiment
     first, count = base.blocks.seed, tune.seeds + tune.held_out

@@ -207,3 +207,12 @@ def test_where_all_gains_are_equally_good_those_of_the_file_are_kept(shell: Shel
         assert written["o"]["theta"] == 2
     else:
         assert written["p"]["Q"]["a"] == pytest.approx(one["gains"][gain], rel=1e-5)
+
+
+def test_gains_of_an_observer_that_nothing_is_asked_of_are_refused(shell: Shell) -> None:
+    """As in a simulation, where they would change nothing either."""
+    gains = {"observers.o.theta": {"log": [0.3, 8]}, "observers.p.Q.b": {"log": [0.1, 10]}}
+    changed(shell, "gains", gains)
+    code, out, err = shell("tune", "tuned.yaml")
+    assert (code, out) == (2, "")
+    assert err == "hgorun: tuned.yaml:48: tune.gains.observers.p.Q.b: nothing of observer p is minimised or bounded\n"
