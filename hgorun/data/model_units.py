@@ -11,7 +11,8 @@ from hgorun.data.parts import but_silent, require_one_unit, silent_parts
 from hgorun.data.recording import Note
 from hgorun.data.sources import LogFile, Wanted
 from hgorun.data.units.denominators import per_unit_of
-from hgorun.data.units.named_units import AnotherUnit, note_of, remark_on_name, said_in_name, unit_in_name
+from hgorun.data.units.loose_units import remark_on_name
+from hgorun.data.units.named_units import AnotherUnit, note_of, said_in_name, unit_in_name
 from hgorun.data.units.units import alike, converted
 
 

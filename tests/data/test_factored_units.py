@@ -15,7 +15,8 @@ from hgorun.config.data import Data
 from hgorun.data.reading import read
 from hgorun.data.units.denominators import per_unit_of
 from hgorun.data.units.factored_units import asked, joined, parted
-from hgorun.data.units.named_units import remark_on_name, said_in_name
+from hgorun.data.units.loose_units import remark_on_name
+from hgorun.data.units.named_units import said_in_name
 from hgorun.data.units.unit_per_time import factors_of, unlike_rate
 from hgorun.data.units.units import alike, alike_times, converted, is_time, is_unit, not_known, seconds
 from hgorun.errors import ConfigError, Problem

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from logs import noisy, recorded, table
 
-from hgorun.data.units.named_units import loose_in_name, remark_on_name, said_in_name
+from hgorun.data.units.loose_units import loose_in_name, remark_on_name
+from hgorun.data.units.named_units import said_in_name
 from hgorun.data.units.units import alike, converted
 from hgorun.errors import Problem
 

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from logs import noisy, recorded, table
 
-from hgorun.data.units.named_units import remark_on_name, said_in_name
+from hgorun.data.units.loose_units import remark_on_name
+from hgorun.data.units.named_units import said_in_name
 from hgorun.data.units.unit_per_time import unlike_rate
 from hgorun.data.units.units import alike, converted, is_unit, not_known
 from hgorun.data.units.written_units import is_misread, with_temperatures, without_reference

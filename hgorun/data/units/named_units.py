@@ -30,8 +30,6 @@ _IN_NAME = re.compile(
 )
 _TIMES = re.compile(r"(.+[\])])\s*([xX×*/]\s*[\d.,^⁻⁰¹²³⁴⁵⁶⁷⁸⁹-]{1,20})\s*")  # behind it: [degC] x10
 _TAG = re.compile(r"\d{1,2}[A-Za-z]")  # in round brackets: valve (3A)
-_BETWEEN = re.compile(r"\s*[\s/,_]\s*")
-_ALSO_WORDS = ("in", "min", "at")  # at the end of a name
 _TEMPERATURES = {"C": "degC", "F": "degF"}  # to pint coulomb and farad
 
 
@@ -83,7 +81,7 @@ def convertible_in_name(name: str, wanted: str) -> str:
 
     What stands in brackets may as well be a tag, a place or a remark, and a letter that is a unit of something else.
     """
-    return _convertible(unit_in_name(name), wanted) or ""
+    return convertible(unit_in_name(name), wanted) or ""
 
 
 def foreign_in_name(name: str, wanted: str) -> str:
@@ -102,7 +100,7 @@ def of_another_kind_in_name(name: str, wanted: str) -> str:
         return ""
     if (meant := meant_by(said)) and alike(meant, wanted):
         return ""  # U/min is no enzyme beside rpm
-    return said if is_unit(said) and is_unit(wanted) and _convertible(said, wanted) is None else ""
+    return said if is_unit(said) and is_unit(wanted) and convertible(said, wanted) is None else ""
 
 
 def _may_be_tag(said: str) -> bool:
@@ -123,15 +121,6 @@ def said_in_name(name: str, wanted: str, stated: bool) -> str:
     return said or ("" if stated else _unread_in_name(name, wanted))
 
 
-def remark_on_name(name: str, wanted: str) -> str:
-    """What is told of a unit in the name of a column that may be none, or of something else; empty of others."""
-    if other := of_another_kind_in_name(name, wanted):
-        return f"column {name!r}: its name says {other}, the model has {wanted}, of another kind: taken as they are"
-    if other := loose_in_name(name, wanted):
-        return f"column {name!r}: its name may say {other}, the model has {wanted}: taken as they are"
-    return ""
-
-
 def _unread_in_name(name: str, wanted: str) -> str:
     """What stands in the name of a column as its unit, with more than a unit behind it; else empty.
 
@@ -143,31 +132,11 @@ def _unread_in_name(name: str, wanted: str) -> str:
     first = re.split(r"[\s(,;]", parted(said)[1])[0]
     more = name.rstrip().endswith("]") and first != said and (has_factor(said) or not alike(first, wanted))
     units = [first] * more + [one for one in [without_number(said)] if one]
-    is_one = is_misread(said) or any(_convertible(one, wanted) for one in units)
+    is_one = is_misread(said) or any(convertible(one, wanted) for one in units)
     return said if is_one or is_factor(said) else ""
 
 
-def loose_in_name(name: str, wanted: str) -> str:
-    """The unit with which a name ends without brackets, where numbers of it would be others; else empty.
-
-    ``level_mm``, ``T / °C``, ``T, deg C`` and ``p_mbar(a)`` may be such names.
-    """
-    for between in list(_BETWEEN.finditer(name.rstrip(), 1))[-2:]:
-        said = name[between.end() :].strip()
-        if has_factor(said):
-            continue  # T_5cm
-        if without_reference(said) is not None and (foreign(said, wanted) or without_reference(said) == wanted):
-            return said
-        if unit_in_name(name):
-            continue
-        if len(said) > 1 and said not in _ALSO_WORDS and meant_by(said) and foreign(said, wanted):
-            return said
-        if len(said) > 1 and said not in _ALSO_WORDS and _convertible(said, wanted) and not alike(said, wanted):
-            return said
-    return ""
-
-
-def _convertible(said: str, wanted: str) -> str | None:
+def convertible(said: str, wanted: str) -> str | None:
     """A unit as it is meant, where numbers of it can be converted to another; else None."""
     return next((unit for unit in (said, _TEMPERATURES.get(said, said)) if _same_kind(unit, wanted)), None)
 
@@ -186,7 +155,7 @@ def _same_kind(unit: str, other: str) -> bool:
 
 def of_one_kind(unit: str, other: str) -> bool:
     """Whether numbers of a unit can be converted to another, both of which may be the letters of temperatures."""
-    return any(_convertible(unit, one) is not None for one in (other, _TEMPERATURES.get(other, other)))
+    return any(convertible(unit, one) is not None for one in (other, _TEMPERATURES.get(other, other)))
 
 
 def time_in_name(name: str) -> str:
@@ -242,12 +211,12 @@ class AnotherUnit:
             return f"{says}, the configuration unit: {self.said}, which is taken; is it {found}?"
         key = f"unit: {_plain(wanted)}" if self.beside is None else self._key(wanted)
         as_they_are = f"{key} takes the numbers as they are"
-        if foreign(found, wanted) and _convertible(found, wanted) is None:
+        if foreign(found, wanted) and convertible(found, wanted) is None:
             none = f"{found} is not among the units that are converted; {as_they_are}.{meant_for(found, wanted)}"
             raise ValueError(f"{says} in {self.file}, {self.who} {wanted}: {none}")
         if not is_unit(found):
             return f"{says}, which is not a known unit, {self.who} {wanted}: taken as they are"
-        meant = _convertible(found, wanted)
+        meant = convertible(found, wanted)
         if not is_unit(wanted):
             converts = "which cannot be converted to a unit that is not known"
         elif meant is None or (is_time(found) and not is_time(wanted)):
