@@ -137,7 +137,10 @@ def test_what_is_usual_is_known_to_the_library_and_what_is_suggested_is_usual() 
 
 @pytest.mark.parametrize(
     ("unit", "wanted", "factor"),
-    [("Nm", "N*m", 1), ("kNm", "N*m", 1000), ("mNm", "J", 1e-3), ("Nm/rad", "N*m/rad", 1), ("J/Nm", "1", 1)],
+    [
+        *[("Nm", "N*m", 1), ("kNm", "N*m", 1000), ("mNm", "J", 1e-3), ("Nm/rad", "N*m/rad", 1), ("J/Nm", "1", 1)],
+        *[("cNm", "N*m", 1e-2), ("dNm", "J", 0.1), ("daNm", "J", 10), ("uNm", "J", 1e-6), ("μNm/A", "N*m/A", 1e-6)],
+    ],
 )
 def test_a_newton_metre_is_one_in_its_usual_notation(unit: str, wanted: str, factor: float) -> None:
     np.testing.assert_allclose(converted(np.array([2.0]), unit, wanted, ()), [2 * factor], rtol=1e-12)
@@ -164,3 +167,16 @@ def test_units_in_capitals_are_not_those_of_other_things(typed: str, meant: str)
     assert not not_known(meant)
     for right in ("G/cm", "M/s", "mG/L", "S/m"):
         assert not not_known(right)
+
+
+@pytest.mark.parametrize(
+    ("unit", "wanted", "factor"),
+    [
+        *[("cN", "N", 1e-2), ("cN*m", "N*m", 1e-2), ("dN", "N", 0.1), ("pN", "N", 1e-12), ("pW", "W", 1e-12)],
+        *[("daPa", "Pa", 10), ("cbar", "Pa", 1e3), ("mdeg/s", "rad/s", np.pi / 180e3), ("nrad", "rad", 1e-9)],
+        *[("μrad", "rad", 1e-6), ("krpm", "rad/s", 2000 * np.pi / 60), ("cmol/kg", "mol/kg", 1e-2)],
+        *[("mBq/m3", "Bq/L", 1e-6), ("TBq", "Bq", 1e12), ("nSv/h", "Sv/h", 1e-9), ("cGy", "Gy", 1e-2)],
+    ],
+)
+def test_prefixes_that_are_usual_with_some_units_alone(unit: str, wanted: str, factor: float) -> None:
+    np.testing.assert_allclose(converted(np.array([2.0]), unit, wanted, ()), [2 * factor], rtol=1e-12)

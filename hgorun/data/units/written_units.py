@@ -57,7 +57,7 @@ _FLOWS = {
 _NAMES = {
     "rev": "turn",
     "Torr": "torr",
-    **{"Nm": "(N*m)", "kNm": "(kN*m)", "mNm": "(mN*m)"},
+    **{f"{prefix}Nm": f"({prefix}N*m)" for prefix in ("", "n", "u", "µ", "μ", "m", "c", "d", "da", "k", "M")},
 }
 _TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
