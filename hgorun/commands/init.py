@@ -7,6 +7,7 @@ import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from shlex import quote
 
 from hgorun.commands.catalogue_options import Init
 from hgorun.commands.first import First, first_of
@@ -16,7 +17,8 @@ from hgorun.commands.questions import ask, ask_for_file, ask_for_others
 from hgorun.commands.schema import SCHEMA_FILE, build_schema, schema_text, with_schema
 from hgorun.commands.trial import FOLLOWS, Found, followed
 from hgorun.config import yaml_source
-from hgorun.config.nearest import nearest
+from hgorun.config.kinds import head_of, is_recording
+from hgorun.config.nearest import MEASURED, nearest
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.files import write_text
 from hgorun.plants.base import PLANTS, Plant
@@ -188,6 +190,12 @@ def _refuse_files(name: str) -> None:
         copied = f"`hgorun init {path.stem}` copies the experiment {shipped}, and " if shipped is not None else ""
         written = f"`hgorun init --plant NAME -o {name}` writes one"
         raise ConfigError(f"{name} names a file, and init copies experiments: {copied}{written}")
+    called_as_one = bool(path.suffix) and path.suffix.lower() in MEASURED and not os.path.exists(path)
+    if called_as_one or is_recording(head_of(path), path):
+        raise ConfigError(
+            f"{name} names a log, and init copies experiments: `hgorun init fermentation` copies a configuration with "
+            f"the key data and its log; `hgorun estimate CONFIG {quote(name)}` runs the observers of such a one on it"
+        )
     if os.path.isfile(path):
         raise ConfigError(f"{name} is a file, and init copies experiments: see hgorun list experiments")
 

@@ -131,7 +131,7 @@ def form_of(header: str) -> CsvForm | JsonForm:
     """
     if header.lstrip().startswith("{"):
         return JsonForm()
-    names = _cells(header.lstrip("\ufeff"))
+    names = _cells(header)
     if any(name not in names for name in _COLUMNS[:3]):
         signs = "; cells are separated by commas, and decimals have a point" if ";" in header or "\t" in header else ""
         raise ConfigError(
@@ -155,9 +155,10 @@ def read(stream: TextIO) -> tuple[CsvForm | JsonForm, bool, Iterator[Block]]:
     blocks = _blocks(stream)
     start = next(blocks, Block(1, [""]))
     header, *lines = start.lines
+    header = header.removeprefix("\ufeff")  # a byte order mark, whatever follows
     form = form_of(header)
     late = isinstance(form, JsonForm) or form.places[3] is not None
-    rest = start if isinstance(form, JsonForm) else Block(2, lines)
+    rest = Block(1, [header, *lines]) if isinstance(form, JsonForm) else Block(2, lines)
     return form, late, (block for part in ((rest,), blocks) for block in part if block.lines)
 
 

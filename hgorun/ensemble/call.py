@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -18,7 +19,7 @@ from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.ensemble.members.refused import refuse_base
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
 from hgorun.errors import ConfigError
-from hgorun.files import refuse_no_result
+from hgorun.files import refuse_no_result, why_unwritable
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.experiment.resolved import plain
 
@@ -99,9 +100,16 @@ def _check(experiment: object, output: object, executor: object) -> None:
         raise ConfigError(f"output: expected the path of a file, found {describe(output)}")
     if output is not None:
         refuse_no_result(Path(output), "output")
+        _refuse_unwritable(Path(output))
     if executor is not None and not callable(executor):
         what = "a function such as hgorun.ensemble.executors.processes(2)"
         raise ConfigError(f"executor: expected {what}, found {describe(executor)}")
+
+
+def _refuse_unwritable(output: Path) -> None:
+    """Before members are carried out, whose collected file could not be written."""
+    if why := "it is a folder" if os.path.isdir(output) else why_unwritable(output):
+        raise ConfigError(f"output: {output} cannot be written: {why}")
 
 
 def _at(place: Place, ensemble: Ensemble, fresh: bool, executor: Executor | None) -> Sweep:

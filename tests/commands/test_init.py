@@ -473,3 +473,15 @@ def test_a_mistake_is_told_with_what_would_be_right(shell: Shell, words: str, sa
     code, out, err = shell("init", *words.split())
     assert (code, out, said in err) == (2, "", True), err
     assert sorted(shell.folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("name", ["there.csv", "my log.csv", "table", "there.nc"])
+def test_a_log_leads_to_what_takes_one(shell: Shell, name: str) -> None:
+    for there in ("my log.csv", "table"):
+        (shell.folder / there).write_text("t,y\n0,1\n1,2\n")
+    quoted = f"'{name}'" if " " in name else name
+    said = (
+        f"hgorun: {name} names a log, and init copies experiments: `hgorun init fermentation` copies a configuration "
+        f"with the key data and its log; `hgorun estimate CONFIG {quoted}` runs the observers of such a one on it\n"
+    )
+    assert shell("init", name) == (2, "", said)

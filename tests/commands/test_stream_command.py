@@ -48,8 +48,9 @@ def test_a_stream_gives_a_line_as_soon_as_it_is_known(shell: Shell, monkeypatch:
     assert out[-1].startswith("2.9,o,")
     assert out[-1].endswith(",ok")
     objects = [{"t": float(t), "signal": s, "y": float(y)} for t, s, y in (row.split(",") for row in stream(30))]
-    code, lines, _ = piped(shell, monkeypatch, "\n".join(map(json.dumps, objects)))
+    code, lines, _ = piped(shell, monkeypatch, "\ufeff" + "\n".join(map(json.dumps, objects)))  # a byte order mark
     assert code == 0
+    assert piped(shell, monkeypatch, "\n".join(["\ufefft,signal,y", *stream(30), ""]))[:2] == (0, out)
     last = json.loads(lines[-1])
     assert [repr(last["a"]), repr(last["b"])] == out[-1].split(",")[2:4]
 

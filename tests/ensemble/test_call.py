@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
@@ -9,7 +10,8 @@ import pytest
 from ensembles import base
 
 import hgorun
-from hgorun.errors import HgorunError
+from hgorun.ensemble import call
+from hgorun.errors import ConfigError, HgorunError
 
 AXES = {"seed": [1]}
 
@@ -43,3 +45,16 @@ def test_arguments_of_other_kinds(arguments: dict[str, Any], message: str) -> No
 def test_mappings_need_not_be_dictionaries() -> None:
     keep = MappingProxyType({"metrics": ["rmse"]})
     assert list(hgorun.sweep(base(), MappingProxyType(AXES), keep).metrics) == ["rmse"]
+
+
+def test_a_place_that_cannot_be_written_is_told_before_anything_runs(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "folder.h5").mkdir()
+    (tmp_path / "file").write_text("")
+    monkeypatch.setattr(call, "carry_out", None)
+    for name, why in (("folder.h5", "it is a folder"), ("file/a.h5", f"{tmp_path}/file is a file, not a folder")):
+        with pytest.raises(ConfigError) as caught:
+            hgorun.sweep(base(), AXES, output=tmp_path / name)
+        assert str(caught.value) == f"output: {tmp_path / name} cannot be written: {why}"
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["file", "folder.h5"]
