@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -12,14 +12,13 @@ import numpy as np
 from hgorun.engine.plan import Integers
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
+from hgorun.estimate.start.steps import Steps, step_of
 from hgorun.memo import Memo, same
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.plant import PlantModel
 
 _ONCE = 64  # steps, and times, that a function is for: to make one for each number of them takes longer
-_STEPS = 8  # of the classical method of Runge and Kutta, between two times
-_TIMES = 1 << 11  # at most
 _PART = 0.05  # of the noise of an output that an error of the steps may be,
 _OF_SPREAD, _OF_SIZE = 1e-3, 1e-6  # of its spread where the noise is not known, and of its size for rounding
 _FUNCTIONS: Memo[tuple[ca.Function, ca.Function]] = Memo(16)
@@ -33,10 +32,10 @@ class StartTask:
     ----------
     times : ndarray, shape (k,)
         From the start on, those of the samples among them.
-    inputs : callable
-        u at some times.
-    u : ndarray, shape (k - 1, steps, 3, m)
-        The same at the beginning, middle and end of every step.
+    way : Steps
+        In which the model is followed from the first to the last of them.
+    u : ndarray, shape (k, m)
+        The inputs at these times.
     seen : list of tuple
         Of each output the places of its samples in ``times``, their values, and the standard deviation.
     gates : ndarray
@@ -52,7 +51,7 @@ class StartTask:
     model: PlantModel
     parameters: np.ndarray
     times: Floats
-    inputs: Callable[[Floats], Floats]
+    way: Steps
     u: Floats
     seen: list[tuple[np.ndarray, Floats, float]]
     gates: Floats
@@ -104,30 +103,22 @@ class StartTask:
             _tolerance(values, known.get(one.output))
             for one, (_, values, _) in zip(prepared.samples, seen, strict=True)
         ]
-        u = _between(prepared.u, times, len(model.inputs))
+        u = prepared.u(times)
         along = _FUNCTIONS.get(same(model), lambda: _functions(model))
         gates, tolerances = np.repeat(limits, counts), np.repeat(small, counts)
         parameters = prepared.run.plant.parameters
-        return cls(model, parameters, times, prepared.u, u, seen, gates, *along, firsts, tolerances)
+        way = Steps.along(times, prepared)
+        return cls(model, parameters, times, way, u, seen, gates, *along, firsts, tolerances)
 
     def finer(self) -> StartTask | None:
-        """The same with the longest times between two halved; None where these are too many."""
-        gaps = np.diff(self.times)
-        if not gaps.size:
-            return self
-        pieces = np.ceil(gaps / (gaps.max() / 2) * (1 - 1e-9)).astype(np.int64)
-        if pieces.sum() >= _TIMES:
-            return None
-        numbers = np.concatenate([[0], np.cumsum(pieces)])
-        times = np.interp(np.arange(numbers[-1] + 1), numbers, self.times)
-        times[numbers] = self.times
-        seen = [(numbers[places], values, std) for places, values, std in self.seen]
-        return replace(self, times=times, u=_between(self.inputs, times, self.u.shape[-1]), seen=seen)
+        """The same with the longest steps halved; None where these are too many."""
+        way = self.way.finer()
+        return None if way is None else replace(self, way=way)
 
     @property
     def key(self) -> Hashable:
         """All that a fit depends on, beside its first guess, and the numbers of the samples: late ones have others."""
-        numbers = self.parameters, self.times, self.u, self.gates, *self.numbers
+        numbers = self.parameters, self.times, self.u, self.way.moments, self.way.u, self.gates, *self.numbers
         seen = ((places.tobytes(), values.tobytes(), std) for places, values, std in self.seen)
         return same(self.model), *(one.tobytes() for one in numbers), *seen
 
@@ -156,16 +147,11 @@ class StartTask:
         n, k, q = x.size, self.times.size, len(self.seen)
         states, by_start = x[:, None], np.eye(n)
         if k > 1:
-            gaps = np.diff(self.times)[:, None] / _STEPS
-            t = (self.times[:-1, None] + gaps * np.arange(_STEPS)).reshape(1, -1)
-            lines = self.u.reshape(t.size, 3, self.u.shape[-1]).transpose(1, 2, 0)
-            h = np.broadcast_to(gaps, (k - 1, _STEPS)).reshape(1, -1)
-            along, by_first = self._stepped(x, t, h, lines)
-            states = np.column_stack([states, along[:, _STEPS - 1 :: _STEPS]])
-            by_first = by_first.reshape(n, -1, n)[:, _STEPS - 1 :: _STEPS].reshape(n, -1)
-            by_start = np.column_stack([by_start, by_first])
-        u = np.concatenate([self.u[:, 0, 0], self.u[-1:, -1, -1]]).T if k > 1 else np.zeros((self.u.shape[-1], 1))
-        y, by_state = self._seen(states, u)
+            along, by_first = self._stepped(x)
+            last = np.searchsorted(self.way.ends, self.times[1:]) - 1
+            states = np.column_stack([states, along[:, last]])
+            by_start = np.column_stack([by_start, by_first.reshape(n, -1, n)[:, last].reshape(n, -1)])
+        y, by_state = self._seen(states, self.u.T)
         by_state = by_state.reshape(q, k, n).transpose(1, 0, 2)
         return y.T, by_state @ by_start.reshape(n, k, n).transpose(1, 0, 2)
 
@@ -179,17 +165,18 @@ class StartTask:
         y, by_state = (np.hstack(ones) for ones in zip(*parts, strict=True))
         return y[:, :k], by_state[:, : k * n]
 
-    def _stepped(self, x: Floats, t: Floats, h: Floats, u: Floats) -> tuple[Floats, Floats]:
-        """States and their derivatives by the start behind every step; u at its beginning, middle and end."""
-        state, slope = x[:, None], np.eye(x.size)
+    def _stepped(self, x: Floats) -> tuple[Floats, Floats]:
+        """States and their derivatives by the start behind every step."""
+        state, slope, count = x[:, None], np.eye(x.size), self.way.lengths.size
+        rows = [*self.way.moments.T[:, None], self.way.lengths[None], *self.way.u.transpose(1, 2, 0)]
         parts: list[list[Floats]] = []
-        for first in range(0, t.size, _ONCE):
-            times, lengths, *inputs = (_filled(one[:, first : first + _ONCE]) for one in (t, h, *u))
-            lengths = np.where(np.arange(_ONCE) < t.size - first, lengths, 0.0)
-            parts.append(_numbers(self.steps, state, slope, times, lengths, *inputs, self._everywhere(_ONCE)))
+        for first in range(0, count, _ONCE):
+            *times, lengths, a, b, c = (_filled(one[:, first : first + _ONCE]) for one in rows)
+            lengths = np.where(np.arange(_ONCE) < count - first, lengths, 0.0)
+            parts.append(_numbers(self.steps, state, slope, *times, lengths, a, b, c, self._everywhere(_ONCE)))
             state, slope = parts[-1][0][:, -1:], parts[-1][1][:, -x.size :]
         states, slopes = (np.hstack(ones) for ones in zip(*parts, strict=True))
-        return states[:, : t.size], slopes[:, : t.size * x.size]
+        return states[:, :count], slopes[:, : count * x.size]
 
     def _everywhere(self, count: int) -> Floats:
         """The parameters, for so many times."""
@@ -209,13 +196,6 @@ def _tolerance(values: Floats, std: float | None) -> float:
     return max(noise, _OF_SIZE * float(np.max(np.abs(values)))) / (1.0 if std is None else std)
 
 
-def _between(inputs: Callable[[Floats], Floats], times: Floats, count: int) -> Floats:
-    """Inputs at the beginning, middle and end of every step between some times."""
-    part = np.arange(_STEPS)[:, None] + np.array([0.0, 0.5, 1.0])
-    moments = times[:-1, None, None] + np.diff(times)[:, None, None] * part / _STEPS
-    return inputs(moments.ravel()).reshape(*moments.shape, count)
-
-
 def _next(taken: Floats, count: int) -> float:
     """When the sample behind so many is taken, or the last of them has been; infinite where there are fewer."""
     if taken.size == count:
@@ -230,21 +210,7 @@ def _numbers(function: ca.Function, *arguments: float | Floats) -> list[Floats]:
 
 def _functions(model: PlantModel) -> tuple[ca.Function, ca.Function]:
     """Some steps, one after the other, and the outputs at some times."""
-    return _step(model).mapaccum("steps", _ONCE, 2), _output(model).map(_ONCE)
-
-
-def _step(model: PlantModel) -> ca.Function:
-    """A step of the classical method of Runge and Kutta: the state, and its derivative by the start."""
-    t, h, x, p = ca.SX.sym("t"), ca.SX.sym("h"), ca.SX.sym("x", model.n), ca.SX.sym("p", len(model.parameters))
-    a, b, c = (ca.SX.sym(name, len(model.inputs)) for name in "abc")
-    k1 = model.f(t, x, a, p)
-    k2 = model.f(t + h / 2, x + h / 2 * k1, b, p)
-    k3 = model.f(t + h / 2, x + h / 2 * k2, b, p)
-    k4 = model.f(t + h, x + h * k3, c, p)
-    then = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
-    by_start = ca.SX.sym("by_start", model.n, model.n)
-    by_both = ca.densify(ca.mtimes(ca.jacobian(then, x), by_start))
-    return ca.Function("step", [x, by_start, t, h, a, b, c, p], [then, by_both])
+    return step_of(model).mapaccum("steps", _ONCE, 2), _output(model).map(_ONCE)
 
 
 def _output(model: PlantModel) -> ca.Function:

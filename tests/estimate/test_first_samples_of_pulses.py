@@ -1,0 +1,77 @@
+"""Starts that are fitted where an input is a pulse between two samples: c' = -k c + u has a closed form."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from examples import inline
+from recordings import held_input, recording, signal, source
+
+from hgorun.data.recording import InputSignal
+from hgorun.estimate.completed import completed
+from hgorun.estimate.start import steps
+
+RATE, START, COUNT = 0.01, 4.0, 4
+TAKEN = 60.0 * np.arange(COUNT)
+FROM = 20.3  # seconds behind a sample
+
+
+def sampled(length: float, pulses: int = COUNT) -> np.ndarray:
+    """c at the samples, beside pulses of the area 2 behind the first ones of them."""
+    t, c = TAKEN, START * np.exp(-RATE * TAKEN)
+    for begin in TAKEN[:pulses] + FROM:
+        end, behind = begin + length, t > begin + length
+        c[behind] += 2 / length * (np.exp(-RATE * (t[behind] - end)) - np.exp(-RATE * (t[behind] - begin))) / RATE
+    return c
+
+
+def start_of(c: np.ndarray, recorded: InputSignal | None = None, function: str = "0") -> float:
+    """That of c' = -k c + u + function."""
+    plant = inline({"c": f"-{RATE}*c + u + {function}"}, {"y": "c"})
+    del plant["initial"]
+    log = recording(signal("y", TAKEN, c, std=0.05, gate=5.0))
+    log = replace(log, inputs={} if recorded is None else {"u": recorded}, first_samples=COUNT)
+    config = {"plant": {**plant, "inputs": {"u": "0"}}, "observers": {"o": {"type": "shgo", "theta": 0.02}}}
+    return completed(source({**config, "solver": {"step": 0.5}}), log, "start", "").observers["o"].initial["c"]
+
+
+def pulses(length: float) -> InputSignal:
+    """Such pulses as they are recorded."""
+    times = np.concatenate([[0.0], np.stack([TAKEN + FROM, TAKEN + FROM + length], axis=1).ravel()])
+    return held_input("u", times, np.append(0.0, np.tile([2 / length, 0.0], COUNT)))
+
+
+@pytest.mark.parametrize("length", [2.0, 1e-3])
+def test_pulses_that_are_recorded_count_however_short_they_are(length: float) -> None:
+    """Moments at which all steps look at u, however often they are halved, lie beside a short one."""
+    assert start_of(sampled(length), pulses(length)) == pytest.approx(START, abs=1e-6)
+
+
+def test_pulses_that_are_functions_of_time_count() -> None:
+    """The derivative at either side of a jump is that of its own side."""
+    length = 1e-2
+    pulse = f"where(t > {FROM}, where(t > {FROM + length}, 0, {2 / length}), 0)"
+    assert start_of(sampled(length, 1), function=pulse) == pytest.approx(START, abs=1e-6)
+
+
+def test_lines_between_recorded_values_bend_where_steps_end() -> None:
+    """A triangle of 0.02 s, whose area is 2, as nearly as the decay within it matters."""
+    begins = TAKEN + FROM
+    times = np.concatenate([[0.0], np.stack([begins, begins + 0.01, begins + 0.02], axis=1).ravel()])
+    since = TAKEN[:, None] - begins - 0.01
+    c = START * np.exp(-RATE * TAKEN) + 2 * np.sum(np.where(since > 0, np.exp(-RATE * since), 0.0), axis=1)
+    line = held_input("u", times, np.append(0.0, np.tile([0.0, 200.0, 0.0], COUNT)), hold="linear")
+    assert start_of(c, line) == pytest.approx(START, abs=1e-6)
+
+
+def test_of_too_many_changes_the_largest_count(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Small ones between the pulses are followed as far as steps look at them."""
+    monkeypatch.setattr(steps, "_MOST_CHANGES", 8)
+    whole = pulses(0.5)
+    times = np.sort(np.concatenate([whole.times, np.arange(0.7, 200, 1.3)]))
+    at = np.searchsorted(whole.times, times, side="right") - 1
+    ripple = 1e-6 * (-1.0) ** np.arange(times.size)
+    values = whole.values[at] + np.where(np.isin(times, whole.times), 0.0, ripple)
+    assert start_of(sampled(0.5), held_input("u", times, values)) == pytest.approx(START, abs=1e-3)
