@@ -16,7 +16,7 @@ from hgorun.symbolic.evaluate import Floats
 
 _FEW = 2  # gains that a simplex finds alone
 _SIMPLEX = 0.1  # its sides, in the unit cube
-_LITTLE = 1e-3  # of a range: for derivatives
+_LITTLE = 1e-5  # of a range: for derivatives, in valleys much narrower than the range
 _DAMPING = 1e-3
 _SAME = 1e-9  # of a score: rounding
 _ENOUGH = 1e-4  # of the square of the score: what a pass has to gain for another one
@@ -182,10 +182,8 @@ def _descend(trials: Trials) -> None:
                 return
             slopes.append((beside - found) / step)
         slope = np.column_stack(slopes)
-        square, pull = slope.T @ slope, slope.T @ found
         while damping < 1 / _DAMPING:
-            shift = np.linalg.solve(square + damping * np.diag(np.diag(square) + np.finfo(float).tiny), -pull)
-            tried = np.clip(u + shift, 0.0, 1.0)
+            tried = u + _shift(slope, found, damping, u)
             there = trials.errors(tried)
             if there is not None and there.size == found.size and there @ there < found @ found:
                 break
@@ -198,3 +196,26 @@ def _descend(trials: Trials) -> None:
         u, found, damping = tried, there, damping / 10
         if gain < _ENOUGH:
             return
+
+
+def _shift(slope: Floats, errors: Floats, damping: float, u: Floats) -> Floats:
+    """The damped step of Gauss and Newton that is best among those that stay in the unit cube.
+
+    Cut at an end of a range, the step of all would leave a valley along which others make up for what one lacks.
+
+    Parameters
+    ----------
+    slope : ndarray, shape (N, k)
+    errors : ndarray, shape (N,)
+    damping : float
+        Over the squares of the columns.
+    u : ndarray, shape (k,)
+        Where it begins, in the unit cube.
+    """
+    from scipy.optimize import lsq_linear
+
+    lengths = np.sqrt(damping * np.sum(slope**2, axis=0) + np.finfo(float).tiny)
+    q, triangle = np.linalg.qr(np.vstack([slope, np.diag(lengths)]))
+    aim = q[: errors.size].T @ -errors
+    found = lsq_linear(triangle, aim, bounds=(-u, 1 - u), method="bvls").x
+    return np.asarray(np.clip(u + found, 0.0, 1.0) - u)
