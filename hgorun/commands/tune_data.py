@@ -19,6 +19,7 @@ from hgorun.ensemble.members.members import written_out
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.completed import completed
 from hgorun.estimate.gains.cases import Case
+from hgorun.estimate.gains.determined import standard_errors
 from hgorun.estimate.gains.goal import ALL, Goal, Split, read_goal, split
 from hgorun.estimate.gains.tuning import Trials, reported, search
 from hgorun.estimate.holdout import of_one_time, thinned
@@ -39,7 +40,8 @@ _OF_PLANT = "plant.parameters."
 class _Tuned:
     """The best gains of an observer, the score with them, and what is told of it.
 
-    ``kept``: they are those of the file, since all that were tried are as good.
+    ``kept``: they are those of the file, since all that were tried are as good. ``spread``: standard errors of gains,
+    of those that are known.
     """
 
     goal: Goal
@@ -51,6 +53,13 @@ class _Tuned:
     budget: int
     remarks: list[str]
     kept: bool
+    spread: dict[str, float]
+
+    @property
+    def no_other_than_zero(self) -> list[str]:
+        """The gains that might be zero, which their ranges contain, as far as the recordings tell."""
+        at_zero = (gain for gain in self.sought if gain.range.ends[0] <= 0 <= gain.range.ends[1])
+        return [one.path for one in at_zero if abs(self.gains[one.path]) < 2 * self.spread.get(one.path, 0.0)]
 
 
 def tune_data(options: Options, text: str, source: Source) -> int:
@@ -207,7 +216,10 @@ def _tuned(
         then = "those of the file are kept" if kept else "those that are written are no better than others"
         alike = [f"all candidates are equally good, so that nothing is known of {what}: {then}"]
     held_out, remarks = reported(trials, best)
-    return _Tuned(goal, gains, best, trials.least, held_out, len(trials.tried), budget, [*alike, *remarks], kept)
+    spread = {} if trials.alike else standard_errors(trials)
+    return _Tuned(
+        goal, gains, best, trials.least, held_out, len(trials.tried), budget, [*alike, *remarks], kept, spread
+    )
 
 
 def _warn(one: _Tuned, name: str, base: Experiment) -> None:
@@ -238,7 +250,20 @@ def _table(found: Sequence[_Tuned]) -> str:
     blocks = packed([one.goal.label for one in found], [[column] for column in columns])
     early = ", ".join(one.goal.label for one in found if one.runs < one.budget)
     why = f"{early}: the search ended before its budget, where gains nearby give the same score"
-    return "\n\n".join(["\n".join(block) for block in blocks] + (wrapped(why) if early else []))
+    lines = [line for one in found for line in _spread(one)] + (wrapped(why) if early else [])
+    return "\n\n".join(["\n".join(block) for block in blocks] + (["\n".join(lines)] if lines else []))
+
+
+def _spread(one: _Tuned) -> list[str]:
+    """How well the recordings determine each number, where the model is among them."""
+    if not any(path.startswith(_OF_PLANT) for path in one.spread):
+        return []
+    short = {path: path.split(".", 2)[2] for path in one.spread}
+    told = ", ".join(f"{short[path]} {value:.2g}" for path, value in one.spread.items())
+    lines = wrapped(f"{one.goal.label}: standard errors: {told}")
+    if some := ", ".join(short[path] for path in one.no_other_than_zero):
+        lines += wrapped(f"{one.goal.label}: within two of them 0 is as good: {some}")
+    return lines
 
 
 def _as_json(found: Sequence[_Tuned], name: str, target: Path) -> dict[str, object]:
@@ -247,6 +272,8 @@ def _as_json(found: Sequence[_Tuned], name: str, target: Path) -> dict[str, obje
             "runs": one.runs,
             "budget": one.budget,
             "gains": one.gains,
+            "standard_errors": one.spread,
+            "no_other_than_zero": one.no_other_than_zero,
             "tuned": {str(one.goal): one.tuned},
             "held_out": {str(one.goal): one.held_out},
         }

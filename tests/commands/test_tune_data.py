@@ -70,6 +70,8 @@ def test_the_model_is_found_with_the_gain(shell: Shell, logs: list[str]) -> None
     assert one["gains"]["plant.parameters.k"] == pytest.approx(4, rel=1e-3)
     assert one["gains"]["plant.parameters.d"] == pytest.approx(0, abs=1e-3)
     assert one["held_out"]["holdout_rmse(o, *)"] < 0.05  # in standard deviations
+    assert one["standard_errors"]["plant.parameters.k"] < 1e-3
+    assert set(one["standard_errors"]) == set(one["gains"])
     written = yaml.safe_load((shell.folder / "results" / "tuned.tuned.yaml").read_text())
     assert written["plant"]["parameters"]["k"] == pytest.approx(one["gains"]["plant.parameters.k"], rel=1e-5)
 
@@ -201,6 +203,7 @@ def test_where_all_gains_are_equally_good_those_of_the_file_are_kept(shell: Shel
     assert f"all candidates are equally good, so that nothing is known of {gain.split('.', 2)[2]}: {kept}" in err
     (one,) = json.loads(out)["observers"].values()
     assert one["runs"] < 40
+    assert one["standard_errors"] == {}
     written = yaml.safe_load((shell.folder / "results" / "tuned.tuned.yaml").read_text())["observers"]
     if gain == "observers.o.theta":
         assert one["gains"] == {gain: 2}

@@ -16,7 +16,7 @@ from hgorun.symbolic.evaluate import Floats
 
 _FEW = 2  # gains that a simplex finds alone
 _SIMPLEX = 0.1  # its sides, in the unit cube
-_LITTLE = 1e-5  # of a range: for derivatives, in valleys much narrower than the range
+LITTLE = 1e-5  # of a range: for derivatives, in valleys much narrower than the range
 _DAMPING = 1e-3
 _SAME = 1e-9  # of a score: rounding
 _ENOUGH = 1e-4  # of the square of the score: what a pass has to gain for another one
@@ -176,7 +176,7 @@ def _descend(trials: Trials) -> None:
     while found is not None and damping < 1 / _DAMPING:
         slopes = []
         for k in range(u.size):
-            step = _LITTLE if u[k] + _LITTLE <= 1 else -_LITTLE
+            step = LITTLE if u[k] + LITTLE <= 1 else -LITTLE
             beside = trials.errors(u + step * np.eye(u.size)[k])
             if beside is None or beside.size != found.size:
                 return
