@@ -94,7 +94,7 @@ def row(name: str, logs: Path, folder: Path, period: float, parameters: Mapping[
     angle = min(*baselines, *(best(theirs[0], kind, "theta") for kind in ("SG", "spline")))
     filters = [velocities[label]["speed"] for label in ("EKF", "EKF_trusts")]
     chosen = [f"{label}_B" if slow and label in ("SHGO", "FHGO2") else label for label in OURS]
-    cells = [name, f"{1 / period:.0f} Hz", f"{1e3 * angle:.2f}", *(f"{one:.4f}" for one in filters)]
+    cells = [name, f"{1 / period:.0f} Hz", f"{1e3 * angle:.2f}", *(f"{one:.3g}" for one in filters)]
     cells += ["Butterworth" if slow else "-0.65, -1.55"]
     cells += [f"{angles[label]['angle'] / angle:.3f}" for label in chosen]
     cells += [f"{velocities[label]['speed'] / filters[0]:.2f}" for label in chosen]
