@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _TEETH = 60  # of a band in a panel: of more, tips are joined
 _MANY = 300  # samples in a band of samples
+_GAP = 3.0  # mean intervals between samples
 _FLAT = 1e-9  # of the largest width: smaller differences are roundings
 
 
@@ -39,12 +40,14 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
             if found is not None:
                 edges += _draw(ax, scene, actor, *found)
                 ax.plot([], [], color=scene.looks[actor.order].colour, label=label)
-    for actor in kinds.get(_STATE, ()):
+    of_states = [actor for what in (_STATE, _STEADY) for actor in kinds.get(what, ())]
+    whose_samples = ", ".join(names[what] for what in kinds if what != _MEASURED)
+    for actor in of_states:
         for output in actor.result.outputs_of(state):
             found = _of_samples(actor, state, output)
             if found is not None:
                 edges += _draw(ax, scene, actor, *found, dotted=True)
-                label = BAND + _MEASURED + whose[_STATE]
+                label = BAND + _MEASURED + (f" ({whose_samples})" if len(kinds) > 1 else "")
                 ax.plot([], [], color=scene.looks[actor.order].colour, label=label, **BAND_OF_SAMPLES)
     return edges
 
@@ -55,6 +58,7 @@ def _name(scene: Scene, actor: Simulated) -> str:
 
 
 _STATE, _MEASURED = "the true state", "samples"
+_STEADY = f"{_STATE}, fewer in gaps"
 
 
 def _kinds(scene: Scene) -> dict[str, list[Simulated]]:
@@ -63,8 +67,34 @@ def _kinds(scene: Scene) -> dict[str, list[Simulated]]:
     for actor in scene.actors:
         assessed = actor.observer.assessed
         if assessed is not None and np.any(np.isfinite(assessed.lower)):
-            found.setdefault(_STATE if _of_covariance(actor.observer) else _MEASURED, []).append(actor)
+            what = _MEASURED
+            if _of_covariance(actor.observer):
+                what = _STEADY if _is_continuous(actor.observer) and _has_gaps(actor) else _STATE
+            found.setdefault(what, []).append(actor)
     return found
+
+
+def _has_gaps(actor: Simulated) -> bool:
+    """Whether samples of an output, as far as the observer used them, are missing for long, also at the end."""
+    recorded, end = actor.result.recorded, actor.result.time[-1]
+    k = list(actor.result.observers).index(actor.label)
+    for one in () if recorded is None else recorded.outputs.values():
+        steps = np.diff(np.append(np.sort(one.available[one.used[:, k]]), end))
+        if steps.size > 1 and steps.max() > _GAP * steps[:-1].mean():
+            return True
+    return False
+
+
+def _is_continuous(observer: ObserverResult) -> bool:
+    """Whether its covariance shrinks as if outputs were measured all the time, by an R of the mean interval."""
+    from hgorun.observers.base import OBSERVERS  # long to import
+    from hgorun.observers.kalman import KalmanFilter
+
+    try:
+        kind = OBSERVERS.find(observer.type)
+    except KeyError:  # of a package that is not installed here
+        return False
+    return isinstance(kind, type) and issubclass(kind, KalmanFilter) and not kind.of_samples
 
 
 def _of_covariance(observer: ObserverResult) -> bool:

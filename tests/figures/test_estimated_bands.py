@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ from matplotlib.patches import Rectangle
 from hgorun import Result
 from hgorun.figures.actors import cast
 from hgorun.figures.drawing import comparison
-from hgorun.figures.estimated_bands import _of_samples, without_hairs
+from hgorun.figures.estimated_bands import _kinds, _of_samples, without_hairs
 from hgorun.result.records.observer import ObserverResult
 from hgorun.result.records.recorded import Assessed, Recorded, RecordedOutput, Unseen
 
@@ -135,6 +136,44 @@ def test_bands_have_the_colours_of_their_observers_in_the_legend(result: Result)
     patches: list[Any] = both.legends[0].findobj(Rectangle)
     shown = [to_hex(one.get_edgecolor()) for one in patches if one is not both.legends[0].get_frame()]
     assert shown == [lines(both.axes[0])[label].get_color().lower() for label in "KB"]
+
+
+@pytest.mark.parametrize(
+    ("kind", "missing", "said"),
+    [
+        ("kalman_bucy", slice(10, 37), "the true state, fewer in gaps"),
+        ("kalman_bucy", slice(40, None), "the true state, fewer in gaps"),  # the run goes on
+        ("kalman_bucy", slice(5, 7), "the true state"),
+        ("ekf", slice(10, 37), "the true state"),
+        ("of_another_package", slice(10, 37), "the true state"),
+    ],
+)
+def test_what_holds_of_steady_samples_alone_is_said_where_some_are_missing(
+    result: Result, kind: str, missing: slice, said: str
+) -> None:
+    """The covariance of a filter of continuous measurements does not know that none come."""
+    assert result.recorded is not None
+    t, numbers = result.time, np.full((result.time.size, 2), 0.1)
+    used = np.ones(numbers.shape, dtype=bool)
+    used[missing, 0] = False
+    one = RecordedOutput(t, t, result.x[:, 0], used, numbers, numbers)
+    recorded = replace(result.recorded, outputs={"x1": one})
+    observers = {**result.observers, "K": replace(result.observers["K"], type=kind)}
+    scene: Any = SimpleNamespace(actors=cast([replace(result, recorded=recorded, observers=observers)]))
+    assert {what: [actor.label for actor in who] for what, who in _kinds(scene).items()} == {
+        said: ["K"],
+        "samples": ["B"],
+    }
+
+
+def test_the_legend_says_so_and_whose_band_of_samples_is_drawn(result: Result) -> None:
+    K = replace(result.observers["K"], type="kalman_bucy")
+    assert result.recorded is not None
+    one = result.recorded.outputs["x1"]
+    early = replace(one, taken=0.1 * one.taken, available=0.1 * one.available)  # behind them nothing is measured
+    recorded = replace(result.recorded, outputs={"x1": early})
+    found = legend(replace(result, recorded=recorded, observers={**result.observers, "K": K}))
+    assert found[-3:] == ["95 % of the true state, fewer in gaps (K)", "95 % of samples (B)", "95 % of samples (K)"]
 
 
 def test_beside_held_out_samples_stands_the_band_of_samples(result: Result) -> None:
