@@ -35,6 +35,7 @@ RUN = (
     "native",
     "noise",
     "observers",
+    "pieces.py",
     "plants",
     "result",
     "simulation",

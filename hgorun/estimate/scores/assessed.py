@@ -11,11 +11,11 @@ from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores.bands import FEWEST, Band, band_of
 from hgorun.estimate.scores.evaluated import Evaluated
+from hgorun.estimate.scores.output_points import OutputPoints
 from hgorun.estimate.scores.row_left_out import in_a_row
 from hgorun.estimate.scores.scores import scores_of, settled, settled_from, since
 from hgorun.pieces import all_true
 from hgorun.result.records.recorded import WIDE, Assessed
-from hgorun.simulation.timeline.grid import EvenPoints
 from hgorun.symbolic.evaluate import Floats
 
 _RESIDUALS = 1 << 20  # that a band is made of, evenly chosen where there are more
@@ -62,7 +62,7 @@ class Widths:
                 width[:, k] = found[0] if len(found) == 1 else np.min(np.broadcast_arrays(*found), axis=0)
         return width
 
-    def in_pieces(self, grid: EvenPoints, rows: int) -> Iterator[tuple[int, Floats]]:
+    def in_pieces(self, grid: OutputPoints, rows: int) -> Iterator[tuple[int, Floats]]:
         """Along a grid, so many rows at a time, each piece with the number of its first point."""
         grow = any(band.level is None for bands in self.bands for band, _ in bands)
         same = self.at(grid[:rows])
