@@ -13,12 +13,12 @@ from hgorun.estimate.start.start_task import StartTask
 from hgorun.symbolic.evaluate import Floats
 
 _REWEIGHTED = 30  # passes in which errors of a start count by their size
-_SETS, _LINEAR, _BEYOND = 2000, 4, 3.0  # of outliers that are tried; times that they are; gates beyond which they are
+_SETS, _LINEAR, _BEYOND = 2000, 4, 6.0  # of outliers that are tried; times that they are; gates beyond which they are
 _MOST = 3  # of so many samples of a slow output one may be an outlier
 _NORMAL = 1.4826  # standard deviations of normal numbers in their median size
 
 
-def judged(near: StartTask, far: StartTask, x: Floats) -> Fit | None:
+def judged(near: StartTask, many: StartTask, far: StartTask, x: Floats) -> Fit | None:
     """The fit to first samples of fast and slow outputs, without outliers.
 
     First those in the time of the fastest output are judged alone, since over the time of ten samples of a slow one
@@ -28,12 +28,15 @@ def judged(near: StartTask, far: StartTask, x: Floats) -> Fit | None:
 
     Parameters
     ----------
-    near, far : StartTask
-        Of the samples in the time of the fastest output, and of as many of each output.
+    near, many, far : StartTask
+        Of the samples in the time of the fastest output, of those in the time of twice as many, and of as many of each
+        output as the first.
     x : ndarray
         A guess.
     """
     found = without_outliers(near, x)
+    if (other := _of_many(near, many, found, x)) is not None:
+        return other
     more = [of_far.size > of_near.size for of_near, of_far in zip(near.numbers, far.numbers, strict=True)]
     if found is None or not any(more):
         return found
@@ -56,6 +59,29 @@ def judged(near: StartTask, far: StartTask, x: Floats) -> Fit | None:
             return found
         at = fit(replace(at.task, weights=kept.astype(float)), at.x)
     return found
+
+
+def _of_many(near: StartTask, many: StartTask, found: Fit | None, x: Floats) -> Fit | None:
+    """The fit to twice as many samples, if these agree and more of the first are outliers than the first can tell."""
+    if near.gates.size == many.gates.size or (found is not None and _agrees(near, found)):
+        return None
+    other = without_outliers(many, x)
+    if other is None or not _agrees(many, other):
+        return None
+    out = sum(np.count_nonzero(np.isin(own, left)) for own, left in zip(near.numbers, other.left, strict=True))
+    return other if out > _most_of(near.gates.size, x.size) else None
+
+
+def _agrees(task: StartTask, found: Fit) -> bool:
+    """Whether all samples are within their gates of a fit, but for those that it has left out."""
+    error, _ = found.task.residuals(found.x)
+    kept = ~np.concatenate([np.isin(own, out) for own, out in zip(task.numbers, found.left, strict=True)])
+    return not np.any(found.own_deviations(error)[kept] > task.gates[kept])
+
+
+def _most_of(size: int, n: int) -> int:
+    """How many of some samples may be outliers, of a model with n states: more than half, and n + 2, have to agree."""
+    return size - max(n + 2, size // 2 + 1)
 
 
 def _spread(error: Floats, states: int) -> float:
@@ -109,7 +135,7 @@ def _without_several(task: StartTask, base: Fit) -> Fit | None:
     What a model lacks grows from sample to sample: then the nearest of those that are left out is not far beyond.
     """
     size, n = task.gates.size, base.x.size
-    for count in range(2, size - max(n + 2, size // 2 + 1) + 1):
+    for count in range(2, _most_of(size, n) + 1):
         if math.comb(size, count) > _SETS:
             return None
         sets = np.array(list(combinations(range(size), count)))
@@ -117,12 +143,9 @@ def _without_several(task: StartTask, base: Fit) -> Fit | None:
         for _ in range(_LINEAR):  # the samples tell which by the slope at a fit, which the fit without them changes
             before, kept = kept, np.ones(size, dtype=bool)
             kept[sets[_best_without(*found.task.residuals(found.x), sets)]] = False
-            others = (
-                None if np.array_equal(kept, before) else fit(replace(found.task, weights=kept.astype(float)), found.x)
-            )
-            if others is None:
+            if np.array_equal(kept, before):
                 break
-            found = others
+            found = fit(replace(found.task, weights=kept.astype(float)), found.x) or found
         error, _ = found.task.residuals(found.x)
         within = not np.any(found.own_deviations(error)[kept] > task.gates[kept])
         if within and np.all(np.abs(error[~kept]) > _BEYOND * task.gates[~kept]):

@@ -67,7 +67,7 @@ def rounded(prepared: PreparedEstimate, found: Fit) -> dict[str, float]:
 def fit_of(prepared: PreparedEstimate, count: FirstSamples) -> Fit | None:
     """The fit that a start follows from; gains of observers, which are tried, change nothing of it."""
     x = _guess(prepared)
-    whole = StartTask.of(prepared, _MOST if count == AUTO else max(count, 2 * x.size + _SPARE))
+    whole = StartTask.of(prepared, _MOST if count == AUTO else max(count, 2 * _few(x)))
     return _FITS.get((count, x.tobytes(), whole.key), lambda: _fitted(prepared, count, x))
 
 
@@ -86,10 +86,15 @@ def _none(prepared: PreparedEstimate) -> list[Integers]:
     return [np.zeros(0, dtype=np.int64)] * len(prepared.samples)
 
 
-def _looked_at(prepared: PreparedEstimate, x: Floats) -> tuple[StartTask, StartTask]:
-    """The samples that are judged: those in the time of the fastest output, and as many of every output."""
-    count = 2 * x.size + _SPARE
-    return StartTask.of(prepared, count, together=True), StartTask.of(prepared, count)
+def _few(x: Floats) -> int:
+    """Of how many samples of each output outliers are looked for, at first."""
+    return 2 * x.size + _SPARE
+
+
+def _looked_at(prepared: PreparedEstimate, x: Floats) -> tuple[StartTask, StartTask, StartTask]:
+    """The samples that are judged: in the time of the fastest output, of twice as many, and as many of every output."""
+    few, many = (StartTask.of(prepared, count, together=True) for count in (_few(x), 2 * _few(x)))
+    return few, many, StartTask.of(prepared, _few(x))
 
 
 def _guess(prepared: PreparedEstimate) -> Floats:
@@ -104,10 +109,10 @@ def _fitted(prepared: PreparedEstimate, count: FirstSamples, x: Floats) -> Fit |
     Of few samples none tells which is an outlier: those that come next are looked at, too, and the fit is to as many
     others.
     """
-    near, far = _looked_at(prepared, x)
     left: list[Integers] | None = None
-    if count == AUTO or count < 2 * x.size + _SPARE:
-        found = judged(near, far, x) if np.isfinite(far.gates).any() else None
+    if count == AUTO or count < _few(x):
+        tasks = _looked_at(prepared, x)
+        found = judged(*tasks, x) if np.isfinite(tasks[-1].gates).any() else None
         if found is not None and any(one.size for one in found.left):
             left, x = found.left, found.x  # the guess may be one of these
     if count == AUTO:
