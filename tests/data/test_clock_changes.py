@@ -79,6 +79,7 @@ def test_stamps_with_a_zone_and_slow_logs_have_none() -> None:
     zoned = Origin(unit="h", epoch=origin.epoch, zone="UTC")
     assert not put_forward(taken, zoned).size
     assert not put_back(taken[:4], origin).size
+    assert not put_back(np.array([3.0, 2.0, 1.0]), Origin(unit="s")).size  # of numbers
     assert not put_forward(*times(local("Europe/Berlin", datetime(2026, 3, 29, 1), 120))).size
 
 
