@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from hgorun import pieces
-from hgorun.pieces import all_true, ascending, everywhere, extremes, median, medians, present, quantiles
+from hgorun.pieces import all_true, ascending, distinct, everywhere, extremes, median, medians, present, quantiles
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 8, 9, 17])
@@ -66,3 +68,9 @@ def test_quantiles_are_numpys_bit_by_bit(count: int) -> None:
     parts = np.concatenate([np.arange(11) / 10, np.arange(1, 5) / 5, random.random(100)])
     for values in (random.standard_normal(count), 1e-3 * np.arange(count), np.full(count, 0.1)):
         assert quantiles(values, parts).tobytes() == np.quantile(values, parts).tobytes()
+
+
+@pytest.mark.costly
+@given(st.lists(st.sampled_from([-np.inf, -1.5, 0.0, 1e-300, 2.0, np.inf]) | st.floats(-10, 10), max_size=20))
+def test_distinct_values_are_those_of_numpy(values: list[float]) -> None:
+    np.testing.assert_array_equal(distinct(np.array(values)), np.unique(values))

@@ -13,10 +13,9 @@ from hgorun.errors import Problem
 from hgorun.measurement.channels import Channel, HeardBefore
 from hgorun.measurement.noise import StretchNoise, deviations
 from hgorun.measurement.samples import Samples
-from hgorun.pieces import all_true
+from hgorun.pieces import all_true, distinct
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.timeline.recorded_inputs import RecordedInputs, last_of
-from hgorun.symbolic.levels import distinct
 
 
 @dataclass(frozen=True, eq=False, repr=False)

@@ -18,11 +18,12 @@ import numpy as np
 from hgorun.config.expressions import parse
 from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
+from hgorun.pieces import distinct
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import Found, Search, TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.kinks import Kink, Pieces
-from hgorun.symbolic.levels import Levels, distinct, listed
+from hgorun.symbolic.levels import Levels, listed
 
 LEVELS = 4  # repetitions of an event that a fourth-order method can see
 _INSIDE = 0.382  # where a piece is looked at: not in the middle, where a symmetric function may touch a level

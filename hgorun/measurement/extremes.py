@@ -11,12 +11,11 @@ import numpy as np
 
 from hgorun.measurement.events import Irregular, Kinks
 from hgorun.memo import Memo
-from hgorun.pieces import medians
+from hgorun.pieces import distinct, medians
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import Floats, evaluate
 from hgorun.symbolic.interval_operations import Bounds
 from hgorun.symbolic.intervals import enclose
-from hgorun.symbolic.levels import distinct
 
 _PARTS, _LOOKS, _GOLDEN = 1024, 4096, 0.5 * (5**0.5 - 1)
 _STEEP, _FEW = 4.0, 64  # times the usual steepness; parts of a span that are

@@ -13,7 +13,7 @@ from hgorun.measurement.noise import StretchNoise
 from hgorun.measurement.trains import Train
 from hgorun.noise.base import DrawnInParts, RandomNoise
 from hgorun.noise.streams import Stream
-from hgorun.symbolic.levels import distinct
+from hgorun.pieces import distinct
 
 _PART = 1 << 15  # draws that are made at once
 

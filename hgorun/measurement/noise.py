@@ -13,7 +13,7 @@ from hgorun.measurement.availability import Stretch
 from hgorun.measurement.chance import Chance, OfSeed, streams
 from hgorun.measurement.sizes import DRAW_BYTES, EVENT_BYTES, SAMPLE_BYTES
 from hgorun.noise.base import Noise, RandomNoise, TimeFunction
-from hgorun.symbolic.levels import distinct
+from hgorun.pieces import distinct
 
 
 def absolute(items: tuple[Noise, ...], mean_square: float) -> tuple[Noise, ...]:

@@ -17,7 +17,7 @@ from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.measurement.variants import FROZEN, Variant
 from hgorun.memo import Memo
 from hgorun.native.places import moved_up
-from hgorun.symbolic.levels import distinct
+from hgorun.pieces import distinct
 
 _SHORT = 1e-9  # events closer than this part of a step are one
 

@@ -18,10 +18,10 @@ from hgorun.measurement.extremes import Unknown, extremes, usual_rate
 from hgorun.measurement.sizes import EVENT_BYTES
 from hgorun.memo import Memo
 from hgorun.noise.base import RandomNoise, TimeFunction
+from hgorun.pieces import distinct
 from hgorun.symbolic.clock import on_the_clock
 from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.evaluate import along
-from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.parameters import Parameters, flat
 
 _POINTS = 4_000  # at which a delay is looked at beside its kinks and extremes

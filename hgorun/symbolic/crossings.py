@@ -13,10 +13,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.pieces import distinct
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.functions_of_time import Smooth
 from hgorun.symbolic.interval_operations import Bounds
-from hgorun.symbolic.levels import Levels, distinct
+from hgorun.symbolic.levels import Levels
 
 _CELLS = 1 << 15  # that are looked at together: bounds the memory
 _EARLY, _SAMPLES, _LARGE = 1 << 13, 4, 100_000  # cells; looks for each crossing that is allowed, where that is few

@@ -39,17 +39,6 @@ class Levels:
         return self.up_to(values) if self.reached else self.below(values)
 
 
-def distinct(values: np.ndarray) -> np.ndarray:
-    """Values in ascending order, each once.
-
-    It is numpy's ``unique``, which imports its masked arrays when it is first called: 3 % of a short run.
-    """
-    if values.size and np.all(values[1:] > values[:-1]):
-        return values.copy()
-    ordered = np.sort(values, kind="stable")  # quick where the values are a few ascending runs, as most are
-    return np.asarray(ordered[np.concatenate([[True], ordered[1:] != ordered[:-1]])[: ordered.size]])
-
-
 def zero(*, reached: bool) -> Levels:
     """The level 0."""
     return Levels(lambda v: (v > 0) * 1.0, lambda v: (v >= 0) * 1.0, np.zeros_like, reached)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from hgorun.pieces import distinct
 from hgorun.symbolic.curves import Curve
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.features import Feature
-from hgorun.symbolic.levels import distinct
 
 _ROUNDING = 1e-12  # of a run
 

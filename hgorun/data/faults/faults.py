@@ -24,7 +24,7 @@ from hgorun.data.faults.machine_lines import of_a_machine
 from hgorun.data.faults.switched import is_switched
 from hgorun.memo import Memo, same
 from hgorun.pieces import ascending as in_order
-from hgorun.pieces import median, medians
+from hgorun.pieces import distinct, median, medians
 
 GAP = 20.0
 """Median steps that make a gap."""
@@ -188,7 +188,7 @@ def _quantum(rise: np.ndarray) -> float:
         parts = sizes / step
         # rounding leaves differences of rounded numbers off by some last bits
         if median(parts) < 1e9 and np.mean(np.abs(parts - np.rint(parts)) < 1e-3) > 0.9:
-            return float(step) * (_coarser(np.unique(np.rint(parts))) if parts.min() > _COARSE - 0.5 else 1.0)
+            return float(step) * (_coarser(distinct(np.rint(parts))) if parts.min() > _COARSE - 0.5 else 1.0)
     return 0.0
 
 
@@ -208,7 +208,7 @@ def _coarser(parts: np.ndarray) -> float:
         step = float(some @ counts / (counts @ counts))
     counts = np.rint(parts / step)
     alike = np.abs(parts - counts * step) <= 1
-    return step if np.unique(counts).size >= _FEW and np.mean(alike) > 0.9 else 1.0
+    return step if distinct(counts).size >= _FEW and np.mean(alike) > 0.9 else 1.0
 
 
 def slips(values: np.ndarray) -> list[tuple[int, str]]:

@@ -13,10 +13,10 @@ from hgorun.estimate.long.stretches import Stretch, Stretches, points_before
 from hgorun.estimate.scores.compared import Key
 from hgorun.estimate.scores.lag import Instrument, felt_of
 from hgorun.estimate.scores.output_points import OutputPoints
+from hgorun.pieces import distinct
 from hgorun.simulation.timeline.steps import steps_between
 from hgorun.simulation.timeline.tabulated import Stretchwise
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 _FIRST, _EVERY = 2, 8  # stretches that are carried out with other steps as well: the first ones, then every so many
 

@@ -13,10 +13,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.native.places import places_in, since_last_in
-from hgorun.pieces import quantiles
+from hgorun.pieces import distinct, quantiles
 from hgorun.result.records.recorded import WIDE
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 LEVEL = 0.95
 FEWEST = 19  # residuals from which a rank follows

@@ -12,9 +12,9 @@ from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.scores.lag import Instrument, felt_of, just_before, points_between
 from hgorun.estimate.scores.output_points import OutputPoints
 from hgorun.observers.base import CorrectedObserver, SampledObserver
+from hgorun.pieces import distinct
 from hgorun.result.records.recorded import Unseen
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 Key = tuple[int, str]
 """What is compared: 0 and an output of which samples were held out, 1 and what was recorded for reference."""

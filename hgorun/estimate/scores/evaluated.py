@@ -23,8 +23,8 @@ from hgorun.estimate.scores.compared import (
 )
 from hgorun.estimate.scores.innovations import Innovations, InnovationsInMemory
 from hgorun.estimate.scores.output_points import OutputPoints, clocks_of
+from hgorun.pieces import distinct
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 _PIECE = 1 << 15  # samples at a time: there may be many
 

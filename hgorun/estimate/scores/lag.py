@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hgorun.pieces import distinct
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 _REACH = 40.0  # time constants: nothing is left in a number of what was longer ago
 _MOST = 1 << 18  # points between what an instrument has shown

@@ -10,12 +10,11 @@ import numpy as np
 from hgorun.estimate.carrying import estimates, one_pass
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import Sampled
-from hgorun.pieces import median, medians
+from hgorun.pieces import distinct, median, medians
 from hgorun.simulation.divergence.too_large import too_large_for
 from hgorun.simulation.error_dynamics.apart import Apart
 from hgorun.simulation.error_dynamics.timing import Timing
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 _ROWS = 512  # of the grid that are looked at
 _CLOSER = 64  # times between the last point of the grid and the loss

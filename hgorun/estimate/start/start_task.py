@@ -14,8 +14,8 @@ from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
 from hgorun.estimate.start.steps import Steps, step_of
 from hgorun.memo import Memo, same
+from hgorun.pieces import distinct
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.plant import PlantModel
 
 _ONCE = 64  # steps, and times, that a function is for: to make one for each number of them takes longer

@@ -9,10 +9,10 @@ import numpy as np
 from hgorun.engine.early import Early
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.schedule import away_from, tolerances_of
+from hgorun.pieces import distinct
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.preparation.first_step import first_moments
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 
 def early(experiment: Experiment, step: float) -> Early:

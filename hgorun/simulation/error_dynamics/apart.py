@@ -9,10 +9,10 @@ from fractions import Fraction
 
 import numpy as np
 
+from hgorun.pieces import distinct
 from hgorun.simulation.error_dynamics.monodromy import exponentials
 from hgorun.simulation.error_dynamics.timing import below, listed
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 
 _MOST = 256  # events that are followed
 _COMMON = 64  # periods of one output, at most, after which all are sampled as before

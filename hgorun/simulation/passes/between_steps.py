@@ -11,6 +11,7 @@ import numpy as np
 from hgorun.engine.methods import METHODS
 from hgorun.errors import SimulationError
 from hgorun.memo import Memo, same
+from hgorun.pieces import distinct
 from hgorun.result.records.data import PLANT
 from hgorun.simulation.checks.checks import longest_step
 from hgorun.simulation.passes.passes import Pass, carry_out, plan_of
@@ -21,7 +22,6 @@ from hgorun.symbolic.crossings import TooMany
 from hgorun.symbolic.curves import Curve
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.features import Feature
-from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.narrow import features_of
 from hgorun.symbolic.passages import Passages, between
 

@@ -10,8 +10,8 @@ import numpy as np
 
 from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RESTORE, RETAKE, SAVE, SET, TAKE, HybridSystem
 from hgorun.measurement.late import Order
+from hgorun.pieces import distinct
 from hgorun.simulation.timeline.kinds import Kind
-from hgorun.symbolic.levels import distinct
 
 ROUND = 4  # ranks of what one of several samples makes happen
 

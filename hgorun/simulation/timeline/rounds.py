@@ -7,9 +7,9 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from hgorun.engine.layout import ARRIVE, JUMP, RECORD, SET, TAKE, HybridSystem
+from hgorun.pieces import distinct
 from hgorun.simulation.timeline.kinds import Kind
 from hgorun.simulation.timeline.replay import ROUND
-from hgorun.symbolic.levels import distinct
 
 
 def rounds_of(take: np.ndarray, arrive: np.ndarray, used: np.ndarray) -> np.ndarray | None:

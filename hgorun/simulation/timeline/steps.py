@@ -12,8 +12,8 @@ from hgorun.errors import Problem
 from hgorun.measurement.long import AnySchedule
 from hgorun.measurement.schedule import Schedule
 from hgorun.memo import Memo, same
+from hgorun.pieces import distinct
 from hgorun.simulation.timeline.segment_rows import cut_rows
-from hgorun.symbolic.levels import distinct
 
 _PIECE = 1 << 14  # steps between two checks for Ctrl-C, more only where there were too many pieces
 _MAX_PIECES = 100_000
