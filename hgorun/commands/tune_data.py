@@ -223,8 +223,10 @@ def _tuned(
 
 
 def _warn(one: _Tuned, name: str, base: Experiment) -> None:
-    """Gains at an end of their range are reported on stderr."""
+    """Gains at an end of their range are reported on stderr, but for those that end at 0 and may be 0."""
     for gain in one.sought:
+        if gain.path in one.no_other_than_zero and 0.0 in gain.range.ends:
+            continue
         if told := at_an_end(base, gain, one.gains[gain.path]):
             say(f"hgorun: {name}: {told}")
 

@@ -88,7 +88,7 @@ tune:
   gains:
     plant.parameters.p: {linear: [0.5, 4]}
     plant.parameters.s: {linear: [-1, 1]}
-    plant.parameters.q: {linear: [-1, 1]}
+    plant.parameters.q: {linear: [0, 1]}
   minimise: holdout_rmse(o, a)
   budget: 40
   seeds: 1
@@ -107,6 +107,7 @@ def test_of_a_curve_through_the_origin(
     shell = Shell(tmp_path, monkeypatch, capsys)
     code, out, err = shell("tune", "line.yaml")
     assert code == 0, err
+    assert "at the lower end" not in err  # q: no advice to look below 0
     found = yaml.safe_load((tmp_path / "results" / "line.tuned.yaml").read_text())["plant"]["parameters"]
     search = times[1::5]
     slopes = np.column_stack([search, search**2 / 2, search**3 / 3])
