@@ -9,8 +9,8 @@ import casadi as ca
 import numpy as np
 
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.pieces import distinct
 from hgorun.symbolic.evaluate import Floats
-from hgorun.symbolic.levels import distinct
 from hgorun.symbolic.plant import PlantModel
 
 _AT_FIRST = 8  # between two samples
