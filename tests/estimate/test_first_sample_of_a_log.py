@@ -135,6 +135,15 @@ def test_the_start_is_looked_for_once_in_all_passes_of_a_run(monkeypatch: pytest
     assert len(made) == 2
 
 
+def test_outliers_among_the_first_samples_are_not_too_many_for_outliers() -> None:
+    found = estimated(values({0: 3.0, 1: -2.0}), np.arange(8), {"O": OBSERVERS["O"]})
+    (told,) = found.remarks
+    assert "the first 2 are outliers beside the next samples" in told
+    assert assessed_of(found, "O").scores["gated"] == {"a": 2}
+    assert assessed_of(found, "O").outliers_at_start == {"a": 2}
+    assert not any(shut_out(found))
+
+
 @pytest.mark.parametrize("gravity", ["1", "1.5"])
 def test_nothing_changes_where_the_first_samples_agree(gravity: str) -> None:
     """As without a gate that is so near, also where the model is somewhat wrong."""

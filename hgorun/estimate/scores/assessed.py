@@ -12,10 +12,10 @@ from hgorun.estimate.samples import Sampled
 from hgorun.estimate.scores.bands import FEWEST, Band, band_of
 from hgorun.estimate.scores.evaluated import Evaluated
 from hgorun.estimate.scores.output_points import OutputPoints
-from hgorun.estimate.scores.row_left_out import in_a_row
+from hgorun.estimate.scores.row_left_out import in_a_row, outliers_at_start
 from hgorun.estimate.scores.scores import scores_of, settled, settled_from, since
 from hgorun.pieces import all_true
-from hgorun.result.records.recorded import WIDE, Assessed
+from hgorun.result.records.recorded import WIDE, Assessed, InARow
 from hgorun.symbolic.evaluate import Floats
 
 _RESIDUALS = 1 << 20  # that a band is made of, evenly chosen where there are more
@@ -31,10 +31,16 @@ def assess(prepared: PreparedEstimate, found: Evaluated, j: int) -> Assessed:
             sound = settled(nis[found.carried.used[prepared.slots[i], j]])
             if sound.size:
                 scores.setdefault("nis", {})[one.output] = float(np.mean(sound))
-        return Assessed(xhat - width, xhat + width, {}, scores, in_a_row(prepared, found.carried, j))
+        return Assessed(xhat - width, xhat + width, {}, scores, *_left_out(prepared, found, j))
     widths = widths_of(prepared, found, j)
     width = widths.at(found.grid)
-    return Assessed(xhat - width, xhat + width, widths.reasons, scores, in_a_row(prepared, found.carried, j))
+    return Assessed(xhat - width, xhat + width, widths.reasons, scores, *_left_out(prepared, found, j))
+
+
+def _left_out(prepared: PreparedEstimate, found: Evaluated, j: int) -> tuple[Mapping[str, InARow], Mapping[str, int]]:
+    """The samples that gates have left out: those one after the other, and how many of the first ones are outliers."""
+    rows = in_a_row(prepared, found.carried, j)
+    return rows, outliers_at_start(prepared, found.carried, j) if rows else {}
 
 
 @dataclass(frozen=True, eq=False, repr=False)

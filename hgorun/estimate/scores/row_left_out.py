@@ -6,6 +6,7 @@ import numpy as np
 
 from hgorun.estimate.carrying import Carried
 from hgorun.estimate.prepared import PreparedEstimate
+from hgorun.estimate.start.left_at_start import AtStart
 from hgorun.result.records.recorded import InARow
 
 
@@ -25,6 +26,15 @@ def in_a_row(prepared: PreparedEstimate, carried: Carried, j: int) -> dict[str, 
         times = prepared.run.origin + one.taken[order[[first, last]]]
         found[one.output] = InARow(last - first + 1, float(times[0]), float(times[1]))
     return found
+
+
+def outliers_at_start(prepared: PreparedEstimate, carried: Carried, j: int) -> dict[str, int]:
+    """By output how many samples observer j has left out since its start has found them to be outliers."""
+    start = AtStart.of(prepared)
+    if j not in start.observers:
+        return {}
+    every = zip(prepared.samples, prepared.slots, start.outliers, strict=True)
+    return {one.output: int(np.count_nonzero(~carried.used[slots, j][out])) for one, slots, out in every}
 
 
 def _longest(marked: np.ndarray) -> tuple[int, int]:

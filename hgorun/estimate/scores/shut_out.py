@@ -57,7 +57,7 @@ def too_small(observer: AnyObserver, gate: float) -> str:
 
 
 def shut_out(result: Result) -> Iterator[ShutOut]:
-    """Of such gates."""
+    """Of such gates; samples that the start has found to be outliers are told as such, and not counted."""
     if result.recorded is None:
         return
     for j, (label, observer) in enumerate(result.observers.items()):
@@ -68,5 +68,6 @@ def shut_out(result: Result) -> Iterator[ShutOut]:
             count = left_out + int(np.count_nonzero(result.recorded.outputs[output].used[:, j]))
             row = None if assessed is None else assessed.in_a_row.get(output)
             many = row is not None and too_many(0, count, row.count)
-            if many or too_many(left_out, count):
+            outliers = 0 if assessed is None else assessed.outliers_at_start.get(output, 0)
+            if many or too_many(left_out - outliers, count):
                 yield ShutOut(label, output, left_out, count, row if many else None)

@@ -106,6 +106,8 @@ class Assessed:
         By score, then by output, state or gain.
     in_a_row : mapping of str to InARow
         By output of which a gate has left samples out; a file has none.
+    outliers_at_start : mapping of str to int
+        By output how many of these the start has found to be outliers beside the others; a file has none.
     """
 
     lower: np.ndarray
@@ -113,6 +115,7 @@ class Assessed:
     no_band: Mapping[str, str]
     scores: Mapping[str, Mapping[str, float]]
     in_a_row: Mapping[str, InARow] = field(default_factory=dict)
+    outliers_at_start: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         scores = {score: Named(of, f"entry of {score}") for score, of in self.scores.items()}
