@@ -90,7 +90,7 @@ def test_samples_held_out_behind_the_log_are_told() -> None:
 def test_samples_held_out_of_which_some_lie_outside_of_the_run_are_told(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    told = "x: 1 of 3 samples held out lie outside of the run and are not scored"
+    told = "x: 1 of 3 samples held out lies outside of the run and is not scored"
     beside = {"x": signal("x", [0.65, 0.75, 501.0], [0.2, 0.2, 0.2])}
     result = estimate(source(CONFIG), log(), name="x", text="y", held_out=beside, sensitivity=False)
     assert told in result.remarks
