@@ -181,7 +181,7 @@ class PreparedEstimate:
             return self._shown_inputs.at(times)
         u = self.run.structure.inputs.along(times, numbers.p, np.zeros(system.states)).copy()
         if self.inputs is not None:
-            u[:, list(self._truth.recorded)] = self._shown_inputs.at(times)
+            u[:, self.recorded] = self._shown_inputs.at(times)
         return u
 
     def held(self, times: Floats) -> Floats | None:
@@ -215,10 +215,11 @@ class PreparedEstimate:
         return self.inputs.shown_from(self.run.schedule.events, self.tolerance)
 
     @property
-    def _truth(self) -> Recording:
+    def recorded(self) -> list[int]:
+        """The numbers of the inputs that are recorded."""
         truth = self.run.structure.groups[0].truth
         assert isinstance(truth, Recording)
-        return truth
+        return list(truth.recorded)
 
 
 def prepare_estimate(experiment: Experiment, recording: Recorded) -> PreparedEstimate:

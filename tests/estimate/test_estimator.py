@@ -370,3 +370,11 @@ def test_a_stamp_of_another_clock_is_not_taken_with_others(small: Experiment) ->
     estimator = Estimator(small, remembered=0)
     estimator.update(1.0, {"a": 0.5})
     assert estimator.at_once(np.array([1.1, 1.2, 1.7e9]), np.zeros(3, dtype=np.int64)) == 2
+
+
+def test_times_in_messages_are_told_apart(small: Experiment) -> None:
+    """Six digits of seconds since 1970 are days."""
+    estimator = Estimator(small)
+    estimator.update(12.345678, {"a": 0.0})
+    with pytest.raises(ValueError, match=r"t = 12\.345671 is before 12\.345678,"):
+        estimator.update(12.345671, {"a": 0.0})

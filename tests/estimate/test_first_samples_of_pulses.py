@@ -75,3 +75,19 @@ def test_of_too_many_changes_the_largest_count(monkeypatch: pytest.MonkeyPatch) 
     ripple = 1e-6 * (-1.0) ** np.arange(times.size)
     values = whole.values[at] + np.where(np.isin(times, whole.times), 0.0, ripple)
     assert start_of(sampled(0.5), held_input("u", times, values)) == pytest.approx(START, abs=1e-3)
+
+
+def test_inputs_that_change_too_often_count_by_their_means() -> None:
+    """Switched four times a second: steps that looked at u at some moments saw a part of it as another mean."""
+    period, duty = 0.25, 0.4
+    on = np.arange(0, TAKEN[-1], period)
+    times = np.stack([on, on + duty * period], axis=1).ravel()
+    ends = np.append(times, TAKEN[-1])
+    u, decay = np.tile([0.1, 0.0], on.size), np.exp(-RATE * np.diff(ends))
+    c = [START]
+    for value, factor in zip(u, decay, strict=True):
+        c.append(c[-1] * factor + value / RATE * (1 - factor))
+    assert times.size > 1024
+    assert start_of(np.array(c)[np.searchsorted(ends, TAKEN)], held_input("u", times, u)) == pytest.approx(
+        START, abs=2e-3
+    )

@@ -10,6 +10,7 @@ import numpy as np
 
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.pieces import distinct
+from hgorun.simulation.timeline.recorded_inputs import RecordedInputs
 from hgorun.symbolic.evaluate import Floats
 from hgorun.symbolic.plant import PlantModel
 
@@ -32,7 +33,7 @@ class Steps:
     margin : float
         Times that are nearer to such a change than this may be on its other side.
     inputs : callable
-        u at some times.
+        u at the moments of steps, which are given with their ends.
     moments : ndarray, shape (s, 3)
         The beginning, middle and end of every step, on its own side of a change.
     u : ndarray, shape (s, 3, m)
@@ -42,30 +43,38 @@ class Steps:
     ends: Floats
     sharp: np.ndarray
     margin: float
-    inputs: Callable[[Floats], Floats]
+    inputs: Callable[[Floats, Floats], Floats]
     moments: Floats
     u: Floats
 
     @classmethod
     def along(cls, times: Floats, prepared: PreparedEstimate) -> Steps:
         """Some between each two times."""
-        changes, schedule = _changes(prepared, float(times[-1])), prepared.run.schedule
+        changes, left = _changes(prepared, float(times[-1]))
+        schedule, inputs = prepared.run.schedule, prepared.inputs
         nodes = distinct(np.concatenate([times, changes]))
         longest = np.diff(times) / _AT_FIRST
         between = np.searchsorted(times, nodes[1:], side="left") - 1
         pieces = np.ceil(np.diff(nodes) / longest[between] * (1 - 1e-9)).astype(np.int64)
         margin = 4 * (prepared.tolerance + float(np.max(schedule.inward)))
-        return cls._of(_split(nodes, pieces), changes, margin, prepared.u)
+
+        def at(ends: Floats, moments: Floats) -> Floats:
+            u = prepared.u(moments.ravel()).reshape(*moments.shape, -1)
+            if left and inputs is not None:  # steps that pass over changes take the mean between their ends
+                means = np.diff(_integrals(inputs, ends), axis=0) / np.diff(ends)[:, None]
+                u[:, :, prepared.recorded] = means[:, None]
+            return u
+
+        return cls._of(_split(nodes, pieces), changes, margin, at)
 
     @classmethod
-    def _of(cls, ends: Floats, changes: Floats, margin: float, inputs: Callable[[Floats], Floats]) -> Steps:
+    def _of(cls, ends: Floats, changes: Floats, margin: float, inputs: Callable[[Floats, Floats], Floats]) -> Steps:
         sharp, lengths = np.zeros(ends.size, dtype=bool), np.diff(ends)
         sharp[np.searchsorted(ends, changes)] = True
         inward = np.minimum(np.maximum(_INWARD * lengths, margin), lengths / 4)
         begin, end = ends[:-1] + inward * sharp[:-1], ends[1:] - inward * sharp[1:]
         moments = np.stack([begin, ends[:-1] + lengths / 2, end], axis=1)
-        u = inputs(moments.ravel())
-        return cls(ends, sharp, margin, inputs, moments, u.reshape(*moments.shape, u.shape[-1]))
+        return cls(ends, sharp, margin, inputs, moments, inputs(ends, moments))
 
     @property
     def lengths(self) -> Floats:
@@ -90,8 +99,18 @@ def _split(nodes: Floats, pieces: np.ndarray) -> Floats:
     return np.asarray(ends)
 
 
-def _changes(prepared: PreparedEstimate, end: float) -> Floats:
-    """When functions of time have kinks and recorded inputs change; where these are many, the largest ones."""
+def _integrals(inputs: RecordedInputs, times: Floats) -> Floats:
+    """Those of recorded inputs up to some times."""
+    lengths = np.diff(inputs.times)[:, None]
+    parts = inputs.levels[:-1] * lengths + inputs.slopes[:-1] * lengths**2 / 2
+    whole = np.concatenate([np.zeros((1, parts.shape[1])), np.cumsum(parts, axis=0)])
+    i = np.maximum(np.searchsorted(inputs.times, times, side="right") - 1, 0)
+    since = (times - inputs.times[i])[:, None]
+    return np.asarray(whole[i] + inputs.levels[i] * since + inputs.slopes[i] * since**2 / 2)
+
+
+def _changes(prepared: PreparedEstimate, end: float) -> tuple[Floats, bool]:
+    """When functions of time have kinks and recorded inputs change; the largest ones where some are left over."""
     schedule = prepared.run.schedule
     kinks = schedule.events[schedule.inward > 0]
     times, sizes = [kinks], [np.full(kinks.size, np.inf)]
@@ -102,7 +121,7 @@ def _changes(prepared: PreparedEstimate, end: float) -> Floats:
     t, size = np.concatenate(times), np.concatenate(sizes)
     within = (t > 0) & (t < end) & (size > 0)
     t, size = t[within], size[within]
-    return distinct(t[np.argsort(-size, kind="stable")[:_MOST_CHANGES]])
+    return distinct(t[np.argsort(-size, kind="stable")[:_MOST_CHANGES]]), t.size > _MOST_CHANGES
 
 
 def _sizes(levels: Floats, *, held: bool) -> Floats:

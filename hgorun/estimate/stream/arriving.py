@@ -50,9 +50,9 @@ class Arriving:
         if 0.0 <= since - reached <= self.reach:
             return since
         if not since >= reached:  # NaN, too
-            raise ValueError(f"t = {t:g} is before {self._origin + reached:g}, which has been reached")
+            raise ValueError(f"t = {t:.12g} is before {self._origin + reached:.12g}, which has been reached")
         raise ValueError(
-            f"t = {t:g} is more than {_FARTHEST:.0e} steps after {self._origin + reached:g}: time.start may be missing"
+            f"t = {t:.12g} is more than {_FARTHEST:.0e} steps after {self._origin + reached:.12g}: time.start may be missing"
         )
 
     def take(self, t: Any, y: Any, available: Any, u: Any) -> None:
@@ -113,7 +113,7 @@ class Arriving:
         run, past = self._run, self._past
         now, taken = self.since_start(known), t - self._origin
         if taken > now:
-            raise ValueError(f"taken at {t:g}, after it was known at {known:g}")
+            raise ValueError(f"taken at {t:.12g}, after it was known at {known:.12g}")
         if taken == now:  # times that differ by less than the clock of the run can tell
             self._take_on_time(now, places, given, inputs)
             return

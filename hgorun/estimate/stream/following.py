@@ -88,11 +88,11 @@ class Following:
     def by_innovation(self, t: float) -> bool:
         """Whether late samples enter the innovation of all observers; otherwise all go back, or none takes them."""
         if self._different is not None:
-            raise ValueError(f"the sample taken at {t:g} is late, and {self._different.message}")
+            raise ValueError(f"the sample taken at {t:.12g} is late, and {self._different.message}")
         treatments = set(self.system.treatments.values())
         if self.system.steps and treatments != {"drop"}:
             raise ValueError(
-                f"the sample taken at {t:g} is late, and {self.system.stepping} takes samples without delay: leave "
+                f"the sample taken at {t:.12g} is late, and {self.system.stepping} takes samples without delay: leave "
                 "late ones out (late: drop, of all observers of the stream), or take one that uses them, such as shgo"
             )
         return "innovation" in treatments

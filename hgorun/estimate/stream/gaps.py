@@ -41,7 +41,7 @@ class Gaps:
             try:
                 observer.check_samples(form, schedule)
             except Problem as problem:
-                raise ValueError(f"the sample of t = {self._origin + t:g}: {label}: {problem.message}") from problem
+                raise ValueError(f"the sample of t = {self._origin + t:.12g}: {label}: {problem.message}") from problem
         self._longest = max(self._longest, gap)
 
 

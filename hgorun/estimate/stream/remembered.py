@@ -127,11 +127,11 @@ class Remembered:
     def _too_old(self, t: float) -> ValueError:
         origin = self._run.system.experiment.origin
         if t < 0.0:
-            taken = f"a sample taken at {origin + t:g}"
-            return ValueError(f"{taken} is before {origin:g}, where estimates begin (time.start)")
-        since = f", since {origin + self.before[0][0][0]:g}" if self.before else ""
+            taken = f"a sample taken at {origin + t:.12g}"
+            return ValueError(f"{taken} is before {origin:.12g}, where estimates begin (time.start)")
+        since = f", since {origin + self.before[0][0][0]:.12g}" if self.before else ""
         return ValueError(
-            f"a sample taken at {origin + t:g} is older than all that is remembered (events: {self._most}{since}): "
+            f"a sample taken at {origin + t:.12g} is older than all that is remembered (events: {self._most}{since}): "
             "begin anew with a larger --remembered N of the command, or remembered of Estimator"
         )
 

@@ -41,7 +41,7 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
         if last[i] == event.t and any(i == one for one, _, _ in event.samples):
             raise ValueError(
                 f"{system.stepping} steps from sample to sample, and this is a second one of {name} at "
-                f"t = {system.experiment.origin + event.t:g}: leave one of them out, or give their mean"
+                f"t = {system.experiment.origin + event.t:.12g}: leave one of them out, or give their mean"
             )
     if event.t > max(last) > -np.inf:
         _require_period(system, event.t, max(last))
@@ -50,7 +50,7 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
         missing = ", ".join(name for name, i in system.outputs.items() if last[i] < max(last))
         raise ValueError(
             f"{system.stepping} steps from sample to sample of all outputs, and that of {missing} at "
-            f"t = {system.experiment.origin + max(last):g} is missing: give those of one time together, or one after "
+            f"t = {system.experiment.origin + max(last):.12g} is missing: give those of one time together, or one after "
             "the other"
         )
     return number + int(event.t > max(last))
@@ -66,7 +66,7 @@ def _require_period(system: LiveSystem, t: float, before: float) -> None:
         if abs(gap - period) > _UNEVEN * period:
             raise ValueError(
                 f"the step of {label} is that of one period, {period:.6g}, and the sample of "
-                f"t = {experiment.origin + t:g} comes {gap:.6g} after the one before"
+                f"t = {experiment.origin + t:.12g} comes {gap:.6g} after the one before"
             )
 
 
@@ -98,7 +98,9 @@ def require_times(system: LiveSystem, event: Event, before: tuple[float, ...]) -
         try:
             design.observer.check_times(design.form, {name: np.array(one) for name, one in times.items()}, origin)
         except Problem as problem:
-            raise ValueError(f"the sample of t = {origin + event.t:g}: {design.label}: {problem.message}") from problem
+            raise ValueError(
+                f"the sample of t = {origin + event.t:.12g}: {design.label}: {problem.message}"
+            ) from problem
     return tuple(now)
 
 
