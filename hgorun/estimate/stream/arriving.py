@@ -52,7 +52,8 @@ class Arriving:
         if not since >= reached:  # NaN, too
             raise ValueError(f"t = {t:.12g} is before {self._origin + reached:.12g}, which has been reached")
         raise ValueError(
-            f"t = {t:.12g} is more than {_FARTHEST:.0e} steps after {self._origin + reached:.12g}: time.start may be missing"
+            f"t = {t:.12g} is more than {_FARTHEST:.0e} steps after {self._origin + reached:.12g}: time.start may be "
+            "missing"
         )
 
     def take(self, t: Any, y: Any, available: Any, u: Any) -> None:

@@ -50,8 +50,8 @@ def require_whole(system: LiveSystem, event: Event, newest: Sequence[Sequence[fl
         missing = ", ".join(name for name, i in system.outputs.items() if last[i] < max(last))
         raise ValueError(
             f"{system.stepping} steps from sample to sample of all outputs, and that of {missing} at "
-            f"t = {system.experiment.origin + max(last):.12g} is missing: give those of one time together, or one after "
-            "the other"
+            f"t = {system.experiment.origin + max(last):.12g} is missing: give those of one time together, or one "
+            "after the other"
         )
     return number + int(event.t > max(last))
 
