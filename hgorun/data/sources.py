@@ -132,7 +132,7 @@ class Sources:
                 self._known(file, column.column, place)
             return [file]
         if not self._given:
-            raise Problem(("data",), "no file is given: name one as file, or behind the configuration")
+            raise Problem(("data",), "no file is given: name it as file, such as --set data.file=LOG")
         files, missing = [], Refusals()
         for given in self._given:
             with missing.of_a_part():
