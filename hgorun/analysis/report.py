@@ -18,6 +18,7 @@ from hgorun.errors import PluginError, called
 from hgorun.files import json_value
 from hgorun.result.records.theory import Transient
 from hgorun.result.result import Result
+from hgorun.simulation.experiment.expected import require_experiment
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.outcome.outcome import since_start
 from hgorun.simulation.prepared import PreparedRun
@@ -138,6 +139,7 @@ def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *
     >>> found.values["hurwitz"], [float(pole.real) for pole in found.values["poles"]]  # at theta = 1
     (True, [-1.0, -1.0])
     """
+    require_experiment(experiment)
     run = prepare(experiment)
     return analysis_of(run, simulate_prepared(run), findings, search=search)
 

@@ -20,6 +20,7 @@ from hgorun.ensemble.members.refused import refuse_base
 from hgorun.ensemble.sweep import SUFFIX, Place, carry_out, finished
 from hgorun.errors import ConfigError
 from hgorun.files import refuse_no_result, why_unwritable
+from hgorun.simulation.experiment.expected import require_experiment
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.experiment.resolved import plain
 
@@ -93,9 +94,7 @@ def _as_dict(given: object) -> object:
 
 def _check(experiment: object, output: object, executor: object) -> None:
     """Refuse arguments of other kinds, which a notebook without type checks may give."""
-    if not isinstance(experiment, Experiment):
-        what = "; hgorun.load reads one from a file" if isinstance(experiment, (str, Path)) else ""
-        raise ConfigError(f"experiment: expected an Experiment, found {describe(experiment)}{what}")
+    require_experiment(experiment)
     if output is not None and (not isinstance(output, (str, Path)) or not Path(output).name):
         raise ConfigError(f"output: expected the path of a file, found {describe(output)}")
     if output is not None:

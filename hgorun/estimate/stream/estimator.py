@@ -25,6 +25,7 @@ from hgorun.estimate.stream.given import as_number, positive_by_name, require_na
 from hgorun.estimate.stream.live_system import LiveSystem
 from hgorun.estimate.stream.remembered import Remembered
 from hgorun.estimate.stream.together import Together
+from hgorun.simulation.experiment.expected import require_experiment
 from hgorun.simulation.experiment.experiment import Experiment
 
 
@@ -68,6 +69,7 @@ class Estimator:
         inputs: Sequence[str] | None = None,
         remembered: int = 1000,
     ) -> None:
+        require_experiment(experiment)
         if gates is None or std is None or inputs is None:
             said = StatedOfData.of(experiment.source)
             gates = said.gates if gates is None else gates
