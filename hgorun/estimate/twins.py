@@ -18,6 +18,7 @@ _SAME_VALUE = 1e-7  # of a value: single precision
 _DIGITS = range(3, 8)  # that values may have been rounded to: with fewer they are those of a coarse sensor
 _RARE = 20  # of so many samples of equal times one may be equal by chance, whatever the values are
 _PIECE = 1 << 15  # samples at a time: there may be many
+_LOOKED_AT = 1 << 16  # values at least that show to how many digits all were written, and their steps
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -43,8 +44,9 @@ class Twins:
     def of(cls, given: Signal, compared: Signal) -> Twins:
         """Of samples that observers get, and of others."""
         slack = _slack(given.taken, compared.taken)
-        rounding = np.maximum(*(_rounding(one.values, compared.values) for one in (given, compared)))
-        step = max(_step(given.values), _step(compared.values))
+        shown = [one.values[:: max(one.values.size // _LOOKED_AT, 1)] for one in (given, compared)]
+        rounding = np.maximum(*(_rounding(values, compared.values) for values in shown))
+        step = max(map(_step, shown))
         same, known, near, timed = (np.zeros(n, dtype=bool) for n in (given.taken.size, *3 * (compared.taken.size,)))
         for start in range(0, compared.taken.size, _PIECE):
             piece = slice(start, start + _PIECE)

@@ -51,7 +51,8 @@ class Steps:
     def along(cls, times: Floats, prepared: PreparedEstimate) -> Steps:
         """Some between each two times."""
         changes, left = _changes(prepared, float(times[-1]))
-        schedule, inputs = prepared.run.schedule, prepared.inputs
+        schedule = prepared.run.schedule
+        integral = _integral(prepared.inputs) if left and prepared.inputs is not None else None
         nodes = distinct(np.concatenate([times, changes]))
         longest = np.diff(times) / _AT_FIRST
         between = np.searchsorted(times, nodes[1:], side="left") - 1
@@ -60,8 +61,8 @@ class Steps:
 
         def at(ends: Floats, moments: Floats) -> Floats:
             u = prepared.u(moments.ravel()).reshape(*moments.shape, -1)
-            if left and inputs is not None:  # steps that pass over changes take the mean between their ends
-                means = np.diff(_integrals(inputs, ends), axis=0) / np.diff(ends)[:, None]
+            if integral is not None:  # steps that pass over changes take the mean between their ends
+                means = np.diff(integral(ends), axis=0) / np.diff(ends)[:, None]
                 u[:, :, prepared.recorded] = means[:, None]
             return u
 
@@ -99,14 +100,18 @@ def _split(nodes: Floats, pieces: np.ndarray) -> Floats:
     return np.asarray(ends)
 
 
-def _integrals(inputs: RecordedInputs, times: Floats) -> Floats:
-    """Those of recorded inputs up to some times."""
+def _integral(inputs: RecordedInputs) -> Callable[[Floats], Floats]:
+    """That of recorded inputs, as a function of time."""
     lengths = np.diff(inputs.times)[:, None]
     parts = inputs.levels[:-1] * lengths + inputs.slopes[:-1] * lengths**2 / 2
     whole = np.concatenate([np.zeros((1, parts.shape[1])), np.cumsum(parts, axis=0)])
-    i = np.maximum(np.searchsorted(inputs.times, times, side="right") - 1, 0)
-    since = (times - inputs.times[i])[:, None]
-    return np.asarray(whole[i] + inputs.levels[i] * since + inputs.slopes[i] * since**2 / 2)
+
+    def until(times: Floats) -> Floats:
+        i = np.maximum(np.searchsorted(inputs.times, times, side="right") - 1, 0)
+        since = (times - inputs.times[i])[:, None]
+        return np.asarray(whole[i] + inputs.levels[i] * since + inputs.slopes[i] * since**2 / 2)
+
+    return until
 
 
 def _changes(prepared: PreparedEstimate, end: float) -> tuple[Floats, bool]:
