@@ -47,7 +47,7 @@ def _even_step(times: np.ndarray) -> float:
 def unevenness(times: np.ndarray) -> float:
     """How far steps of times are from their median, on average, as a fraction of it; infinite where that is 0."""
     steps = np.diff(times).astype(float)
-    usual = float(np.median(steps)) if steps.size else 0.0
+    usual = median(steps) if steps.size else 0.0
     return float(np.mean(np.abs(steps - usual))) / usual if usual > 0 else np.inf
 
 

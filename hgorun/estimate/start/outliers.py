@@ -10,6 +10,7 @@ import numpy as np
 
 from hgorun.estimate.start.fit import TOLD, Fit, fit
 from hgorun.estimate.start.start_task import StartTask
+from hgorun.pieces import median
 from hgorun.symbolic.evaluate import Floats
 
 _REWEIGHTED = 30  # passes in which errors of a start count by their size
@@ -122,7 +123,7 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
         bent = fit(replace(bent.task, weights=weights), bent.x) or bent
         error, _ = bent.task.residuals(bent.x)
     free = np.sort(np.abs(error))[x.size :]  # those that it need not pass through
-    kept = np.abs(error) <= task.gates * max(1.0, _NORMAL * float(np.median(free)))
+    kept = np.abs(error) <= task.gates * max(1.0, _NORMAL * median(free))
     if kept.all() or 2 * np.count_nonzero(kept) <= kept.size:
         return found
     others = fit(replace(bent.task, weights=kept.astype(float)), bent.x)
