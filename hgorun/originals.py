@@ -1,4 +1,4 @@
-"""Files that a command reads and that nobody can make once more: configurations and recordings. None is replaced."""
+"""Files that a command reads: configurations, recordings, the result that is made again. None is replaced."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _noting: list[bool] = []  # one entry for every command that runs
 def kept_as_they_are() -> Iterator[None]:
     """While this lasts, files that are read are noted, and are not to be replaced.
 
-    Whoever calls from Python may replace what was read before: they know which of their files are in use.
+    Whoever calls from Python may replace what was read before, but for recordings: they know which files are in use.
     """
     _noting.append(True)
     try:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Literal
 
 from hgorun.errors import ConfigError
-from hgorun.files import called_otherwise, real_path, refuse_original, why_unwritable
+from hgorun.files import RESULT_SUFFIXES, called_otherwise, real_path, refuse_original, why_unwritable
 
 RESULTS = Path("results")
 STDOUT = Path("-")  # in the place of a file, where a command takes it
@@ -78,6 +78,10 @@ def refuse_unwritable(path: Path, option: str = "--output", kind: Literal["file"
     ConfigError
     """
     refuse_original(path, option)
+    if path.suffix.lower() in RESULT_SUFFIXES and os.path.isfile(path):
+        from hgorun.result.hdf5.forms import refuse_not_ours  # only where something would be replaced
+
+        refuse_not_ours(path, option)
     if kind == "file" and os.path.isdir(path):
         why = "it is a folder"
     elif kind == "folder" and os.path.isfile(path):

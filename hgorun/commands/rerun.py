@@ -14,6 +14,7 @@ from hgorun.commands.run_options import Rerun
 from hgorun.config.yaml_source import parse
 from hgorun.errors import ConfigError
 from hgorun.files import RESULT_SUFFIXES, remove_leftovers
+from hgorun.originals import note_originals
 from hgorun.result.file.writing import digests_of
 from hgorun.result.reading import read, stored_digests
 from hgorun.result.result import Result
@@ -28,6 +29,7 @@ def rerun(options: Rerun) -> int:
     """Make a result again, and say which of its data sets are the same."""
     refuse_other_kinds(options.output, RESULT_SUFFIXES)
     refuse_name_of_another_thing(options.file)
+    note_originals([options.file])
     before = read(options.file)
     if before.recorded is not None:
         raise ConfigError("an estimate of recorded data is made again by hgorun estimate", file=str(options.file))

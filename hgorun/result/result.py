@@ -49,7 +49,8 @@ class Result(ResultData):
         Parameters
         ----------
         path : path
-            It ends in .h5, .hdf5 or .nc, or in nothing that files of other kinds end in. What is there is replaced.
+            It ends in .h5, .hdf5 or .nc, or in nothing that files of other kinds end in. A result that is there is
+            replaced, a recording is not.
 
         Returns
         -------
@@ -59,13 +60,16 @@ class Result(ResultData):
         Raises
         ------
         ConfigError
-            For a name of a file of another kind, such as .yaml or .csv.
+            For a name of a file of another kind, such as .yaml or .csv, and for that of a file of numbers that hgorun
+            has not written: it may be a recording.
         HgorunError
             When it cannot be written.
         """
         from hgorun.result.file.writing import save
+        from hgorun.result.hdf5.forms import refuse_not_ours
 
         refuse_no_result(Path(path), "save")
+        refuse_not_ours(Path(path), "save")
         return save(self, Path(path))
 
     def to_xarray(self) -> xarray.Dataset:

@@ -6,11 +6,16 @@ import io
 import sys
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 from shell import Shell
 
+from hgorun.errors import ConfigError
 from hgorun.files import write_text
 from hgorun.originals import is_original, kept_as_they_are, note_originals
+from hgorun.result.hdf5.forms import refuse_not_ours
+from hgorun.result.reading import read
 
 BASE = """
 plant: {states: [a, b], dynamics: {a: b, b: -a}, output: a}
@@ -82,6 +87,47 @@ def test_a_result_and_its_text_are_two_files(shell: Shell) -> None:
         code, _, err = shell(*command.split(), "-o", "one.h5", "--export-csv", "one.csv")
         assert code == 2
         assert err == "hgorun: --export-csv: one.csv is to be the file of the result, too: name another file\n"
+
+
+@pytest.mark.parametrize("words", ["simulate sim.yaml", "estimate log.yaml", "sweep sweep.yaml", "rerun run.h5"])
+def test_a_file_of_numbers_of_somebody_else_stays(shell: Shell, words: str) -> None:
+    with h5py.File(shell.folder / "lab.h5", "w") as file:
+        file["a"] = np.arange(3.0)
+    before = (shell.folder / "lab.h5").read_bytes()
+    assert shell(*words.split(), "-o", "lab.h5") == (
+        2,
+        "",
+        "hgorun: --output: lab.h5 is an HDF5 file that hgorun has not written, such as a recording, and would be "
+        "replaced: name another file, or remove this one first\n",
+    )
+    assert (shell.folder / "lab.h5").read_bytes() == before
+
+
+def test_only_files_of_numbers_that_can_be_read_stay(tmp_path: Path) -> None:
+    path = tmp_path / "run.h5"
+    for head in (b"", b"notes", b"\x89HDF\r\n\x1a\n of one that is cut off"):
+        path.write_bytes(head)
+        refuse_not_ours(path, "save")
+    path.write_bytes(b"CDF\x01")
+    with pytest.raises(ConfigError, match=r"save: .*run\.h5 is netCDF of the old kind that hgorun has not written"):
+        refuse_not_ours(path, "save")
+
+
+def test_a_result_is_not_made_again_in_its_own_place(shell: Shell) -> None:
+    assert shell("simulate", "sim.yaml", "-o", "run.h5", "-q")[0] == 0
+    (shell.folder / "same.h5").symlink_to("run.h5")
+    before = (shell.folder / "run.h5").read_bytes()
+    code, _, err = shell("rerun", "run.h5", "-o", "same.h5")
+    assert (code, err) == (
+        2,
+        "hgorun: --output: same.h5 is read, and would be replaced: name another file or folder\n",
+    )
+    assert (shell.folder / "run.h5").read_bytes() == before
+    with h5py.File(shell.folder / "lab.h5", "w") as file:
+        file["a"] = np.arange(3.0)
+    with pytest.raises(ConfigError, match=r"save: lab\.h5 is an HDF5 file that hgorun has not written"):
+        read("run.h5").save("lab.h5")
+    read("run.h5").save("run.h5")  # in Python they know
 
 
 def test_files_are_noted_while_a_command_runs(tmp_path: Path) -> None:

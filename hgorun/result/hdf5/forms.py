@@ -31,6 +31,36 @@ def form_of(path: Path) -> str | None:
     return found if is_ours(found) else None
 
 
+def refuse_not_ours(path: Path, option: str) -> None:
+    """Refuse to replace a file of numbers that hgorun has not written: it may be a recording, which nobody makes again.
+
+    One that cannot be opened, as it is cut off, may be replaced.
+
+    Parameters
+    ----------
+    path : Path
+    option : str
+        By which somebody names it.
+
+    Raises
+    ------
+    ConfigError
+    """
+    kind = kind_of_file(path)
+    if kind is None:
+        return
+    if kind is HDF5:
+        try:
+            if is_ours(opened(path, LARGEST, _stated)):
+                return
+        except ConfigError:
+            return
+    raise ConfigError(
+        f"{option}: {path} is {kind.what} that hgorun has not written, such as a recording, and would be replaced: "
+        "name another file, or remove this one first"
+    )
+
+
 def _stated(file: h5py.File) -> str | None:
     found = file.attrs.get("format")
     return str(found) if isinstance(found, str) else None
