@@ -30,13 +30,29 @@ def set_path(source: Source, assignment: str) -> Source:
         There is no ``=``, the value is not YAML, the path leads into a scalar or past the end of a list, or what is to
         be removed is not there.
     """
-    for one in _written_out(source.data, assignment):
-        source = _with_assignment(source, one, f"--set {assignment}")
+    file = f"--set {assignment}"
+    for one in written_out(source.data, assignment, file):
+        source = _with_assignment(source, one, file)
     return source
 
 
-def _written_out(data: object, assignment: str) -> list[str]:
-    """The assignments that one stands for: several where it begins with ``observers.*``."""
+def written_out(data: object, assignment: str, file: str | None = None) -> list[str]:
+    """The assignments, or paths, that one stands for: several where it begins with ``observers.*``.
+
+    Parameters
+    ----------
+    data : plain data
+        Of a configuration.
+    assignment : str
+        A path, with or without what follows its end.
+    file : str, optional
+        What messages call the place; None where it is a path alone, which they then name.
+
+    Raises
+    ------
+    ConfigError
+        It begins so, and no observer's block has the key that follows.
+    """
     blocks = data.get("observers") if isinstance(data, dict) else None
     if not assignment.startswith(ALL_OBSERVERS) or not isinstance(blocks, dict) or "*" in blocks:
         return [assignment]
@@ -47,8 +63,9 @@ def _written_out(data: object, assignment: str) -> list[str]:
         known = dict.fromkeys(str(name) for block in blocks.values() for name, _ in entries(block))
         raise ConfigError(
             f"no observer's block has the key {key!r}.{nearest(key, known)} Known here: {listed(known, key)}",
-            file=f"--set {assignment}",
-            line=1,
+            file=file,
+            line=None if file is None else 1,
+            key=assignment if file is None else None,
         )
     return [f"observers.{label}.{rest}" for label in having]
 
@@ -61,7 +78,7 @@ def places_set(data: object, assignment: str) -> list[tuple[KeyPath, str]]:
     ConfigError
         It begins so, and no observer's block has the key that follows.
     """
-    parted = (_parted(data, one) for one in _written_out(data, assignment))
+    parted = (_parted(data, one) for one in written_out(data, assignment, f"--set {assignment}"))
     return [((*old, *new), text) for old, new, _, text in parted]
 
 

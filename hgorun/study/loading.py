@@ -34,9 +34,10 @@ def load(
     path : path or mapping
         A YAML file, or the blocks of an experiment as they stand in one.
     overrides : sequence of str
-        ``path=value`` each, as on the command line after ``--set``.
+        ``path=value`` each, as on the command line after ``--set``. Of a file with ``runs`` they change what all runs
+        share: a key that a run has itself is ``runs.NAME.`` and the key.
     seed : int, optional
-        Overrides the seed in the file.
+        Overrides the seed in the file, but for runs that have one of their own.
     run : str, optional
         Which, of a file with several ``runs``; of an ensemble the first member.
 
@@ -112,7 +113,9 @@ def load_study(path: str | Path, overrides: Sequence[str] = (), *, seed: int | N
 
     Parameters
     ----------
-    path, overrides, seed
+    path : path
+        A YAML file.
+    overrides, seed
         As for :func:`load`.
 
     Returns
@@ -123,13 +126,17 @@ def load_study(path: str | Path, overrides: Sequence[str] = (), *, seed: int | N
     Raises
     ------
     ConfigError
-        For anything wrong in it: file, line, key, what was found and what would be right.
+        For anything wrong in it: file, line, key, what was found and what would be right; where it is no file, since
+        a mapping holds one run, which :func:`load` takes.
 
     Examples
     --------
     >>> {name: list(run.experiment.observers) for name, run in hgorun.load_study("config.yaml").runs.items()}
     {'config': ['SHGO']}
     """
+    if not isinstance(path, (str, PathLike)):
+        one = "; hgorun.load takes the blocks of one run" if isinstance(path, Mapping) else ""
+        raise ConfigError(f"load_study: expected a file, found {describe(path)}{one}")
     text, source = _read(path, overrides, seed)
     return study_of(source, Path(path).stem, text)
 

@@ -92,6 +92,27 @@ def test_what_has_not_changed_is_shared(base: Experiment) -> None:
     assert base.varied({}, seed=9).blocks.seed == 9
 
 
+@pytest.mark.parametrize(
+    ("rest", "value"), [("theta", 3), ("initial.x1", 2), ("initial", {"x1": 1, "x2": 13}), ("r", 2), ("theta", None)]
+)
+def test_a_path_of_all_observers_is_that_of_each_which_has_the_key(base: Experiment, rest: str, value: Any) -> None:
+    base = base.varied({"observers.F r=1.r": 1})
+    labels = [label for label, block in base.source.data["observers"].items() if rest.split(".")[0] in block]
+    one_by_one = {f"observers.{label}.{rest}": value for label in labels}
+    if value is None:
+        with pytest.raises(ConfigError, match=r"observers\.F r=1\.theta: this key is missing"):
+            base.varied({f"observers.*.{rest}": None})
+        return
+    assert base.varied({f"observers.*.{rest}": value}).resolved() == base.varied(one_by_one).resolved()
+
+
+def test_a_key_that_no_observer_has_is_refused(base: Experiment) -> None:
+    with pytest.raises(ConfigError) as error:
+        base.varied({"observers.*.thta": 3})
+    said = "observers.*.thta: no observer's block has the key 'thta'. Did you mean `theta`? Known here: "
+    assert str(error.value).startswith(said)
+
+
 def test_observers_are_the_changed_ones_beside_one_whose_equations_follow_the_outputs() -> None:
     bank: Block = {"type": "bank", "observer": {"type": "shgo"}, "thetas": [1, 2]}
     base = experiment(CONTOIS, {"A": bank, "S": {"type": "shgo", "theta": 1}})

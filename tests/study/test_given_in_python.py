@@ -66,6 +66,27 @@ def test_what_cannot_be_loaded(given: Any, more: dict[str, Any], said: str) -> N
 
 
 @pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (BLOCKS, "load_study: expected a file, found a mapping; hgorun.load takes the blocks of one run"),
+        (None, "load_study: expected a file, found nothing"),
+    ],
+)
+def test_a_study_is_a_file(given: Any, said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        hgorun.load_study(given)
+    assert str(caught.value) == said
+
+
+def test_a_run_keeps_the_keys_of_its_own(tmp_path: Path) -> None:
+    file = tmp_path / "a.yaml"
+    file.write_text(yaml.safe_dump(BLOCKS | {"runs": {"own": {"seed": 3}, "none": {"title": "other"}}}))
+    for overrides, seed, seeds in (([], 7, (3, 7)), (["runs.own.seed=5"], None, (5, 0))):
+        runs = hgorun.load_study(file, overrides, seed=seed).runs
+        assert tuple(runs[name].experiment.blocks.seed for name in ("own", "none")) == seeds
+
+
+@pytest.mark.parametrize(
     ("given", "run", "said"),
     [
         (hgorun.Experiment(BLOCKS), "a", "run names one of the runs of a file"),

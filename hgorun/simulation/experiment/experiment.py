@@ -82,8 +82,9 @@ class Experiment(Observed):
         Parameters
         ----------
         changes : mapping of str to value
-            By path: keys and list indices with dots between, as after ``--set``. None removes a key. A list that is
-            not there is given whole.
+            By path: keys and list indices with dots between, as after ``--set``; ``observers.*`` is every observer
+            whose block has the key that follows. None removes a key, which need not be there. A list that is not there
+            is given whole.
         seed : int, optional
             Override the seed of the experiment.
         name : str, optional

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hgorun.config.overrides import replaced
+from hgorun.config.overrides import replaced, written_out
 from hgorun.config.types import describe
 from hgorun.config.yaml_source import Source
 from hgorun.errors import ConfigError, KeyPath
@@ -53,7 +53,8 @@ def changed(source: Source, changes: Mapping[str, Any], seed: int | None = None)
     Raises
     ------
     ConfigError
-        See :func:`~hgorun.config.overrides.replaced`; where the changes are no mapping.
+        See :func:`~hgorun.config.overrides.replaced` and :func:`~hgorun.config.overrides.written_out`; where the
+        changes are no mapping.
     """
     touched = set()
     if not isinstance(changes, Mapping) or not all(isinstance(path, str) for path in changes):
@@ -62,8 +63,10 @@ def changed(source: Source, changes: Mapping[str, Any], seed: int | None = None)
             f"found {describe(changes)}"
         )
     for path, value in (changes if seed is None else {**changes, "seed": seed}).items():
-        source, place = replaced(source, path, plain(value))
-        touched.add(place)
+        value = plain(value)
+        for one in written_out(source.data, path):
+            source, place = replaced(source, one, value)
+            touched.add(place)
     return source, touched
 
 
