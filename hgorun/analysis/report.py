@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 
 from hgorun.analysis.convergence.theorem import transient_of
-from hgorun.analysis.finding import Finding, Remarked, Value, all_findings
+from hgorun.analysis.finding import FINDINGS, Finding, Remarked, Value, all_findings
 from hgorun.analysis.reasons import NoValue, outcomes
 from hgorun.analysis.subject import Context, Subject
 from hgorun.config.named import Named, name_keys
-from hgorun.errors import PluginError, called
+from hgorun.config.nearest import listed, nearest
+from hgorun.config.types import describe
+from hgorun.errors import ConfigError, PluginError, called
 from hgorun.files import json_value
 from hgorun.result.records.theory import Transient
 from hgorun.result.result import Result
@@ -110,14 +112,16 @@ class Analysis:
         return {"name": self.name, "file": file, **units, "observers": observers}
 
 
-def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *, search: bool = False) -> Analysis:
+def analyze(
+    experiment: Experiment, findings: Sequence[Finding | str] | None = None, *, search: bool = False
+) -> Analysis:
     """Simulate an experiment and say what theory promises for it.
 
     Parameters
     ----------
     experiment : Experiment
-    findings : sequence of Finding, optional
-        What to look for; everything if omitted.
+    findings : sequence of Finding or str, optional
+        What to look for, by name or as a record; everything if omitted.
     search : bool
         Whether to look for what only repeated simulation finds.
 
@@ -129,7 +133,7 @@ def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *
     Raises
     ------
     ConfigError
-        When the configuration does not fit together.
+        When the configuration does not fit together, or no finding is called so.
     SimulationError
         When the plant diverges.
 
@@ -140,8 +144,29 @@ def analyze(experiment: Experiment, findings: Sequence[Finding] | None = None, *
     (True, [-1.0, -1.0])
     """
     require_experiment(experiment)
+    asked = None if findings is None else _asked(findings)
     run = prepare(experiment)
-    return analysis_of(run, simulate_prepared(run), findings, search=search)
+    return analysis_of(run, simulate_prepared(run), asked, search=search)
+
+
+def _asked(findings: object) -> tuple[Finding, ...]:
+    """Findings of their names, or of themselves."""
+    if isinstance(findings, str | Mapping) or not isinstance(findings, Iterable):
+        raise ConfigError(f"findings: expected a list of names, such as ['poles'], found {describe(findings)}")
+    return tuple(map(_finding, findings))
+
+
+def _finding(asked: object) -> Finding:
+    if isinstance(asked, Finding):
+        return asked
+    if not isinstance(asked, str):
+        raise ConfigError(f"findings: expected a list of names, such as ['poles'], found {describe(asked)} in it")
+    try:
+        return FINDINGS.find(asked)
+    except KeyError:
+        known = FINDINGS.names()
+        message = f"findings: no finding is called {asked!r:.50}.{nearest(asked, known)} Known: {listed(known, asked)}"
+        raise ConfigError(message) from None
 
 
 def analysis_of(

@@ -19,7 +19,7 @@ from hgorun.ensemble.members.ensemble import Ensemble
 from hgorun.ensemble.members.values import Drawn
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.observers.capabilities import FilterOrder
-from hgorun.result.hdf5.stored import LARGEST
+from hgorun.result.hdf5.stored import LARGEST, budget_of
 from hgorun.result.records.status import STATUSES
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def read_sweep(path: str | Path, *, max_memory: float = LARGEST) -> Sweep:
         A collected file (``NAME.sweep.h5``), or the folder (``NAME.sweep``) in which it is made: then the members
         that are finished.
     max_memory : float
-        Bytes that the numbers may take; 1 GiB by default.
+        Bytes that the numbers may take; 1 GiB by default, ``inf`` for any.
 
     Returns
     -------
@@ -120,7 +120,7 @@ def _finished(store: Store, max_memory: float) -> Collected:
     ensemble = store.ensemble
     base = ensemble.base
     blocks, numbers, kept = [], [], []
-    budget = max_memory
+    budget: float = budget_of(max_memory)
     for carried, which in store.blocks():
         blocks.append(part(carried.block, which))
         numbers.append(np.arange(carried.start + which.start, carried.start + which.stop))

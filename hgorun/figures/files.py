@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hgorun.config.expressions import nearest
+from hgorun.config.types import describe
 from hgorun.errors import ConfigError
 from hgorun.figures.style import DPI, styled
 from hgorun.files import written_whole
@@ -60,15 +62,35 @@ def save(figure: Figure, path: str | Path, formats: Sequence[str] = ("png", "pdf
         When a file cannot be written; then none is.
     """
     for suffix in formats:
-        if suffix not in _METADATA:
-            hint = nearest(suffix, _METADATA)
-            raise ConfigError(f"figures are not written as {suffix!r}.{hint} Known: {', '.join(_METADATA)}")
+        _require_format(suffix)
     stem = Path(path)
 
     def writer(suffix: str) -> Writer:
         return lambda part: figure.savefig(part, format=suffix, dpi=DPI, metadata=_METADATA[suffix])
 
     return _write({stem.with_name(f"{stem.name}.{suffix}"): writer(suffix) for suffix in formats})
+
+
+def named(path: str | Path) -> tuple[Path, str]:
+    """The name of a file without its suffix, and the format that the suffix says; png without one.
+
+    Raises
+    ------
+    ConfigError
+        Where this is no name of a file of figures.
+    """
+    if not isinstance(path, str | PathLike) or not Path(path).name:
+        raise ConfigError(f"plot: expected the name of a file .pdf, .png or .svg, found {describe(path)}")
+    file = Path(path)
+    suffix = file.suffix.lstrip(".") or "png"
+    _require_format(suffix)
+    return file.with_suffix(""), suffix
+
+
+def _require_format(suffix: str) -> None:
+    if suffix not in _METADATA:
+        hint = nearest(suffix, _METADATA)
+        raise ConfigError(f"figures are not written as {suffix!r}.{hint} Known: {', '.join(_METADATA)}")
 
 
 def thumbnail(figure: Figure, path: str | Path) -> Path:

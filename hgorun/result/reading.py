@@ -15,7 +15,7 @@ from hgorun.result.file.recorded_file import RecordedFile
 from hgorun.result.hdf5 import digests
 from hgorun.result.hdf5.forms import RESULT, not_this
 from hgorun.result.hdf5.not_yet import refuse_what_has_not_run
-from hgorun.result.hdf5.stored import LARGEST, NAMED, StoredFile, file_at, is_finite, is_number, opened
+from hgorun.result.hdf5.stored import LARGEST, NAMED, StoredFile, budget_of, file_at, is_finite, is_number, opened
 from hgorun.result.records.data import DesignNumbers, Integration, IntegrationError, Measurements
 from hgorun.result.records.observer import MAPS, Coordinates, ObserverResult
 from hgorun.result.records.status import OK, STATUSES, Verdict
@@ -34,7 +34,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Result:
     ----------
     path : path
     max_memory : float
-        Bytes that its numbers may take; 1 GiB by default.
+        Bytes that its numbers may take; 1 GiB by default, ``inf`` for any.
 
     Returns
     -------
@@ -53,7 +53,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Result:
     """
     path = file_at(path)
     refuse_what_has_not_run(path, RESULT)
-    budget = int(max_memory)
+    budget = budget_of(max_memory)
     return opened(path, budget, lambda file: _Reader(file, path, budget).result())
 
 

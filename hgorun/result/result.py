@@ -107,11 +107,18 @@ class Result(ResultData):
         Returns
         -------
         matplotlib.figure.Figure
+
+        Raises
+        ------
+        ConfigError
+            For what is no name of such a file.
         """
         from hgorun.figures.drawing import comparison
-        from hgorun.figures.files import save
+        from hgorun.figures.files import named, save
 
+        place = None if path is None else named(path)
         figure = comparison([self])
-        if path is not None:
-            save(figure, Path(path).with_suffix(""), (Path(path).suffix.lstrip(".") or "png",))
+        if place is not None:
+            stem, suffix = place
+            save(figure, stem, (suffix,))
         return figure

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -35,6 +36,30 @@ class Mine(HighGain, ContinuousObserver):
     def fastest_rate(self, form):
         return self.theta
 """
+
+
+def test_findings_are_asked_for_by_name() -> None:
+    one = experiment(chain(2), {"o": {"type": "shgo", "theta": 2}}, end=0.1)
+    found = hgorun.analyze(one, ["hurwitz", FINDINGS.find("poles")])
+    assert [finding.name for finding in found.findings] == ["hurwitz", "poles"]
+    assert found.observers["o"].values["hurwitz"] is True
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ("poles", "findings: expected a list of names, such as ['poles'], found 'poles'"),
+        ({"poles": 1}, "findings: expected a list of names, such as ['poles'], found a mapping"),
+        (3, "findings: expected a list of names, such as ['poles'], found 3"),
+        (["poles", 3], "findings: expected a list of names, such as ['poles'], found 3 in it"),
+        (["pole"], "findings: no finding is called 'pole'. Did you mean `poles`? Known: poles, "),
+    ],
+)
+def test_what_is_no_finding_is_said_before_the_run(monkeypatch: pytest.MonkeyPatch, asked: Any, said: str) -> None:
+    monkeypatch.setattr("hgorun.analysis.report.prepare", None)
+    with pytest.raises(hgorun.ConfigError) as caught:
+        hgorun.analyze(experiment(chain(2), {"o": {"type": "shgo", "theta": 2}}), asked)
+    assert str(caught.value).startswith(said)
 
 
 def test_the_page_has_the_reference() -> None:

@@ -169,7 +169,6 @@ def test_what_cannot_be_followed_is_said(small: Experiment) -> None:
         (lambda: estimator.update(2, {"a": 1}, u={"u": 1}), "not given with samples"),
         (lambda: estimator.update(3, {"a": 1}, available=2), "after it was known"),
         (lambda: estimator.predict(float("nan")), "is before"),
-        (lambda: Estimator(small, gates={"z": 1}), "no output is called 'z'"),
     ):
         with pytest.raises(ValueError, match=message):
             call()

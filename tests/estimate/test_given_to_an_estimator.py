@@ -183,6 +183,27 @@ def test_gates_and_deviations_are_given_by_name(pushed: Experiment, key: str) ->
         Estimator(pushed, **given)
 
 
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"gates": {"Y": 3}}, "gates: no output is called 'Y'. Did you mean `y`? Known: y"),
+        ({"inputs": "u"}, "inputs: expected a list of names, such as ['u'], found 'u'"),
+        ({"inputs": {"v": 1}}, "inputs: expected a list of names, such as ['v'], found a mapping"),
+        ({"inputs": 3}, "inputs: expected a list of names, such as ['u'], found 3"),
+        ({"inputs": ["u", 3]}, "inputs: expected a list of names, found 3 in it"),
+    ],
+)
+def test_names_are_given_in_lists_and_are_known(pushed: Experiment, given: dict[str, Any], said: str) -> None:
+    with pytest.raises(ConfigError) as caught:
+        Estimator(pushed, **given)
+    assert str(caught.value) == said
+
+
+def test_inputs_are_any_names_one_after_the_other(pushed: Experiment) -> None:
+    for inputs in (("u", "v"), {"u", "v"}, (name for name in "uv")):
+        Estimator(pushed, inputs=inputs).update(0.1, {"y": 0.1}, u={"u": 0.5, "v": 1})  # type: ignore[arg-type]  # more than is promised
+
+
 @pytest.mark.parametrize("remembered", [-1, 2.5, "x"])
 def test_events_are_remembered_in_whole_numbers(pushed: Experiment, remembered: int) -> None:
     with pytest.raises(ConfigError, match="remembered: expected a whole number of events, 0 or more, found"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import hashlib
 import json
+import math
 import os
 import signal
 import subprocess
@@ -22,6 +23,7 @@ import xarray
 import yaml
 
 import hgorun
+from hgorun.errors import ConfigError
 from hgorun.result.hdf5.guarded import Failed, guarded
 from hgorun.result.records.status import Verdict
 
@@ -273,6 +275,30 @@ def test_links_are_refused(name: str, kind: str, file: Path, tmp_path: Path) -> 
 
     with pytest.raises(hgorun.ConfigError, match=f"{name.split('/')[-1]} is a link"):
         hgorun.read(damaged(file, tmp_path / "linked.h5", change))
+
+
+@pytest.mark.parametrize("allowed", ["2G", None, math.nan, 0, -1, True])
+def test_memory_is_a_positive_number(tmp_path: Path, allowed: Any) -> None:
+    (tmp_path / "empty.h5").touch()
+    with pytest.raises(ConfigError, match=r"^max_memory: expected a number of bytes greater than 0, found "):
+        hgorun.read(tmp_path / "empty.h5", max_memory=allowed)
+    with pytest.raises(ConfigError, match=r"^max_memory: expected a number of bytes greater than 0, found "):
+        hgorun.read_sweep(tmp_path / "empty.h5", max_memory=allowed)
+
+
+def test_memory_may_be_without_limit(file: Path) -> None:
+    for allowed in (math.inf, 1e20, np.float64(2**40)):
+        assert hgorun.read(file, max_memory=allowed).states == ("x1", "x2")
+
+
+@pytest.mark.parametrize("name", ["", ".", 3])
+def test_a_figure_has_a_name(file: Path, monkeypatch: pytest.MonkeyPatch, name: Any) -> None:
+    result = hgorun.read(file)
+    monkeypatch.setattr("hgorun.figures.drawing.comparison", None)  # said before anything is drawn
+    with pytest.raises(ConfigError, match=r"^plot: expected the name of a file \.pdf, \.png or \.svg, found "):
+        result.plot(name)
+    with pytest.raises(ConfigError, match=r"^figures are not written as 'pgn'\. Did you mean `png`"):
+        result.plot("a.pgn")
 
 
 def test_a_pipe_is_no_file(config: Path, tmp_path: Path) -> None:

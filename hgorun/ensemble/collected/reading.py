@@ -18,7 +18,7 @@ from hgorun.ensemble.collected.collected import Collected, Floats, Trajectories,
 from hgorun.errors import printable
 from hgorun.result.hdf5.forms import SWEEP, form_of, not_this
 from hgorun.result.hdf5.not_yet import refuse_what_has_not_run
-from hgorun.result.hdf5.stored import LARGEST, NAMED, StoredFile, file_at, opened
+from hgorun.result.hdf5.stored import LARGEST, NAMED, StoredFile, budget_of, file_at, opened
 from hgorun.result.records.status import STATUSES
 
 QUANTITIES = "quantities"
@@ -38,7 +38,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Collected:
     ----------
     path : path
     max_memory : float
-        Bytes that its numbers may take; 1 GiB by default.
+        Bytes that its numbers may take; 1 GiB by default, ``inf`` for any.
 
     Raises
     ------
@@ -47,7 +47,7 @@ def read(path: str | Path, *, max_memory: float = LARGEST) -> Collected:
     """
     path = file_at(path)
     refuse_what_has_not_run(path, SWEEP)
-    budget = int(max_memory)
+    budget = budget_of(max_memory)
     return opened(path, budget, lambda file: _Reader(file, path, budget).collected())
 
 

@@ -21,7 +21,7 @@ from hgorun.estimate.stream.arriving import Arriving
 from hgorun.estimate.stream.checkpoint import Checkpoint, Settings, damaged
 from hgorun.estimate.stream.following import Following
 from hgorun.estimate.stream.gate_counts import by_gate
-from hgorun.estimate.stream.given import as_number, positive_by_name, require_names
+from hgorun.estimate.stream.given import as_number, names_in, positive_by_name, require_names, require_outputs
 from hgorun.estimate.stream.live_system import LiveSystem
 from hgorun.estimate.stream.remembered import Remembered
 from hgorun.estimate.stream.together import Together
@@ -77,14 +77,14 @@ class Estimator:
             inputs = said.inputs if inputs is None else inputs
         gates = positive_by_name("gates", gates)
         require_names("std", std)
+        inputs = names_in("inputs", inputs)
         if not isinstance(remembered, int) or remembered < 0:
             raise ConfigError(f"remembered: expected a whole number of events, 0 or more, found {remembered!r:.50}")
         experiment = with_noise(experiment, std).with_recorded(inputs)
         with experiment.located():
             require_known_start(experiment)
-            self._system = system = LiveSystem.of(experiment, tuple(inputs))
-            for name in gates:
-                system.output(name)
+            self._system = system = LiveSystem.of(experiment, inputs)
+            require_outputs("gates", gates, system.outputs)
             self._run = Following(system, gates)
         self._experiment, self._live = experiment, self._run.live
         self._settings: Settings = {"gates": gates, "std": dict(stated(experiment)), "inputs": sorted(system.inputs)}

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+from hgorun.config.nearest import listed, nearest
+from hgorun.config.types import describe
 from hgorun.errors import ConfigError
 
 
@@ -51,6 +53,37 @@ def require_names(name: str, values: Any) -> None:
     """
     if not isinstance(values, Mapping):
         raise ConfigError(_not_by_name(name, values))
+
+
+def require_outputs(name: str, values: Mapping[str, float], outputs: Iterable[str]) -> None:
+    """Refuse numbers of what is no output.
+
+    Raises
+    ------
+    ConfigError
+    """
+    known = tuple(outputs)
+    for one in values:
+        if one not in known:
+            near = nearest(str(one), known)
+            raise ConfigError(f"{name}: no output is called {one!r:.50}.{near} Known: {listed(known, str(one))}")
+
+
+def names_in(name: str, values: object) -> tuple[str, ...]:
+    """Names in a list; neither a text, which is a sequence of letters, nor a mapping, whose values would be lost.
+
+    Raises
+    ------
+    ConfigError
+    """
+    if isinstance(values, str | Mapping) or not isinstance(values, Iterable):
+        names = [values] if isinstance(values, str) else list(values)[:1] if isinstance(values, Mapping) else ["u"]
+        raise ConfigError(f"{name}: expected a list of names, such as {names}, found {describe(values)}")
+    found = tuple(values)
+    for one in found:
+        if not isinstance(one, str):
+            raise ConfigError(f"{name}: expected a list of names, found {describe(one)} in it")
+    return found
 
 
 def positive_by_name(name: str, values: Any) -> dict[str, float]:

@@ -7,6 +7,7 @@ import math
 import os
 from collections.abc import Callable, Mapping
 from io import BytesIO
+from numbers import Real
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -15,6 +16,7 @@ import numpy as np
 
 from hgorun.config.kinds import HDF5, head_of, is_recording, kind_of
 from hgorun.config.nearest import no_file
+from hgorun.config.types import describe
 from hgorun.errors import ConfigError, printable
 from hgorun.result.hdf5 import digests
 from hgorun.result.hdf5.guarded import Failed, guarded
@@ -23,6 +25,7 @@ T = TypeVar("T")
 
 LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 NAMED = 1_000  # characters of a label
+_MOST = 2**60  # bytes: more than any machine has
 _SECONDS = 60.0  # that reading may take: a GiB takes two
 
 
@@ -36,6 +39,19 @@ def file_at(path: str | Path) -> Path:
     if not os.path.isfile(path):
         raise ConfigError(no_file(Path(path)), file=str(path))
     return Path(path)
+
+
+def budget_of(max_memory: object) -> int:
+    """Bytes that numbers may take, as somebody allows it: a number greater than 0, infinity for as many as there are.
+
+    Raises
+    ------
+    ConfigError
+    """
+    allowed = float(max_memory) if isinstance(max_memory, Real) and not isinstance(max_memory, bool) else math.nan
+    if not allowed > 0:
+        raise ConfigError(f"max_memory: expected a number of bytes greater than 0, found {describe(max_memory)}")
+    return int(min(allowed, _MOST))
 
 
 def opened(path: Path, budget: int, work: Callable[[h5py.File], T]) -> T:
