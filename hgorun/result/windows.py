@@ -21,9 +21,22 @@ def points_in(time: np.ndarray, window: tuple[float, float]) -> slice:
         Increasing; evenly spaced at the start.
     window : (from, to)
     """
-    slack = _SLACK * float(time[1] - time[0]) if time.size > 1 else 0.0
+    slack = 0.0
+    if time.size > 1:  # far from 0 neighbouring numbers are further apart than that part of a step
+        slack = _SLACK * float(time[1] - time[0]) + 2 * float(np.spacing(max(abs(time[0]), abs(time[-1]))))
     first = np.searchsorted(time, window[0] - slack, side="left")
     return slice(int(first), int(np.searchsorted(time, window[1] + slack, side="right")))
+
+
+def window_since(window: tuple[float, float], origin: float) -> tuple[float, float]:
+    """A window counted from some time on.
+
+    Far from 0 its ends are rounded by more than a point of the grid may lie outside: it is wider by that.
+    """
+    if not origin:
+        return window
+    rounding = 2 * float(np.spacing(max(abs(origin), *map(abs, window))))
+    return window[0] - origin - rounding, window[1] - origin + rounding
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -64,5 +77,5 @@ class MetricSettings:
         """The same windows, counted from some time on."""
         if not origin:
             return self
-        steady, transient = ((a - origin, b - origin) for a, b in (self.steady, self.transient))
+        steady, transient = (window_since(window, origin) for window in (self.steady, self.transient))
         return replace(self, steady=steady, transient=transient)

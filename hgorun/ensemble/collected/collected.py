@@ -290,4 +290,4 @@ def _of_members(kept: Trajectories | None, members: NDArray[np.bool_]) -> Trajec
 
 def last_point(start: float, end: float, step: float) -> float:
     """The last point of an output grid, less what rounding may have taken off it."""
-    return start + (points_up_to(end - start, step) - 1 - 1e-6) * step
+    return start + (points_up_to(start, end, step) - 1 - 1e-6) * step

@@ -25,7 +25,7 @@ from hgorun.result.metrics.base import all_metrics
 from hgorun.result.quantities.quantities import kinds, of_loops, read_quantity
 from hgorun.result.quantities.quantity import Quantity
 from hgorun.result.quantities.quoted import quoted
-from hgorun.result.windows import points_in
+from hgorun.result.windows import points_in, window_since
 from hgorun.simulation.experiment.experiment import Experiment
 
 _BITS = 32  # of a coordinate of a Sobol point
@@ -120,7 +120,7 @@ class Ensemble:
         low, high = quantity.window
         if low < time.start - 1e-9 or high > time.end + 1e-9:
             raise Problem(place, f"{quantity}: the run lasts from {time.start:g} to {time.end:g}")
-        if not points[::every][points_in(points[::every], (low - time.start, high - time.start))].size:
+        if not points[::every][points_in(points[::every], window_since((low, high), time.start))].size:
             raise Problem(place, f"{quantity}: no output point lies in this window")
 
     @property

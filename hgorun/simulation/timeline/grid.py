@@ -10,7 +10,7 @@ import numpy as np
 from hgorun.config.models import Metrics, Time
 from hgorun.errors import Problem
 from hgorun.memo import Memo
-from hgorun.result.windows import points_in
+from hgorun.result.windows import points_in, window_since
 
 Grid: TypeAlias = tuple[np.ndarray, int, int]
 
@@ -98,7 +98,7 @@ def even_grid_of(time: Time, metrics: Metrics, states: int, observers: int) -> E
                 ("metrics", "record"),
                 f"record {record:g} and output_step {time.output_step:g}: one must be a multiple of the other",
             )
-    count = points_up_to(end, fine)
+    count = points_up_to(time.start, time.end, fine)
     width = states + observers * (states * 2 + 8)  # states and estimates, before the exact size is known
     size = count * width * 8
     if size > time.max_memory:
@@ -108,7 +108,7 @@ def even_grid_of(time: Time, metrics: Metrics, states: int, observers: int) -> E
             f"time.max_memory allows {time.max_memory / 2**30:.3g} GiB",
         )
     for path, step in ((("time", "output_step"), time.output_step), (("metrics", "record"), record)):
-        if step > end * (1 + 1e-9):
+        if step > end * (1 + 1e-9) and points_up_to(time.start, time.end, step) < 2:
             raise Problem(path, f"{step:g} is longer than the run, {end:g}: shorten it")
     if metrics.window is not None or metrics.transient is not None:
         _check_windows(_kept_points(int(count), fine)[:: ratios[1]], fine, time, metrics)
@@ -125,10 +125,13 @@ def _kept_points(count: int, step: float) -> np.ndarray:
     return _POINTS.get((count, step), lambda: EvenPoints(count, step)[:])
 
 
-def points_up_to(end: float, step: float) -> float:
-    """How many points a grid from 0 on has: one at its end counts whatever rounding takes off it."""
-    rounding = 1e-9 + 2 * np.spacing(end) / step
-    return float(np.floor(end / step * (1 + 1e-12) + rounding)) + 1
+def points_up_to(start: float, end: float, step: float) -> float:
+    """How many points a grid has: one at its end counts whatever rounding takes off it.
+
+    Far from 0, as in seconds since 1970, a length is the difference of numbers that are rounded by more than it is.
+    """
+    length, rounding = end - start, 1e-9 + 2 * np.spacing(max(abs(start), abs(end))) / step
+    return float(np.floor(length / step * (1 + 1e-12) + rounding)) + 1
 
 
 def _check_windows(measured: np.ndarray, fine: float, time: Time, metrics: Metrics) -> None:
@@ -146,5 +149,5 @@ def _check_windows(measured: np.ndarray, fine: float, time: Time, metrics: Metri
                 ("metrics", key),
                 f"[{window[0]:g}, {window[1]:g}] reaches outside the run, which lasts from {origin:g} to {time.end:g}",
             )
-        if measured[points_in(measured, since)].size == 0:
+        if measured[points_in(measured, window_since(window, origin))].size == 0:
             raise Problem(("metrics", key), f"no output point lies in [{window[0]:g}, {window[1]:g}]")
