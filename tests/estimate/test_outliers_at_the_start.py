@@ -81,6 +81,30 @@ def test_where_half_of_the_first_ones_disagree_more_are_looked_at() -> None:
     np.testing.assert_allclose(start_of(y, 2, 3), through(y[:6], 2, outliers), rtol=0, atol=1e-7)
 
 
+@pytest.mark.parametrize(
+    ("states", "count", "outliers"),
+    [
+        (2, 6, {0: 100.0, 1: 130.0, 2: 90.0}),
+        (2, 8, {0: 100.0, 1: 130.0, 2: 90.0, 3: 110.0}),
+        (2, 8, {0: -100.0, 2: 130.0, 4: 90.0, 6: 110.0}),
+        (2, 12, {0: 100.0, 2: -130.0, 4: 90.0, 6: -110.0, 8: 120.0, 10: -60.0}),
+        (3, 8, {0: 200.0, 1: -250.0, 2: 200.0, 3: 300.0}),
+    ],
+)
+def test_beside_any_number_of_first_ones_twice_as_many_are_looked_at(
+    states: int, count: int, outliers: Outliers
+) -> None:
+    y = measured(4 * count, outliers)
+    used = y[: count + len(outliers)]
+    np.testing.assert_allclose(start_of(y, states, count), through(used, states, outliers), rtol=0, atol=1e-7)
+
+
+def test_more_are_not_looked_at_where_they_do_not_agree_either() -> None:
+    outliers = {0: 100.0, 1: 130.0, 2: 90.0}
+    y = measured(24, outliers | {k: 200.0 * (k - 6) for k in range(6, 12)})
+    assert start_of(y, 2, 6) == start_of(y[:6], 2, 6)
+
+
 @pytest.mark.parametrize("seed", range(4))
 def test_a_pendulum_with_much_more_friction_loses_no_sample(seed: int) -> None:
     """Its first swing is far from that of the model, and the rest are near to rest."""

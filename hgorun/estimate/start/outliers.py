@@ -36,7 +36,7 @@ def judged(near: StartTask, many: StartTask, far: StartTask, x: Floats) -> Fit |
         A guess.
     """
     found = without_outliers(near, x)
-    if (other := _of_many(near, many, found, x)) is not None:
+    if not agrees(near, found) and (other := of_many(near, many, x)) is not None:
         return other
     more = [of_far.size > of_near.size for of_near, of_far in zip(near.numbers, far.numbers, strict=True)]
     if found is None or not any(more):
@@ -62,19 +62,21 @@ def judged(near: StartTask, many: StartTask, far: StartTask, x: Floats) -> Fit |
     return found
 
 
-def _of_many(near: StartTask, many: StartTask, found: Fit | None, x: Floats) -> Fit | None:
+def of_many(near: StartTask, many: StartTask, x: Floats) -> Fit | None:
     """The fit to twice as many samples, if these agree and more of the first are outliers than the first can tell."""
-    if near.gates.size == many.gates.size or (found is not None and _agrees(near, found)):
+    if near.gates.size == many.gates.size:
         return None
     other = without_outliers(many, x)
-    if other is None or not _agrees(many, other):
+    if other is None or not agrees(many, other):
         return None
     out = sum(np.count_nonzero(np.isin(own, left)) for own, left in zip(near.numbers, other.left, strict=True))
     return other if out > _most_of(near.gates.size, x.size) else None
 
 
-def _agrees(task: StartTask, found: Fit) -> bool:
-    """Whether all samples are within their gates of a fit, but for those that it has left out."""
+def agrees(task: StartTask, found: Fit | None) -> bool:
+    """Whether there is a fit of which all samples are within their gates, but for those that it has left out."""
+    if found is None:
+        return False
     error, _ = found.task.residuals(found.x)
     kept = ~np.concatenate([np.isin(own, out) for own, out in zip(task.numbers, found.left, strict=True)])
     return not np.any(found.own_deviations(error)[kept] > task.gates[kept])

@@ -13,7 +13,7 @@ from hgorun.errors import Problem
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
 from hgorun.estimate.start.fit import Fit, fit
-from hgorun.estimate.start.outliers import judged, without_outliers
+from hgorun.estimate.start.outliers import agrees, judged, of_many, without_outliers
 from hgorun.estimate.start.start_task import StartTask
 from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import Floats
@@ -67,7 +67,7 @@ def rounded(prepared: PreparedEstimate, found: Fit) -> dict[str, float]:
 def fit_of(prepared: PreparedEstimate, count: FirstSamples) -> Fit | None:
     """The fit that a start follows from; gains of observers, which are tried, change nothing of it."""
     x = _guess(prepared)
-    whole = StartTask.of(prepared, _MOST if count == AUTO else max(count, 2 * _few(x)))
+    whole = StartTask.of(prepared, _MOST if count == AUTO else 2 * max(count, _few(x)))
     return _FITS.get((count, x.tobytes(), whole.key), lambda: _fitted(prepared, count, x))
 
 
@@ -106,22 +106,26 @@ def _guess(prepared: PreparedEstimate) -> Floats:
 def _fitted(prepared: PreparedEstimate, count: FirstSamples, x: Floats) -> Fit | None:
     """That fit.
 
-    Of few samples none tells which is an outlier: those that come next are looked at, too, and the fit is to as many
-    others.
+    Where more samples are outliers than these can tell, those that come next are looked at, too, and the fit is to as
+    many others.
     """
-    left: list[Integers] | None = None
-    if count == AUTO or count < _few(x):
-        tasks = _looked_at(prepared, x)
-        found = judged(*tasks, x) if np.isfinite(tasks[-1].gates).any() else None
-        if found is not None and any(one.size for one in found.left):
-            left, x = found.left, found.x  # the guess may be one of these
-    if count == AUTO:
-        found = _agreeing(prepared, x, left)
-    elif left is None:
-        found = without_outliers(StartTask.of(prepared, count), x)
-    else:
-        found = fit(StartTask.of(prepared, count, left), x)
-    return found if found is None or left is None else replace(found, left=left)
+    if count != AUTO and count >= _few(x):
+        first = StartTask.of(prepared, count)
+        found = without_outliers(first, x)
+        others = None if agrees(first, found) else of_many(first, StartTask.of(prepared, 2 * count), x)
+        return found if others is None else _besides(prepared, count, others)
+    tasks = _looked_at(prepared, x)
+    others = judged(*tasks, x) if np.isfinite(tasks[-1].gates).any() else None
+    if others is not None and any(one.size for one in others.left):
+        return _besides(prepared, count, others)
+    return _agreeing(prepared, x) if count == AUTO else without_outliers(StartTask.of(prepared, count), x)
+
+
+def _besides(prepared: PreparedEstimate, count: FirstSamples, others: Fit) -> Fit | None:
+    """The fit to so many samples beside those that another one has left out, near which it begins: no guess is one."""
+    left, x = others.left, others.x
+    found = _agreeing(prepared, x, left) if count == AUTO else fit(StartTask.of(prepared, count, left), x)
+    return None if found is None else replace(found, left=left)
 
 
 def _require_noise(prepared: PreparedEstimate) -> None:
