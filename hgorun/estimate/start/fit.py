@@ -40,22 +40,24 @@ class Fit:
     @property
     def spread(self) -> Floats:
         """Standard deviations of the start that follow from those of the samples; infinite where these tell nothing."""
-        sizes = np.linalg.norm(self.slope, axis=0)
-        sizes = np.where(sizes > 0, sizes, 1.0)
-        _, singular, rows = np.linalg.svd(self.slope / sizes, full_matrices=True)
+        scaled, sizes = _scaled(self.slope)
+        _, singular, rows = np.linalg.svd(scaled, full_matrices=True)
         singular = np.concatenate([singular, np.zeros(len(rows) - singular.size)])
         told = singular > TOLD * singular[0]
         inverse = np.divide(1.0, singular, out=np.zeros_like(singular), where=told)
         untold = np.linalg.norm(rows[~told], axis=0) > np.sqrt(TOLD)
         return np.asarray(np.where(untold, np.inf, np.linalg.norm(inverse[:, None] * rows, axis=0) / sizes))
 
+    def within_gates(self, error: Floats, which: np.ndarray) -> bool:
+        """Whether some samples, bools, are within their gates, in the own deviations of their errors."""
+        return not np.any(self.own_deviations(error)[which] > self.task.gates[which])
+
     def own_deviations(self, error: Floats) -> Floats:
         """The sizes of some errors in their own standard deviations, which are less than those of the samples.
 
         The more a fit follows a sample, the smaller its error is.
         """
-        sizes = np.linalg.norm(self.slope, axis=0)
-        columns, singular, _ = np.linalg.svd(self.slope / np.where(sizes > 0, sizes, 1.0), full_matrices=False)
+        columns, singular, _ = np.linalg.svd(_scaled(self.slope)[0], full_matrices=False)
         followed = np.sum(columns[:, singular > TOLD * singular[0]] ** 2, axis=1)
         return np.asarray(np.abs(error) / np.sqrt(np.maximum(1 - followed, _ALONE)))
 
@@ -109,6 +111,12 @@ def _nearest(task: StartTask, x: Floats) -> Fit | None:
 
 def _least_squares(slope: Floats, error: Floats) -> Floats:
     """The shortest step d with slope d = error, as nearly as can be; the units of the states do not matter."""
+    scaled, sizes = _scaled(slope)
+    return np.asarray(np.linalg.lstsq(scaled, error, rcond=TOLD)[0] / sizes)
+
+
+def _scaled(slope: Floats) -> tuple[Floats, Floats]:
+    """Slopes whose columns have length 1, but for those of zeros, and by what they were divided."""
     sizes = np.linalg.norm(slope, axis=0)
     sizes = np.where(sizes > 0, sizes, 1.0)
-    return np.asarray(np.linalg.lstsq(slope / sizes, error, rcond=TOLD)[0] / sizes)
+    return slope / sizes, sizes

@@ -79,7 +79,7 @@ def agrees(task: StartTask, found: Fit | None) -> bool:
         return False
     error, _ = found.task.residuals(found.x)
     kept = ~np.concatenate([np.isin(own, out) for own, out in zip(task.numbers, found.left, strict=True)])
-    return not np.any(found.own_deviations(error)[kept] > task.gates[kept])
+    return found.within_gates(error, kept)
 
 
 def _most_of(size: int, n: int) -> int:
@@ -114,8 +114,7 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
     others = fit(replace(task, weights=kept.astype(float)), found.x)
     if others is not None:
         rest, _ = others.task.residuals(others.x)
-        within = not np.any(others.own_deviations(rest)[kept] > task.gates[kept])
-        if within and np.max(beyond) > _spread(rest[kept & np.isfinite(task.gates)], x.size):
+        if others.within_gates(rest, kept) and np.max(beyond) > _spread(rest[kept & np.isfinite(task.gates)], x.size):
             return replace(others, left=task.chosen(~kept))
     if (several := _without_several(task, found)) is not None:
         return several
@@ -150,8 +149,7 @@ def _without_several(task: StartTask, base: Fit) -> Fit | None:
                 break
             found = fit(replace(found.task, weights=kept.astype(float)), found.x) or found
         error, _ = found.task.residuals(found.x)
-        within = not np.any(found.own_deviations(error)[kept] > task.gates[kept])
-        if within and np.all(np.abs(error[~kept]) > _BEYOND * task.gates[~kept]):
+        if found.within_gates(error, kept) and np.all(np.abs(error[~kept]) > _BEYOND * task.gates[~kept]):
             return replace(found, left=task.chosen(~kept))
     return None
 
