@@ -33,7 +33,7 @@ class StepWriter(Part):
         yield f"    {tau}const {real} z[], {real} dz[])"
         yield from ("{", *body)
         yield from [] if "s->" in text or "(s," in text else ["    (void)s;"]
-        yield from [] if "time" in text else ["    (void)time;"]
+        yield from [] if _mentions(text, "time") else ["    (void)time;"]
         yield from ("}", "")
 
     def _slope_at(self, time: str, z: str, dz: str) -> list[str]:
@@ -42,7 +42,7 @@ class StepWriter(Part):
             tau = "tau, " if self.functions.timed else ""
             return [f"        {self.prefix}slope(s, {time}, {tau}{z}, {dz});"]
         body = self._evaluated(z, dz)
-        needed = [f"            const double time = {time};"] if re.search(r"\btime\b", "\n".join(body)) else []
+        needed = [f"            const double time = {time};"] if _mentions("\n".join(body), "time") else []
         return ["        {", *needed, *(f"        {line}" for line in body), "        }"]
 
     def _evaluated(self, z: str, dz: str) -> list[str]:
@@ -122,7 +122,7 @@ class StepWriter(Part):
     @property
     def _reads_stages(self) -> bool:
         """Whether the slope depends on the state: that of an observer that holds still between samples may not."""
-        return len(self.observer.method.c) > 1 and "stage" in "".join(self._slope_at("from", "stage", "k2"))
+        return len(self.observer.method.c) > 1 and _mentions("\n".join(self._slope_at("from", "stage", "k2")), "stage")
 
     def _step(self, names: list[str], last: str) -> Iterator[str]:
         """The step from time ``from``; functions of time are evaluated at ``last`` at the end of the last step."""
@@ -151,9 +151,9 @@ class StepWriter(Part):
             body += ["        piece.from = from;", "        piece.to = to;", f"        {p}remember(s, &piece);"]
             body += self._counted_anew()
         text = "\n".join(body)
-        if "from" in text.replace("piece.from", ""):
+        if _mentions(text, "from"):
             yield "        const double from = start + ((double)k * h);"
-        if end == "end" or "(to" in text or " to" in text:
+        if end == "end" or _mentions(text, "to"):
             yield "        const double to = ((k + 1U) == n) ? t : (start + ((double)(k + 1U) * h));"
         if end == "end":
             yield f"        const double end = ((k + 1U) == n) ? ({last}) : to;"
@@ -276,3 +276,8 @@ class StepWriter(Part):
         yield "    }"
         yield "    return status;"
         yield from ("}", "")
+
+
+def _mentions(text: str, name: str) -> bool:
+    """Whether a name stands in some lines by itself: it may be a part of the label that all functions are called by."""
+    return re.search(rf"\b{name}\b", text) is not None

@@ -265,6 +265,18 @@ def test_what_an_observer_does_without_is_not_there(tmp_path: Path) -> None:
     assert compile_c(tmp_path, {**files, **c_files(observer)}).exists()
 
 
+def test_an_observer_may_be_called_as_what_its_code_has(tmp_path: Path) -> None:
+    """What nothing reads is not there either where it is a part of the name of every function: no warning."""
+    long, short = chain(10, "-x1 + x2/(1 + x1**2)"), {"type": "shgo", "theta": 2}
+    found = [("time", run_of(long, {"type": "shgo_riccati", "theta": 1.5}, {"sampling": {"period": 0.1}}))]
+    found += [(label, run_of(CHAIN, short, {"sampling": {"period": 0.1}})) for label in ("from", "to", "a stage")]
+    files: dict[str, str] = {}
+    for label, run in found:
+        files |= c_files(replace(exported(run)[0], label=label))
+    assert "(void)time;" in files["time.c"]
+    compile_c(tmp_path, files, "-fsyntax-only")  # which asserts that nothing is said
+
+
 def test_float_numbers(tmp_path: Path) -> None:
     run = RUNS["kinks"]
     one = load_all(tmp_path, exported(run), single=True)["O"]
