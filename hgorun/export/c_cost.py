@@ -38,7 +38,7 @@ class Cost:
 
 
 def costs(source: Source) -> Mapping[str, Cost]:
-    """What a step, a sample and an estimate cost at most."""
+    """What a step, a sample and an estimate cost at most; a step as a prediction of one step alone does."""
     observer, functions = source.observer, source.functions.all
     equations, size, q = observer.equations, observer.size, len(observer.outputs)
     of_time = [k for name in equations.outputs for k in equations.needed(name) if equations.steps[k].clocked]
@@ -67,7 +67,7 @@ def costs(source: Source) -> Mapping[str, Cost]:
         weights = [sum(w != 0.0 for w in row.weights) for row in (*observer.method.stages, observer.method.result)]
         stages = len(observer.method.c)
         combined = Cost(plain=sum(2 * count + 1 for count in weights)).times(size)
-        step = slope.times(stages) + combined + clock.times(len(set(observer.method.c) | {1.0}) - 1) + Cost(8)
+        step = slope.times(stages) + combined + clock.times(len({*observer.method.c, 1.0})) + Cost(8)
         if observer.remembered:
             step += slope + (evaluated("past") + evaluated("past_rate") + told).times(2)
         found["step"] = step

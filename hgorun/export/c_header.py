@@ -45,8 +45,8 @@ def _described(source: Source) -> Iterator[str]:
         if observer.beside:
             others = ", ".join(observer.beside)
             yield f"That step was found for it and {others} together; exported alone it may take longer ones."
-        first = f" The first {observer.early.times.size} are shorter." if observer.early.times.size else ""
-        yield f"A prediction takes at most {source.upper}MAX_STEPS of them.{first}"
+        first = f", and the first {observer.early.times.size}, which are shorter" if observer.early.times.size else ""
+        yield f"A prediction takes at most {source.upper}MAX_STEPS of them{first}."
     if observer.pieces:
         yield f"History: {observer.pieces} steps, for what is known late."
     yield ""

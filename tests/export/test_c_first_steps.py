@@ -48,7 +48,7 @@ def test_the_numbers_are_those_of_the_file(tmp_path: Path, monkeypatch: pytest.M
     exported = exported_estimate(ready)
     (observer,) = load_all(tmp_path, exported).values()
     count = first_steps.early(ready.experiment, STEP).times.size
-    assert f" The first {count} are shorter." in c_files(exported[0])["O.h"]
+    assert f" HGO_O_MAX_STEPS of them, and the first {count}, which are shorter." in c_files(exported[0])["O.h"]
     own = []
     for t, y in zip(events.tolist(), ready.samples[0].values.tolist(), strict=True):
         assert observer.predict(t) == 0
@@ -56,6 +56,19 @@ def test_the_numbers_are_those_of_the_file(tmp_path: Path, monkeypatch: pytest.M
         assert observer.update(t, [y], 1) == 0
     expected = np.asarray(theirs)[1:]
     np.testing.assert_allclose(own[1:], expected, rtol=0, atol=1e-12 * np.max(np.abs(expected)))
+
+
+@pytest.mark.costly
+def test_the_first_steps_are_beside_those_that_a_prediction_may_take(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As the header says: a prediction of one step takes all of them, too."""
+    monkeypatch.setattr(prepared, "nominal_step", lambda one: STEP)
+    exported = exported_estimate(prepared_of(tmp_path, KALMAN))
+    (observer,) = load_all(tmp_path, exported, "-O0", "-DHGO_O_MAX_STEPS=1").values()
+    assert exported[0].early.times.size > 1
+    assert observer.predict(exported[0].step) == 0
+    assert observer.predict(3 * exported[0].step) != 0
 
 
 def test_no_step_of_it_is_made_again(tmp_path: Path) -> None:

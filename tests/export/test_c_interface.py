@@ -322,6 +322,17 @@ def test_the_cost_of_a_step_is_that_of_its_stages() -> None:
     assert 40 < cost.plain < 120
 
 
+@pytest.mark.parametrize(("method", "clocks"), [("euler", 2), ("rk4", 3)])
+def test_the_cost_of_a_step_has_functions_of_time_at_both_ends(method: str, clocks: int) -> None:
+    """As a prediction of one step evaluates them: at its start, at its end, and within it."""
+    solver = {"method": method, "step": 0.01}
+    run = run_of(chain(2, "-x1 + sin(t)", 1.0), {"type": "shgo", "theta": 2}, {}, solver=solver)
+    source = Source(exported(run)[0], Real())
+    advance = source.text().partition("_advance(")[2].partition("\n}\n")[0]
+    assert advance.count("_clock(") == clocks
+    assert costs(source)["step"].functions == clocks
+
+
 def test_the_header_says_with_whom_a_step_is_shared() -> None:
     """Found for several at once; not one that is given, nor of one that makes no steps."""
     blocks: dict[str, Block] = {"slow": {"type": "shgo", "theta": 1}, "fast": {"type": "shgo", "theta": 8}}
