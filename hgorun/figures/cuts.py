@@ -51,9 +51,14 @@ class Cut:
         number = f"{self.value:.3g}".replace("e+0", "e").replace("e+", "e").replace("e-0", "e-").replace("-", "−")
         return f"{number} (band)" if self.band else number
 
+    @property
+    def far(self) -> float:
+        """What is the larger the further it lies beyond its edge: of cuts at one edge, whatever signs they have."""
+        return SIDES[self.side] * self.value
+
 
 def cuts(ax: Axes) -> list[Cut]:
-    """Of all lines of one colour, or of its bands if no line leaves, the furthest beyond each edge, the furthest first.
+    """Of all lines of one colour, or of its bands if no line leaves, the furthest beyond each edge; the furthest first.
 
     A logarithmic axis has no lower edge that a peak could pass: errors that are small for a moment leave it.
     """
@@ -61,13 +66,13 @@ def cuts(ax: Axes) -> list[Cut]:
     for x, y, colour, band in _drawn(ax):
         for one in _of_points(ax, x, y, colour, band=band):
             known = found.get((one.side, one.colour))
-            if known is None or (known.band, abs(one.value)) > (band, abs(known.value)):
+            if known is None or (known.band, one.far) > (band, known.far):
                 found[one.side, one.colour] = one
-    return sorted(found.values(), key=lambda one: -abs(one.value))
+    return sorted(found.values(), key=lambda one: -one.far)
 
 
 def further_cuts(ax: Axes, known: Sequence[Cut], apart: float) -> list[Cut]:
-    """Where else lines leave, each time furthest: the furthest first, none close to another one of its colour.
+    """Where else lines leave, each time furthest: that of an edge first, none close to another one of its colour.
 
     Nothing of a line that leaves so often that it is seen to be cut all along.
 
@@ -81,7 +86,7 @@ def further_cuts(ax: Axes, known: Sequence[Cut], apart: float) -> list[Cut]:
     further: list[Cut] = []
     times: Counter[tuple[str, str]] = Counter()
     for x, y, colour, band in _drawn(ax):
-        for side in () if band else SIDES:
+        for side, sign in () if band else SIDES.items():
             beyond = _beyond(ax, x, y, side)
             stretches = np.cumsum(np.diff(beyond, prepend=False))[beyond]
             t, v, at = x[beyond], y[beyond], fractions(ax, x[beyond])
@@ -91,12 +96,12 @@ def further_cuts(ax: Axes, known: Sequence[Cut], apart: float) -> list[Cut]:
                     left &= np.abs(at - fractions(ax, np.array([one.x]))) > apart
                     left &= ~np.isin(stretches, stretches[t == one.x])
             while left.any():
-                k = int(np.argmax(np.where(left, np.abs(v), -np.inf)))
+                k = int(np.argmax(np.where(left, sign * v, -np.inf)))
                 further.append(Cut(side, float(t[k]), float(v[k]), colour, told=False))
                 times[side, colour] += 1
                 left &= (np.abs(at - at[k]) > apart) & (stretches != stretches[k])
     few = [one for one in further if times[one.side, one.colour] <= _MOST]
-    return sorted(few, key=lambda one: -abs(one.value))
+    return sorted(few, key=lambda one: -one.far)
 
 
 def _beyond(ax: Axes, x: np.ndarray, y: np.ndarray, side: str) -> np.ndarray:

@@ -17,7 +17,7 @@ from matplotlib.text import Annotation
 
 from hgorun import ConfigError, Result
 from hgorun.figures.bode import bode_figure
-from hgorun.figures.cuts import cuts
+from hgorun.figures.cuts import cuts, further_cuts
 from hgorun.figures.data import without_outliers
 from hgorun.figures.drawing import comparison, draw
 from hgorun.figures.page import Page, dark
@@ -73,6 +73,23 @@ def test_a_band_that_is_cut_has_an_arrow_with_its_value() -> None:
     assert [(one.side, one.text, one.colour) for one in cuts(ax)] == [("top", "3 (band)", "#0072b2")]
     ax.plot(t, 2.5 * t, color="#0072B2")  # what is estimated says more than how uncertain it is
     assert [(one.side, one.text, one.colour) for one in cuts(ax)] == [("top", "2.5", "#0072b2")]
+
+
+@pytest.mark.parametrize(
+    ("offset", "furthest"), [(300.0, {"top": "350", "bottom": "240"}), (-300.0, {"top": "−250", "bottom": "−360"})]
+)
+def test_the_furthest_is_that_beyond_the_edge_where_zero_is_far(offset: float, furthest: dict[str, str]) -> None:
+    """Temperatures in kelvin, and their negatives: two lines of one colour, each of which leaves the panel twice."""
+    ax = Figure().add_subplot()
+    t = np.arange(9.0)
+    ax.plot(t, offset + np.array([0.0, 20.0, 0.0, -20.0, 0.0, 30.0, 0.0, -40.0, 0.0]), color="C0")
+    ax.plot(t + 0.5, offset + np.array([0.0, 50.0, 0.0, -60.0, 0.0, 15.0, 0.0, -15.0, 0.0]), color="C0")
+    ax.set(xlim=(0, 9), ylim=(offset - 10, offset + 10))
+    found = cuts(ax)
+    assert {one.side: one.text for one in found} == furthest
+    others = [(one.side, one.value - offset) for one in further_cuts(ax, found, 0.01)]
+    assert [value for side, value in others if side == "top"] == [30.0, 20.0, 15.0]
+    assert [value for side, value in others if side == "bottom"] == [-40.0, -20.0, -15.0]
 
 
 @pytest.mark.costly
