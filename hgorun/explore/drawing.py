@@ -33,7 +33,7 @@ from hgorun.ensemble.statistics.statistics import QUANTILES, quantiles
 from hgorun.explore.marks import MARKERS, dash, draw_band
 from hgorun.figures.data import magnitude_limits, state_limits
 from hgorun.figures.ensemble import Cast, drawable, limits, places
-from hgorun.figures.lost import ends, first_lost, mostly_lost, spread, within_sound
+from hgorun.figures.lost import ends, first_lost, largest_of, mostly_lost, spread, within_sound
 from hgorun.figures.spread import at_places, told_of_lost
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import bracketed, output_of, unit_of_axis
@@ -66,7 +66,9 @@ def boxes(cast: Cast, metric: str, state: str) -> Plot:
     labels = list(cast.looks)
     found = np.array([spread(*cast.column(metric, label, state)) for label in labels]).T
     plot = _plot("", name(cast, metric, state), x_range=FactorRange(*labels), **_vertical([found]))
-    data: dict[str, Any] = dict(zip(QUANTILES, np.where(np.isfinite(found[0]), ends(found), np.nan), strict=True))
+    data: dict[str, Any] = dict(
+        zip(QUANTILES, np.where(np.isfinite(found[0]), ends(found, largest_of([found])), np.nan), strict=True)
+    )
     data |= {"observer": labels, "colour": [cast.looks[label].colour for label in labels]}
     told = [told_of_lost(cast, metric, label, state) for label in labels]
     data |= {"top": [plot.y_range.end] * len(labels), "told": told}

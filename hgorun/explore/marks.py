@@ -31,7 +31,7 @@ def draw_band(
 ) -> None:
     """Median and bands of an observer, with crosses at the top where they are asked for."""
     look, beside = cast.looks[label], []
-    for low, high, alpha in bands(rows):
+    for low, high, alpha in bands(rows, max(abs(plot.y_range.start), abs(plot.y_range.end))):
         source = ColumnDataSource({"x": at, "low": low, "high": high})
         plot.varea("x", "low", "high", source=source, fill_color=look.colour, fill_alpha=alpha, legend_label=label)
         beside += [plot.line("x", end, source=source, color=look.colour, **_EDGE) for end in ("low", "high")]

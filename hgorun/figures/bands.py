@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +27,7 @@ from hgorun.figures.lost import (
     draw_crosses,
     drawn_median,
     first_lost,
+    largest_of,
     spread,
     within_sound,
     words_of_lost,
@@ -65,6 +67,7 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
         When no trajectories were kept.
     """
     cast, kept = Cast(members, width), _kept(members)
+    looks = list(cast.looks.values())
     step = max(len(kept.time) // POINTS, 1)
     time = kept.time[::step]
     one_truth = bool(np.all(kept.x == kept.x[:1]))
@@ -72,14 +75,11 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
         count, columns = 2 * len(cast.states), cast.columns(2)
         figure, axes = grid(count, columns, cast.width(WIDTH), _ROW * (count // columns) + TOP, share=True)
         for j, (state, left, right) in enumerate(zip(cast.states, axes[::2], axes[1::2], strict=True)):
-            truth = kept.x[:, ::step, j]
-            estimates, sizes = [], []
-            for i, look in enumerate(cast.looks.values()):
-                xhat = kept.xhat[:, i, ::step, j]
-                estimates.append(band(left, time, xhat, look, i, signed=True))
-                error = np.abs(kept.xhat[:, i, :, j] - kept.x[:, :, j])
-                largest = moving_maximum(error, round(_WINDOW * len(kept.time)))[:, ::step]
-                sizes.append(band(right, time, largest, look, i, signed=False))
+            truth, xhat = kept.x[:, ::step, j], kept.xhat[:, :, ::step, j].swapaxes(0, 1)
+            errors = np.abs(kept.xhat[..., j].swapaxes(0, 1) - kept.x[..., j])
+            largest = moving_maximum(errors, round(_WINDOW * len(kept.time)))[..., ::step]
+            estimates = banded(left, time, list(xhat), looks, signed=True, beside=[truth])
+            sizes = banded(right, time, list(largest), looks, signed=False)
             left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **truth_of(one_truth))
             left.set_ylim(state_limits([truth[np.isfinite(truth)]], estimates, []) or (0, 1))
             measured_in = unit(members.units.get(state, ""))
@@ -128,37 +128,50 @@ def words_of_lost_along(members: Collected, step: int) -> str:
     return words_of_lost(members.sound[kept.member], groups, along=True, as_lines=len(sound) < _FEWEST)
 
 
-def band(ax: Axes, time: Floats, values: Floats, look: Look, order: int, *, signed: bool) -> Floats:
+def banded(
+    ax: Axes,
+    time: Floats,
+    several: Sequence[Floats],
+    looks: Sequence[Look],
+    *,
+    signed: bool,
+    beside: Sequence[Floats] = (),
+) -> list[Floats]:
     """Draw the median and the bands of members at each time; of fewer than twenty a line each in place of bands.
 
     A cross is at the time from which on at least half of them are lost.
 
     Parameters
     ----------
-    values : ndarray, shape (K, Nt)
-    order : int
-        The observer's place, by which its crosses are told from those of others.
+    several : sequence of ndarray, shape (K, Nt)
+        The values of each observer.
+    looks : sequence of Look
+        Of the observers, by whose places crosses of one are told from those of others.
     signed : bool
         Whether values are estimates or errors, and not sizes of errors.
+    beside : sequence of ndarray
+        What else the panel shows.
 
     Returns
     -------
-    ndarray
-        What the limits of an axis follow from.
+    list of ndarray
+        For each observer what the limits of an axis follow from.
     """
-    rows = spread(values, np.isfinite(values), signed=signed)
-    if len(values) < _FEWEST:
-        for one in values:
-            ax.plot(time, drawable(one), color=look.colour, linewidth=0.6, alpha=0.4, label="_", zorder=2)
-    else:
-        draw_bands(ax, time, rows, look)
-    median = Curve(time, drawn_median(rows))
-    mean = mean_of_block(finite(*median), _PARTS)
-    if mean is not None:
-        ax.plot(*median, color=look.colour, linewidth=0.6, alpha=PALE, label="_", zorder=3)
-    ax.plot(*(mean or median), color=look.colour, linestyle=look.dashes, label=look.text, zorder=3)
-    draw_crosses(ax, time[first_lost(rows)], look, order)
-    return within_sound(values, rows)
+    found = [spread(values, np.isfinite(values), signed=signed) for values in several]
+    largest = largest_of([*found, *beside])
+    for order, (values, rows, look) in enumerate(zip(several, found, looks, strict=True)):
+        if len(values) < _FEWEST:
+            for one in values:
+                ax.plot(time, drawable(one), color=look.colour, linewidth=0.6, alpha=0.4, label="_", zorder=2)
+        else:
+            draw_bands(ax, time, rows, look, largest)
+        median = Curve(time, drawn_median(rows))
+        mean = mean_of_block(finite(*median), _PARTS)
+        if mean is not None:
+            ax.plot(*median, color=look.colour, linewidth=0.6, alpha=PALE, label="_", zorder=3)
+        ax.plot(*(mean or median), color=look.colour, linestyle=look.dashes, label=look.text, zorder=3)
+        draw_crosses(ax, time[first_lost(rows)], look, order)
+    return [within_sound(values, rows) for values, rows in zip(several, found, strict=True)]
 
 
 def family(

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hgorun.figures.looks import Look
 
 _WIDE, _NARROW = 0.13, 0.22  # how dark bands are: from q05 to q95, from q25 to q75
-_FAR = 1e3  # in units of the largest number that is drawn: beyond every panel
+_FAR = 1e3  # in units of the largest number that a panel has: beyond it
 _HIGHEST, _APART, _ROWS = 0.96, 0.055, 8  # of crosses, in parts of a panel's height
 
 
@@ -53,19 +53,29 @@ def spread(values: Floats, sound: NDArray[np.bool_], *, signed: bool = False) ->
     return rows
 
 
-def ends(rows: Floats) -> Floats:
-    """Quantiles, of which those that are infinite are far beyond the panel."""
-    known = np.isfinite(rows)
-    far = _FAR * float(np.max(np.abs(rows[known]), initial=1e-300))
-    return np.where(known | np.isnan(rows), rows, np.copysign(far, rows))
+def largest_of(several: Iterable[Floats]) -> float:
+    """The size of the largest finite number of several arrays; 0 of none."""
+    return max((float(np.max(np.abs(one), where=np.isfinite(one), initial=0.0)) for one in several), default=0.0)
 
 
-def bands(rows: Floats) -> Iterator[tuple[Floats, Floats, float]]:
-    """The lower and the upper end of each band, and how dark it is.
+def ends(rows: Floats, largest: float) -> Floats:
+    """Quantiles, of which those that are infinite are far beyond the panel.
+
+    Parameters
+    ----------
+    rows : ndarray
+    largest : float
+        The size of the largest number in the panel, of whichever observer: see :func:`largest_of`.
+    """
+    return np.where(np.isinf(rows), np.copysign(_FAR * (largest or 1.0), rows), rows)
+
+
+def bands(rows: Floats, largest: float) -> Iterator[tuple[Floats, Floats, float]]:
+    """The lower and the upper end of each band, and how dark it is; parameters as of :func:`ends`.
 
     Where both ends are infinite a band has left the panel, and is drawn no more.
     """
-    known, drawn = np.isfinite(rows), ends(rows)
+    known, drawn = np.isfinite(rows), ends(rows, largest)
     for low, high, opacity in ((0, 4, _WIDE), (1, 3, _NARROW)):
         left = ~known[low] & ~known[high]
         left &= np.isposinf(rows[low]) | np.concatenate([[True], left[:-1]])
@@ -110,12 +120,10 @@ def within_sound(values: Floats, rows: Floats) -> Floats:
     return np.clip(shown, sound.min(), sound.max()) if sound.size else shown
 
 
-def draw_bands(ax: Axes, at: Floats, rows: Floats, look: Look) -> None:
-    """Both bands of an observer."""
-    known = np.abs(rows[np.isfinite(rows)]).max(initial=0.0)
-    for low, high, opacity in bands(rows):
-        farthest = np.nanmax(np.abs([low, high]), initial=0.0)
-        gid = ENDLESS if farthest > known else None
+def draw_bands(ax: Axes, at: Floats, rows: Floats, look: Look, largest: float) -> None:
+    """Both bands of an observer; ``largest`` as of :func:`ends`."""
+    for low, high, opacity in bands(rows, largest):
+        gid = ENDLESS if np.nanmax(np.abs([low, high]), initial=0.0) > largest else None
         ax.fill_between(at, low, high, gid=gid, **edged(look.colour, opacity))
 
 

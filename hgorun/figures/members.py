@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from hgorun.config.study import Panel
 from hgorun.ensemble.collected.collected import Floats
-from hgorun.figures.bands import POINTS, band, truth_of
+from hgorun.figures.bands import POINTS, banded, truth_of
 from hgorun.figures.data import Curve, error_limits, magnitude_limits, state_limits, thinned
 from hgorun.figures.ensemble import drawable
 from hgorun.figures.followed import MembersData
@@ -51,13 +51,15 @@ def draw_members(
     elif panel.error is not None:
         ax.axhline(0, color="black", linewidth=0.5, zorder=1)
     as_lines = (panel.members or ("bands" if "seeds" in data.kind else "lines")) == "lines"
+    theirs = [looks[labels[label]] for label in own]
     drawn: list[Floats] = []
-    for label, values in own.items():
-        look = looks[labels[label]]
-        if as_lines:
+    if as_lines:
+        for values, look in zip(own.values(), theirs, strict=True):
             drawn += _lines(ax, data, t, values, look, len(own) == 1, style)
-        else:
-            drawn.append(_bands(ax, t, values, look, len(drawn), signed=panel.magnitude is None))
+    else:
+        step, beside = max(t.size // POINTS, 1), [x] if panel.state is not None else []
+        thin = [values[:, ::step] for values in own.values()]
+        drawn = banded(ax, t[::step], thin, theirs, signed=panel.magnitude is None, beside=beside)
     truths = _truths(ax, t, x, as_lines) if panel.state is not None else []
     _say_lost(ax, members.sound[kept.member][:, [members.observers.index(label) for label in labels]])
     if panel.state is not None:
@@ -121,12 +123,6 @@ def _colour(place: float, style: str) -> Any:
 
     first, last = _ENDS[style]
     return colormaps[_COLOURS](first + (last - first) * place)
-
-
-def _bands(ax: Axes, t: Floats, values: Floats, look: Look, order: int, *, signed: bool) -> Floats:
-    """Median, 50 % and 90 % of the members at each time."""
-    step = max(t.size // POINTS, 1)
-    return band(ax, t[::step], values[:, ::step], look, order, signed=signed)
 
 
 def _truths(ax: Axes, t: Floats, x: Floats, as_lines: bool) -> list[Floats]:

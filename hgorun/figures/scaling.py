@@ -108,19 +108,22 @@ def draw_scaling(
     ax.set_xscale(axes)
     ax.set_yscale(axes)
     drawn: list[np.ndarray] = []
+    shown = [data.observers[label] for label in labels]
+    parts = ((one.measured, one.theory, one.spread) for one in shown)
+    largest = lost.largest_of(part for several in parts for part in several if part is not None)
     sizes = np.linspace(*_SIZES, len(labels)) if len(labels) > 1 else [POINTS["markersize"]]
-    for (label, order), size in zip(labels.items(), sizes, strict=True):
-        observer, look = data.observers[label], looks[order]
+    for observer, order, size in zip(shown, labels.values(), sizes, strict=True):
+        look = looks[order]
         if observer.theory is not None:
             drawn.append(_plot(ax, data.values, observer.theory, **{**THEORY, **_line(look)}))
         if observer.spread is not None:
-            drawn += _bars(ax, data.values, observer.spread, look)
+            drawn += _bars(ax, data.values, observer.spread, look, largest)
         points = {**POINTS, "color": look.colour, "marker": look.marker, "label": look.text, "markersize": size}
         drawn.append(_plot(ax, data.values, observer.measured, **points))
-    if any(data.observers[label].theory is not None for label in labels):
+    if any(observer.theory is not None for observer in shown):
         ax.plot([], [], **THEORY)
         ax.plot([], [], **POINTS)
-    _say_lost(ax, [data.observers[label] for label in labels])
+    _say_lost(ax, shown)
     _limit(ax, data.values, drawn)
     ax.set_ylabel(quantities()[quantity].format(measured_on(quantity, data.state)) + unit(data.unit))
     ax.set_xlabel(f"${symbol(data.name)}$")
@@ -143,10 +146,10 @@ def _can_show(ax: Axes, numbers: np.ndarray) -> np.ndarray:
     return np.asarray(np.isfinite(numbers) & ((numbers > 0) | (ax.get_xscale() == "linear")))
 
 
-def _bars(ax: Axes, x: np.ndarray, spread: np.ndarray, look: Look) -> list[np.ndarray]:
+def _bars(ax: Axes, x: np.ndarray, spread: np.ndarray, look: Look, largest: float) -> list[np.ndarray]:
     """Where 90 % of the seeds lie, and thicker where 50 % do, up to the edge where so many are lost; the ends drawn."""
     rows = lost.spread(spread.T, ~np.isnan(spread.T))
-    drawn = lost.ends(rows)
+    drawn = lost.ends(rows, largest)
     found = []
     for low, high, width in ((0, 4, 0.8), (1, 3, 2.4)):
         shown = _can_show(ax, x) & _can_show(ax, rows[low])

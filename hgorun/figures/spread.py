@@ -28,6 +28,8 @@ from hgorun.figures.lost import (
     draw_bands,
     draw_crosses,
     drawn_median,
+    ends,
+    largest_of,
     lost_or_unsettled,
     mostly_lost,
     spread,
@@ -67,11 +69,10 @@ def against(members: Collected, axis: str, metrics: Sequence[str], *, width: flo
         figure, axes = grid(len(shown), columns, cast.width_of_states, height, share=True)
         rows: dict[str, list[tuple[Axes, Floats]]] = {metric: [] for metric in metrics}
         for ax, (metric, state) in zip(axes, shown, strict=True):
-            drawn = []
-            for order, (label, look) in enumerate(cast.looks.items()):
-                found = at_places(*cast.column(metric, label, state), whose, len(at))
-                _band(ax, at, found, look, order)
-                drawn.append(found)
+            drawn = [at_places(*cast.column(metric, label, state), whose, len(at)) for label in cast.looks]
+            largest = largest_of(drawn)
+            for order, (found, look) in enumerate(zip(drawn, cast.looks.values(), strict=True)):
+                _band(ax, at, found, look, order, largest)
             rows[metric].append((ax, _finite(drawn)))
             ax.set_ylabel(cast.quantity(metric, state))
             ax.set_xlabel(axis_label(axis, members.units))
@@ -101,8 +102,8 @@ def at_places(values: Floats, sound: NDArray[np.bool_], whose: NDArray[np.int64]
     return np.array([spread(values[whose == k], sound[whose == k]) for k in range(size)]).T
 
 
-def _band(ax: Axes, at: Floats, found: Floats, look: Look, order: int) -> None:
-    draw_bands(ax, at, found, look)
+def _band(ax: Axes, at: Floats, found: Floats, look: Look, order: int, largest: float) -> None:
+    draw_bands(ax, at, found, look, largest)
     marker = {"marker": look.marker, "markersize": 3.2} if len(at) <= 24 else {}
     ax.plot(at, drawn_median(found), color=look.colour, linestyle=look.dashes, label=look.text, zorder=3, **marker)  # type: ignore[arg-type]  # matplotlib wants each one's type
     draw_crosses(ax, at[mostly_lost(found)], look, order)
@@ -153,10 +154,11 @@ def boxes(members: Collected, metrics: Sequence[str], *, width: float = WIDTH) -
         figure, axes = grid(len(shown), columns, cast.width_of_states, height, share=False)
         rows: dict[str, list[tuple[Axes, Floats]]] = {metric: [] for metric in metrics}
         for ax, (metric, state) in zip(axes, shown, strict=True):
-            drawn = [
-                _box(ax, i, *cast.column(metric, label, state), look)
-                for i, (label, look) in enumerate(cast.looks.items())
-            ]
+            drawn = [spread(*cast.column(metric, label, state)) for label in cast.looks]
+            largest = largest_of(drawn)
+            for i, (found, look) in enumerate(zip(drawn, cast.looks.values(), strict=True)):
+                if np.isfinite(found).any():
+                    _box(ax, i, ends(found, largest), look)
             rows[metric].append((ax, _finite(drawn)))
             ax.set_ylabel(cast.quantity(metric, state))
             _names(ax, cast, metric, state, tall=figure.get_figwidth() / columns)
@@ -166,13 +168,8 @@ def boxes(members: Collected, metrics: Sequence[str], *, width: float = WIDTH) -
         return finished(figure, axes, columns, headed(members, title, metrics), grow=True)
 
 
-def _box(ax: Axes, place: int, values: Floats, sound: NDArray[np.bool_], look: Look) -> Floats:
-    found = spread(values, sound)
-    known = found[np.isfinite(found)]
-    if not known.size:
-        return found
-    beyond = 1e3 * abs(known.max())  # what is infinite leaves the panel
-    q05, q25, median, q75, q95 = np.where(np.isfinite(found), found, beyond)
+def _box(ax: Axes, place: int, found: Floats, look: Look) -> None:
+    q05, q25, median, q75, q95 = found
     shape = {"med": median, "q1": q25, "q3": q75, "whislo": q05, "whishi": q95, "fliers": []}
     line = {"color": look.colour, "linewidth": 1.0}
     ax.bxp(
@@ -186,7 +183,6 @@ def _box(ax: Axes, place: int, values: Floats, sound: NDArray[np.bool_], look: L
         capprops=line,
         manage_ticks=False,
     )
-    return found
 
 
 def _names(ax: Axes, cast: Cast, metric: str, state: str, *, tall: float) -> None:

@@ -6,14 +6,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from test_ensemble_figures import THETA, THETAS, caption, made
 
 from hgorun.ensemble.collected.collected import Collected
 from hgorun.figures.bands import bands as bands_along_time
 from hgorun.figures.bands import family
-from hgorun.figures.looks import family_colour
+from hgorun.figures.looks import Look, family_colour
 from hgorun.figures.lost import bands, first_lost, mostly_lost, spread, within_sound, words_of_lost
-from hgorun.figures.spread import against
+from hgorun.figures.scaling import ScaledObserver, ScalingData, draw_scaling
+from hgorun.figures.spread import against, boxes
+from hgorun.figures.style import ENDLESS
 
 SIZES = np.arange(1.0, 21.0)[:, None].repeat(4, axis=1)
 FEW = np.arange(20)[:, None] < np.array([20, 18, 12, 6])  # of 20 members so many are left at each of four times
@@ -63,7 +66,7 @@ def test_numbers_that_axes_cannot_show_are_lost() -> None:
 
 
 def test_a_band_leaves_its_panel_where_a_quantile_is_infinite() -> None:
-    (low, high, _), (inner_low, inner_high, _) = bands(spread(SIZES, FEW))
+    (low, high, _), (inner_low, inner_high, _) = bands(spread(SIZES, FEW), 20.0)
     assert np.isfinite(low).all()
     assert (high > 100 * SIZES.max()).tolist() == [False, True, True, True]
     assert (inner_high > 100 * SIZES.max()).tolist() == [False, False, True, True]
@@ -71,7 +74,7 @@ def test_a_band_leaves_its_panel_where_a_quantile_is_infinite() -> None:
 
 
 def test_a_band_without_ends_is_drawn_up_to_where_it_has_left() -> None:
-    (low, high, _), _ = bands(spread(SIZES - 7, FEW, signed=True))
+    (low, high, _), _ = bands(spread(SIZES - 7, FEW, signed=True), 13.0)
     assert np.isnan(low).tolist() == np.isnan(high).tolist() == [False, False, True, True]
     assert low[1] < -1000 < 1000 < high[1]
 
@@ -95,6 +98,47 @@ def test_a_cross_is_where_half_of_the_members_or_more_are_lost() -> None:
     lost = int(np.sum(~members.sound.all(axis=1)))
     said = f"lost in {lost} of {len(members)} members and count as infinite; bands leave the panel there; ×: half or"
     assert said in caption(figure)
+
+
+def with_small(factor: float) -> Collected:
+    """The errors of S, which is lost in some members, are far below those of F."""
+    members = made()
+    lost = members.status[:, 1] > 1
+    rmse = members.metrics["rmse"].copy()
+    rmse[lost, 1] = np.inf
+    rmse[~lost, 1] *= factor
+    return replace(members, metrics={"rmse": rmse})
+
+
+@pytest.mark.costly
+def test_a_band_leaves_its_panel_beside_much_larger_numbers() -> None:
+    for ax in against(with_small(1e-6), THETA, ["rmse"]).axes:
+        paths = [path for band in ax.collections if band.get_gid() == ENDLESS for path in band.get_paths()]
+        assert len(paths) == 2
+        assert all(np.asarray(path.vertices)[:, 1].max() > ax.get_ylim()[1] for path in paths)
+
+
+@pytest.mark.costly
+@pytest.mark.parametrize("factor", [1e-6, 0.0])
+def test_a_whisker_leaves_its_panel_beside_much_larger_numbers(factor: float) -> None:
+    members = with_small(factor)
+    for ax in boxes(members.where(members.axes[THETA] == THETAS[-1]), ["rmse"]).axes:
+        highest = [np.max(line.get_ydata(), initial=0.0) for line in ax.lines]
+        assert sum(y > ax.get_ylim()[1] for y in highest) == 3  # with its end and the median: most are lost
+
+
+def test_a_bar_of_seeds_that_are_lost_leaves_the_panel_beside_much_larger_numbers() -> None:
+    values, seeds = np.array([1.0, 2.0]), np.array([[1.0, 1.1, np.inf, np.inf], [1.0, 1.1, 1.2, 1.3]])
+    small, large = (
+        ScaledObserver("shgo", None, np.median(size * seeds, axis=1), spread=size * seeds) for size in (1e-7, 1.0)
+    )
+    data = ScalingData("run", "x1", "eps", values, {"small": small, "large": large})
+    ax = Figure().add_subplot()
+    draw_scaling(ax, data, {"small": 0, "large": 1}, {k: Look(str(k), "C0", "solid", "o") for k in range(2)}, "rmse")
+    drawn = [np.asarray(path.vertices) for bars in ax.collections for path in bars.get_paths()]
+    tops = [ends[1, 1] for ends in drawn if ends[0, 0] == 1.0]
+    assert len(tops) == 4
+    assert min(tops) > ax.get_ylim()[1]
 
 
 def test_where_all_are_lost_no_band_leaves_the_panel() -> None:
