@@ -172,8 +172,9 @@ def places(values: NDArray[Any]) -> tuple[Floats, NDArray[np.int64]]:
     if len(known) <= 4 * _BINS:
         return np.array(known, dtype=float), np.searchsorted(np.array(known), values)
     edges = np.quantile(values, np.linspace(0, 1, _BINS + 1)[1:-1])
-    whose = np.searchsorted(edges, values, side="right")
-    return np.array([float(np.median(values[whose == k])) for k in range(_BINS)]), whose
+    # where many members have one value, some bins are empty
+    bins, whose = np.unique(np.searchsorted(edges, values, side="right"), return_inverse=True)
+    return np.array([float(np.median(values[whose == k])) for k in range(bins.size)]), whose
 
 
 def spans_much(values: Sequence[float] | Floats) -> bool:

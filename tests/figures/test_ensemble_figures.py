@@ -399,6 +399,19 @@ def test_many_values_are_put_into_bins() -> None:
     assert np.all(np.diff(at) > 0)
 
 
+@pytest.mark.parametrize("high", [False, True])
+def test_every_bin_has_members_also_where_many_have_one_value(high: bool) -> None:
+    """The smallest or the largest, such as a limit that many draws are cut at."""
+    values = np.random.default_rng(0).random(1000)
+    values = np.minimum(values, 0.7) if high else np.maximum(values, 0.3)
+    at, whose = places(values)
+    counts = np.bincount(whose)
+    assert len(at) == counts.size
+    assert counts.min() > 0
+    assert counts.max() >= 300
+    assert np.all(np.diff(at) > 0)
+
+
 def test_names_of_axes() -> None:
     assert axis_label("seed") == "seed"
     assert axis_label("observers.*.theta") == "$\\theta$"
