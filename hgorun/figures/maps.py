@@ -71,11 +71,12 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
             bar = figure.colorbar(mesh, ax=row, pad=0.02, aspect=14)
             label = paragraph(cast.quantity(metric, state), _LABEL)
             bar.set_label(said_logarithmic(label) if isinstance(norm, LogNorm) else label)
-        title = _title(members, axes, metric, len(cells[0][0]) * len(cells[1][0]))
+        title = _title(members, axes, metric, len({*zip(*(whose.tolist() for _, whose in cells), strict=True)}))
         return finished(figure, panels, columns, headed(members, title, (metric,)), grow=cast.narrow)
 
 
 def _title(members: Collected, axes: tuple[str, str], metric: str, cells: int) -> str:
+    """What is said of so many cells that have members."""
     said = lost_or_unsettled(lost=not members.sound.all(), unsettled=bool(never(members, metric).any()))
     hatched = f"; hatched: most {said}" if said else ""
     if len(members) == cells:
@@ -133,7 +134,7 @@ def _draw(ax: Axes, found: Floats, norm: Normalize) -> Any:
 
 def _short(value: float) -> str:
     """A number that fits into a cell; nothing where none does."""
-    if 100 <= abs(value) < 1e4:
+    if 99.5 <= abs(value) < 9999.5:  # two digits are too few
         return f"{value:.0f}"
     text = f"{value:#.2g}".removesuffix(".")
     return text if "e" not in text else ""

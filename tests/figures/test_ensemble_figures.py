@@ -133,6 +133,19 @@ def test_cells_of_a_map_are_medians() -> None:
     assert len(figure.axes[1].patches) == len(PERIODS)  # hatched: S is lost at the largest gain
 
 
+@pytest.mark.costly
+@pytest.mark.parametrize(
+    ("seeds", "said"), [(1, "each cell is a member"), (2, "median of about 2 members in each cell")]
+)
+def test_a_map_counts_the_cells_that_have_members(seeds: int, said: str) -> None:
+    """As while a sweep goes on: of twelve cells five have members, one each, or two but for one of them."""
+    members = made(lost=False)
+    first = np.arange(len(members)) < 5 * len(SEEDS)
+    some = members.where(first & (members.axes["seed"] < seeds) & ((np.arange(len(members)) > 0) | (seeds == 1)))
+    assert len(some) == 5 * seeds - (seeds > 1)
+    assert said in caption(heat_map(some, (THETA, PERIOD), "hf"))
+
+
 def test_nothing_is_said_of_lost_members_where_none_is() -> None:
     assert "lost" not in caption(against(made(lost=False), THETA, ["rmse"]))
 
@@ -426,8 +439,9 @@ def test_names_of_axes() -> None:
 
 
 def test_numbers_in_cells_have_two_digits() -> None:
-    values = (0.2, 1.0, 27.4, 10.0, 123.4, 0.0069999, 1e-7, 1e5, 0.0)
-    assert [_short(value) for value in values] == ["0.20", "1.0", "27", "10", "123", "0.0070", "", "", "0.0"]
+    values = (0.2, 1.0, 27.4, 10.0, 123.4, 0.0069999, 1e-7, 1e5, 0.0, 99.4, 99.6, -99.5, 9999.4, 9999.6)
+    shown = ["0.20", "1.0", "27", "10", "123", "0.0070", "", "", "0.0", "99", "100", "-100", "9999", ""]
+    assert [_short(value) for value in values] == shown
 
 
 def test_the_largest_error_nearby_leaves_out_what_is_lost() -> None:
