@@ -32,8 +32,9 @@ from hgorun.ensemble.statistics.points import points, thinned
 from hgorun.ensemble.statistics.statistics import QUANTILES, quantiles
 from hgorun.explore.marks import MARKERS, dash, draw_band
 from hgorun.figures.data import magnitude_limits, state_limits
-from hgorun.figures.ensemble import Cast, drawable, limits, places
+from hgorun.figures.ensemble import Cast, drawable, limits, places, spans_much
 from hgorun.figures.lost import ends, first_lost, largest_of, mostly_lost, spread, within_sound
+from hgorun.figures.maps import cell_medians, scale_of
 from hgorun.figures.spread import at_places, told_of_lost
 from hgorun.result.metrics.base import unit_of
 from hgorun.tables.axis_names import bracketed, output_of, unit_of_axis
@@ -42,7 +43,6 @@ Plot = Any  # bokeh publishes types, but not of what figure() returns
 _SIZE = {"width": 400, "height": 320}
 _TOOLS = "pan,wheel_zoom,box_zoom,reset,save"
 _ACROSS, _UP = 5, 6  # ticks of a logarithmic axis, at most
-_LOGARITHMIC = 5.0
 _MOST_LEVEL = 5  # labels of an axis, without turning them
 _MOST_POINTS = 3_000  # of a scatter
 _ALONG_TIME = 400  # points of a band
@@ -90,16 +90,10 @@ def heat_maps(cast: Cast, axes: tuple[str, str], metric: str, state: str) -> lis
     """The median of a metric in each cell of two axes, a map for each observer, in one scale of colours."""
     members = cast.members
     (x, x_names), (y, y_names) = (_cells(members, axis) for axis in axes)
-    medians = {label: np.full((len(y_names), len(x_names)), np.nan) for label in cast.looks}
-    for label, median in medians.items():
-        values, sound = cast.column(metric, label, state)
-        for row, column in np.ndindex(*median.shape):
-            here = (y == row) & (x == column)
-            median[row, column] = float(quantiles(values[here], sound[here], [0.5])[0])
+    medians = {label: cell_medians(*cast.column(metric, label, state), x, y) for label in cast.looks}
     missing = "lost or never" if is_time(metric) else "lost"
-    known = np.concatenate([median[np.isfinite(drawable(median))] for median in medians.values()])
-    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    mapper_of = LogColorMapper if low > 0 and high > _LOGARITHMIC * low else LinearColorMapper
+    low, high, logarithmic = scale_of(list(medians.values()))
+    mapper_of = LogColorMapper if logarithmic else LinearColorMapper
     mapper = mapper_of(palette=Viridis256, low=low, high=high, nan_color="#dddddd")
     x_label, y_label = (axis_name(axis, members.units) for axis in axes)
     found = []
@@ -258,7 +252,5 @@ def _finished(plot: Plot) -> Plot:
     return plot
 
 
-def _scale(*values: Sequence[float] | Floats) -> str:
-    found = np.concatenate([np.ravel(np.asarray(v, dtype=float)) for v in values])
-    found = found[np.isfinite(found)]
-    return "log" if found.size and found.min() > 0 and found.max() > _LOGARITHMIC * found.min() else "linear"
+def _scale(values: Sequence[float] | Floats) -> str:
+    return "log" if spans_much(values) else "linear"

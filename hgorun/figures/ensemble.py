@@ -73,8 +73,7 @@ class Cast:
 
     def quantity(self, metric: str, state: str) -> str:
         """What a metric of a state's error is called on an axis, with its unit."""
-        named = quantities().get(metric, f"{metric} of ${{}}$")
-        return named.format(measured_on(metric, state)) + unit(unit_of(metric, state, self.members.units))
+        return quantity_label(metric, state, self.members.units)
 
     @property
     def narrow(self) -> bool:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +12,17 @@ from numpy.typing import NDArray
 from hgorun.ensemble.collected.collected import Collected, Floats, levels
 from hgorun.ensemble.statistics.never import never
 from hgorun.ensemble.statistics.statistics import quantiles
-from hgorun.figures.ensemble import WIDTH, Cast, axis_label, drawable, headed, places, pooled_over, said_logarithmic
+from hgorun.figures.ensemble import (
+    WIDTH,
+    Cast,
+    axis_label,
+    drawable,
+    headed,
+    places,
+    pooled_over,
+    said_logarithmic,
+    spans_much,
+)
 from hgorun.figures.layout import TOP, finished, grid
 from hgorun.figures.lost import lost_or_unsettled
 from hgorun.figures.page import AS_IT_IS, seen_on
@@ -27,7 +38,6 @@ _PANEL, _LEAST, _ROW, _BAR = 2.4, 4.2, 1.9, 0.9  # inches
 _LABEL = 1.7  # of a bar, in inches: longer ones have two lines, so that they do not touch those of other rows
 _MOST_LABELS = 7  # of an axis
 _WRITTEN = 40  # cells that have room for a number
-_LOGARITHMIC = 5.0
 
 
 def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: float = WIDTH) -> Figure:
@@ -59,7 +69,7 @@ def heat_map(members: Collected, axes: tuple[str, str], metric: str, *, width: f
         figure, panels = grid(count, columns, room, _ROW * (count // columns) + TOP, share=False)
         for j, state in enumerate(cast.states):
             row = panels[j * len(labels) : (j + 1) * len(labels)]
-            medians = [_medians(*cast.column(metric, label, state), cells[0][1], cells[1][1]) for label in labels]
+            medians = [cell_medians(*cast.column(metric, label, state), cells[0][1], cells[1][1]) for label in labels]
             norm = _norm(medians)
             for i, (ax, label, found) in enumerate(zip(row, labels, medians, strict=True)):
                 mesh = _draw(ax, found, norm)
@@ -97,7 +107,7 @@ def _cells(values: NDArray[Any]) -> tuple[list[str], NDArray[np.int64]]:
     return [words(str(v), limit=12) for v in levels(values)], whose
 
 
-def _medians(values: Floats, sound: NDArray[np.bool_], x: NDArray[np.int64], y: NDArray[np.int64]) -> Floats:
+def cell_medians(values: Floats, sound: NDArray[np.bool_], x: NDArray[np.int64], y: NDArray[np.int64]) -> Floats:
     """The median in each cell, shape (rows, columns): infinite where most are lost, NaN where there is no member."""
     found = np.full((int(y.max()) + 1, int(x.max()) + 1), np.nan)
     for row, column in np.ndindex(*found.shape):
@@ -109,10 +119,16 @@ def _medians(values: Floats, sound: NDArray[np.bool_], x: NDArray[np.int64], y: 
 def _norm(medians: list[Floats]) -> Normalize:
     from matplotlib.colors import LogNorm, Normalize
 
+    low, high, logarithmic = scale_of(medians)
+    return LogNorm(low, high) if logarithmic else Normalize(low, high)
+
+
+def scale_of(medians: Sequence[Floats]) -> tuple[float, float, bool]:
+    """The ends of a scale of colours for medians of cells, and whether it is logarithmic."""
     known = drawable(np.concatenate([found.ravel() for found in medians]))
     known = known[np.isfinite(known)]
     low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 1.0)
-    return LogNorm(low, high) if low > 0 and high > _LOGARITHMIC * low else Normalize(low, high)
+    return low, high, spans_much(known)
 
 
 def _draw(ax: Axes, found: Floats, norm: Normalize) -> Any:
