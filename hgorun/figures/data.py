@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from hgorun.figures.style import LARGEST_NUMBER
+from hgorun.pieces import quantiles
 
 MAX_POINTS = 8_000  # two for every half a pixel of the widest panel
 # A line is a block of colour if it goes up and down so often in the middle one of so many parts, and if in the mean a
@@ -50,7 +51,8 @@ class Spread(NamedTuple):
         """None of a curve without points."""
         if not v.size:
             return None
-        return cls(float(v[0]), float(v.min()), float(v.max()), (_quantile(v, 0.01), _quantile(v, 0.99)))
+        low, high = quantiles(v, np.array([0.01, 0.99])).tolist()
+        return cls(float(v[0]), float(v.min()), float(v.max()), (low, high))
 
 
 class Size(NamedTuple):
@@ -63,17 +65,7 @@ class Size(NamedTuple):
     def of(cls, v: np.ndarray) -> Size | None:
         """None of a curve without positive values."""
         v = v[v > 0]
-        return cls(_quantile(v, 0.01), float(v.max())) if v.size else None
-
-
-def _quantile(v: np.ndarray, part: float) -> float:
-    """As numpy.quantile of numbers, to the last bit, in a third of the time."""
-    place = part * (v.size - 1)
-    k = int(place)
-    above = min(k + 1, v.size - 1)
-    low, high = np.partition(v, (k, above))[[k, above]]
-    rest = place - k
-    return float(low + (high - low) * rest if rest < 0.5 else high - (high - low) * (1 - rest))
+        return cls(float(quantiles(v, np.array([0.01]))[0]), float(v.max())) if v.size else None
 
 
 def finite(t: np.ndarray, v: np.ndarray) -> Curve:
@@ -130,7 +122,7 @@ def mean_of_block(curve: Curve, parts: int = _PARTS) -> Curve | None:
     t, v = (column[: size * parts].reshape(parts, size) for column in curve)
     heights = np.ptp(v, axis=1)
     turns = np.abs(np.diff(v, axis=1)).sum(axis=1) / np.maximum(2 * heights, np.finfo(float).tiny)
-    middle = np.quantile(curve.v, (0.005, 0.995))  # a transient is no reason to see noise as thin
+    middle = quantiles(curve.v, np.array([0.005, 0.995]))  # a transient is no reason to see noise as thin
     filled = heights.mean() > _FILLED * (middle[1] - middle[0])
     return Curve(t.mean(axis=1), v.mean(axis=1)) if filled and np.median(turns) > _TURNS else None
 
@@ -177,7 +169,7 @@ def without_outliers(v: np.ndarray) -> np.ndarray:
     """
     if v.size * _RARE < 1:
         return v
-    low, high = _quantile(v, _RARE), _quantile(v, 1 - _RARE)
+    low, high = quantiles(v, np.array([_RARE, 1 - _RARE])).tolist()
     room = _BAND * (high - low)
     return np.asarray(v[(v >= low - room) & (v <= high + room)])
 
