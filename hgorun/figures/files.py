@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from hgorun.config.expressions import nearest
 from hgorun.config.types import describe
 from hgorun.errors import ConfigError
-from hgorun.figures.style import DPI, styled
+from hgorun.figures.style import DPI, NEARLY_GREY, styled
 from hgorun.files import written_whole
 
 if TYPE_CHECKING:
@@ -28,7 +28,6 @@ Writer = Callable[[Path], None]
 # A small PNG has the first of these resolutions and numbers of colours with which it is small enough.
 _SMALL, _SMALL_BYTES = ((90, 64), (90, 32), (90, 16), (75, 16), (60, 16)), 40_000
 _GREYS = 6  # of a small PNG, black and white among them
-_GREY = 0.08  # differences of red, green and blue up to which a colour counts as a grey
 # What of the metadata would change from day to day, or from one version of matplotlib to the next.
 _METADATA: dict[str, dict[str, Any]] = {
     "png": {"Software": None},
@@ -135,7 +134,7 @@ def _colours(figure: Figure) -> list[Floats]:
     from matplotlib.lines import Line2D
 
     found = {to_rgb(line.get_color()) for line in figure.findobj(Line2D)}
-    return [np.array(one) for one in sorted(found) if max(one) - min(one) > _GREY]
+    return [np.array(one) for one in sorted(found) if max(one) - min(one) > NEARLY_GREY]
 
 
 def reduced(image: Image.Image, own: Sequence[Floats], count: int) -> Image.Image:

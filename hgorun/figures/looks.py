@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 from zlib import crc32
 
-from hgorun.figures.style import DASHES, MARKERS, PALETTE
+from hgorun.figures.style import DASHES, MARKERS, PALETTE, luminance
 
 BLUE, ORANGE, GREEN, VERMILLION, SKY, PINK, OLIVE, VIOLET, BRICK, WINE = PALETTE
 SOLID, LONG, DASH_DOT, DENSE, DASH_DOT_DOT = range(len(DASHES))
@@ -256,8 +256,7 @@ def _markers(panels: Sequence[Sequence[HasFamily]]) -> dict[int, int]:
 def _gap(a: str, b: str) -> float:
     """How far two colours lie apart in greyscale."""
     shades = [[int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5)] for colour in (a, b)]
-    greys = [0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2 for red, green, blue in shades]
-    return float(abs(greys[0] - greys[1]))
+    return abs(luminance(*shades[0]) - luminance(*shades[1]))
 
 
 def _neighbours(panels: Sequence[Sequence[HasFamily]]) -> dict[int, set[int]]:

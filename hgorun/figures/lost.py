@@ -136,6 +136,11 @@ def draw_crosses(ax: Axes, at: Floats, look: Look, order: int) -> None:
             zorder=4, clip_on=False, in_layout=False, transform=ax.get_xaxis_transform())  # fmt: skip
 
 
+def say_above(ax: Axes, text: str) -> None:
+    """Say how many are lost, above the right end of a panel."""
+    ax.text(1.0, 1.01, text, fontsize=7, ha="right", va="bottom", transform=ax.transAxes)
+
+
 def lost_or_unsettled(*, lost: bool, unsettled: bool) -> str:
     """What members do of which a place has no number, or half of them has none; empty where there are none."""
     return " or ".join(["are lost"] * lost + ["never settle"] * unsettled)

@@ -15,6 +15,7 @@ from hgorun.figures.data import Curve, error_limits, magnitude_limits, state_lim
 from hgorun.figures.ensemble import drawable
 from hgorun.figures.followed import MembersData
 from hgorun.figures.looks import Look
+from hgorun.figures.lost import say_above
 from hgorun.figures.page import AS_IT_IS
 from hgorun.figures.style import TRUTH
 from hgorun.tables.typeset import both, error_of, symbol, unit
@@ -79,8 +80,7 @@ def _say_lost(ax: Axes, sound: NDArray[np.bool_]) -> None:
     """Say above a panel how many members have lost an estimate that it shows, where there are such."""
     lost = int(np.sum(~sound.all(axis=1)))
     if lost:
-        where: dict[str, Any] = {"ha": "right", "va": "bottom", "transform": ax.transAxes}
-        ax.text(1.0, 1.01, f"{lost} of {len(sound)} members lost", fontsize=7, **where)
+        say_above(ax, f"{lost} of {len(sound)} members lost")
 
 
 def _shown(time: Floats, window: tuple[float, float] | None) -> slice:

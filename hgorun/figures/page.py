@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from hgorun.config.nearest import refuse_other
 from hgorun.config.study import WIDTHS
 from hgorun.config.study import Figure as FigureBlock
-from hgorun.figures.style import GRID
+from hgorun.figures.style import GRID, NEARLY_GREY, luminance
 
 if TYPE_CHECKING:
     from matplotlib.artist import Artist
@@ -20,7 +20,6 @@ TWO = WIDTHS["two"]
 NARROW = 5.0  # inches: below it, panels stand one below the other
 _PAPER, _INK = "#16181d", "#f2f2f2"  # of a dark page
 AS_IT_IS = "on a colour that every page has"  # what has it as its gid keeps its colour
-_GREY = 0.08  # differences of red, green and blue up to which a colour counts as a grey
 
 
 @dataclass(frozen=True)
@@ -108,11 +107,11 @@ def dark(colour: object) -> tuple[float, float, float, float]:
 
     red, green, blue, alpha = to_rgba(colour)  # type: ignore[arg-type]  # of matplotlib's own types
     paper, ink = to_rgba(_PAPER)[:3], to_rgba(_INK)[:3]
-    if max(red, green, blue) - min(red, green, blue) <= _GREY:
+    if max(red, green, blue) - min(red, green, blue) <= NEARLY_GREY:
         grey = (red + green + blue) / 3
         red, green, blue = (i + (p - i) * grey for p, i in zip(paper, ink, strict=True))
         return red, green, blue, alpha
-    light = _luminance(red, green, blue)
+    light = luminance(red, green, blue)
     white = max(0.0, (0.3 - light) / (1.0 - light))
     red, green, blue = ((part**2.2 * (1 - white) + white) ** (1 / 2.2) for part in (red, green, blue))
     return red, green, blue, alpha
@@ -122,12 +121,8 @@ def seen_on(colour: object) -> str:
     """White or black, whichever has the larger contrast with a colour."""
     from matplotlib.colors import to_rgb
 
-    light = _luminance(*to_rgb(colour))  # type: ignore[arg-type]  # of matplotlib's own types
+    light = luminance(*to_rgb(colour))  # type: ignore[arg-type]  # of matplotlib's own types
     return "white" if 1.05 / (light + 0.05) > (light + 0.05) / 0.05 else "black"
-
-
-def _luminance(red: float, green: float, blue: float) -> float:
-    return float(0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2)
 
 
 def _shown(colour: Any) -> Any:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
@@ -165,9 +165,8 @@ def _say_lost(ax: Axes, observers: Sequence[ScaledObserver]) -> None:
     spreads = [one.spread for one in observers if one.spread is not None]
     count = sum(int(np.count_nonzero(~np.isfinite(spread))) for spread in spreads)
     if count:
-        text = f"{count} of {sum(spread.size for spread in spreads)} estimates lost: they count as infinite"
-        where: dict[str, Any] = {"ha": "right", "va": "bottom", "transform": ax.transAxes}
-        ax.text(1.0, 1.01, text, fontsize=7, **where)
+        total = sum(spread.size for spread in spreads)
+        lost.say_above(ax, f"{count} of {total} estimates lost: they count as infinite")
 
 
 def _limit(ax: Axes, values: np.ndarray, drawn: Sequence[np.ndarray]) -> None:

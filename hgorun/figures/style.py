@@ -92,6 +92,7 @@ MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "h")
 # Of the lines at the back and at the front of several, and the most between neighbours: a smooth one at the back stands
 # in front of rougher ones in some panels, and would hide them.
 WIDTHS, WIDER = (1.4, 0.8), 0.3
+NEARLY_GREY = 0.08  # differences of red, green and blue up to which a colour counts as a grey
 PALE = 0.4  # opacity of a line that fills an area
 POINTS: dict[str, Any] = {
     "color": "0.3",
@@ -178,6 +179,11 @@ def edged(colour: str, alpha: float) -> dict[str, Any]:
     from matplotlib.colors import to_rgba
 
     return {"facecolor": to_rgba(colour, alpha), "edgecolor": to_rgba(colour, 0.7), "linewidth": 0.4}
+
+
+def luminance(red: float, green: float, blue: float) -> float:
+    """How light a colour is, from 0 to 1, of parts from 0 to 1."""
+    return float(0.2126 * red**2.2 + 0.7152 * green**2.2 + 0.0722 * blue**2.2)
 
 
 def inked(dashes: Any) -> float:

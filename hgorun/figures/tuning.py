@@ -159,11 +159,8 @@ def _limits(ax: Axes, found: Sequence[Tuned]) -> None:
         spans = scale_axis(ax, which, values)
         low, high = float(values.min()), float(values.max())
         known = ends_of[np.isfinite(ends_of) & ((ends_of > 0) | (not spans))]
-        if low == high:
-            ends = limits(low, high, logarithmic=spans)
-        else:
-            ends = limits(low, high, logarithmic=spans, margin=0.25)
-        wide = limits(*_span([*values, *known]), logarithmic=spans)
+        ends = limits(low, high, logarithmic=spans, margin=0.25)
+        wide = limits(float(min([low, *known])), float(max([high, *known])), logarithmic=spans)
         (ax.set_xlim if which == "x" else ax.set_ylim)(min(ends[0], wide[0]), max(ends[1], wide[1]))
 
 
@@ -174,10 +171,6 @@ def _known(points: Floats) -> Floats:
 def _most(points: Floats) -> Floats:
     """Points without the tenth that is largest in each goal."""
     return points[(points <= np.quantile(points, 0.9, axis=0)).all(axis=1)] if len(points) else points
-
-
-def _span(values: Sequence[float]) -> tuple[float, float]:
-    return float(min(values)), float(max(values))
 
 
 def _against(ax: Axes, one: Tuned, k: int, look: Look) -> None:
