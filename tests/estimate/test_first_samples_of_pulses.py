@@ -10,6 +10,7 @@ from examples import inline
 from recordings import held_input, recording, signal, source
 
 from hgorun.data.recording import InputSignal
+from hgorun.errors import ConfigError
 from hgorun.estimate.completed import completed
 from hgorun.estimate.start import steps
 
@@ -27,9 +28,9 @@ def sampled(length: float, pulses: int = COUNT) -> np.ndarray:
     return c
 
 
-def start_of(c: np.ndarray, recorded: InputSignal | None = None, function: str = "0") -> float:
-    """That of c' = -k c + u + function."""
-    plant = inline({"c": f"-{RATE}*c + u + {function}"}, {"y": "c"})
+def start_of(c: np.ndarray, recorded: InputSignal | None = None, function: str = "0", inflow: str = "u") -> float:
+    """That of c' = -k c + inflow + function."""
+    plant = inline({"c": f"-{RATE}*c + {inflow} + {function}"}, {"y": "c"})
     del plant["initial"]
     log = recording(signal("y", TAKEN, c, std=0.05, gate=5.0))
     log = replace(log, inputs={} if recorded is None else {"u": recorded}, first_samples=COUNT)
@@ -77,17 +78,39 @@ def test_of_too_many_changes_the_largest_count(monkeypatch: pytest.MonkeyPatch) 
     assert start_of(sampled(0.5), held_input("u", times, values)) == pytest.approx(START, abs=1e-3)
 
 
-def test_inputs_that_change_too_often_count_by_their_means() -> None:
-    """Switched four times a second: steps that looked at u at some moments saw a part of it as another mean."""
+def switched(value: float, inflow: float) -> tuple[np.ndarray, InputSignal]:
+    """c at the samples where an input is switched on 4 times a second, and the input."""
     period, duty = 0.25, 0.4
     on = np.arange(0, TAKEN[-1], period)
     times = np.stack([on, on + duty * period], axis=1).ravel()
     ends = np.append(times, TAKEN[-1])
-    u, decay = np.tile([0.1, 0.0], on.size), np.exp(-RATE * np.diff(ends))
     c = [START]
-    for value, factor in zip(u, decay, strict=True):
-        c.append(c[-1] * factor + value / RATE * (1 - factor))
+    for u, factor in zip(np.tile([inflow, 0.0], on.size), np.exp(-RATE * np.diff(ends)), strict=True):
+        c.append(c[-1] * factor + u / RATE * (1 - factor))
     assert times.size > 1024
-    assert start_of(np.array(c)[np.searchsorted(ends, TAKEN)], held_input("u", times, u)) == pytest.approx(
-        START, abs=2e-3
-    )
+    return np.array(c)[np.searchsorted(ends, TAKEN)], held_input("u", times, np.tile([value, 0.0], on.size))
+
+
+def test_inputs_that_change_too_often_count_by_their_means() -> None:
+    """Steps that looked at u at some moments saw a part of it as another mean."""
+    assert start_of(*switched(0.1, 0.1)) == pytest.approx(START, abs=2e-3)
+
+
+@pytest.mark.parametrize(("value", "inflow"), [(24.0, "u**2/5760"), (-24.0, "abs(u)/240")])
+def test_all_changes_of_inputs_are_followed_whose_means_say_nothing(value: float, inflow: str) -> None:
+    """The mean of a square is not the square of the mean."""
+    assert start_of(*switched(value, 0.1), inflow=inflow) == pytest.approx(START, abs=1e-6)
+
+
+def test_more_changes_of_such_inputs_than_can_be_followed_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(steps, "_MOST", 1024)
+    with pytest.raises(ConfigError, match="the model or its inputs change too fast"):
+        start_of(*switched(24.0, 0.1), inflow="u**2/5760")
+
+
+def test_a_held_input_may_change_at_every_sample() -> None:
+    """Also at the last one, as in a table of both; the last step ends before that."""
+    values, decay, c = np.array([0.1, 0.9, 0.2, 50.0]), np.exp(-RATE * 60), [START]
+    for value in values[:-1]:
+        c.append(c[-1] * decay + value * (1 - decay) / RATE)
+    assert start_of(np.array(c), held_input("u", TAKEN, values)) == pytest.approx(START, abs=1e-5)

@@ -14,7 +14,8 @@ from hgorun.pieces import median
 from hgorun.symbolic.evaluate import Floats
 
 _REWEIGHTED = 30  # passes in which errors of a start count by their size
-_SETS, _LINEAR, _BEYOND = 2000, 4, 6.0  # of outliers that are tried; times that they are; gates beyond which they are
+_SETS, _LINEAR = 2000, 4  # of outliers that are tried; times that they are
+_BEYOND = 2.0  # gates that several outliers are off, in standard deviations of the others
 _MOST = 3  # of so many samples of a slow output one may be an outlier
 _NORMAL = 1.4826  # standard deviations of normal numbers in their median size
 
@@ -100,12 +101,23 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
     If the others are not within their gates even then, those few are sought without which they are, and which are far
     beyond theirs then. If there are none, what is far off counts by its size and no longer by its square, which few
     outliers turn little; those that are beyond the gates of that fit are left out. Two more samples than states are
-    needed to tell which of them it is, and more than half have to agree.
+    needed to tell which of them it is, and more than half have to agree. If all are within the gates of a fit that
+    begins at the one that was found, none is an outlier.
     """
     found = fit(task, x)
     if found is None or len(task.gates) < x.size + 2:
         return found
-    task = found.task
+    best = _without(found)
+    if any(left.size for left in best.left):  # the fit to all may have been one that is nearest only beside it
+        whole = fit(replace(best.task, weights=1.0), best.x)
+        if whole is not None and whole.within_gates(whole.task.residuals(whole.x)[0], np.ones(len(task.gates), bool)):
+            return whole
+    return best
+
+
+def _without(found: Fit) -> Fit:
+    """The same beside one fit to all."""
+    task, n = found.task, found.x.size
     error, _ = task.residuals(found.x)
     beyond = found.own_deviations(error) / task.gates
     if not np.any(beyond > 1):
@@ -114,7 +126,7 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
     others = fit(replace(task, weights=kept.astype(float)), found.x)
     if others is not None:
         rest, _ = others.task.residuals(others.x)
-        if others.within_gates(rest, kept) and np.max(beyond) > _spread(rest[kept & np.isfinite(task.gates)], x.size):
+        if others.within_gates(rest, kept) and np.max(beyond) > _spread(rest[kept & np.isfinite(task.gates)], n):
             return replace(others, left=task.chosen(~kept))
     if (several := _without_several(task, found)) is not None:
         return several
@@ -123,7 +135,7 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
         weights = 1 / np.sqrt(np.maximum(np.abs(error), 1.0))
         bent = fit(replace(bent.task, weights=weights), bent.x) or bent
         error, _ = bent.task.residuals(bent.x)
-    free = np.sort(np.abs(error))[x.size :]  # those that it need not pass through
+    free = np.sort(np.abs(error))[n :]  # those that it need not pass through
     kept = np.abs(error) <= task.gates * max(1.0, _NORMAL * median(free))
     if kept.all() or 2 * np.count_nonzero(kept) <= kept.size:
         return found
@@ -134,7 +146,8 @@ def without_outliers(task: StartTask, x: Floats) -> Fit | None:
 def _without_several(task: StartTask, base: Fit) -> Fit | None:
     """The fit without the fewest samples, two or more, that has all others within their gates and these far beyond.
 
-    What a model lacks grows from sample to sample: then the nearest of those that are left out is not far beyond.
+    What a model lacks grows from sample to sample: then the nearest of those that are left out is not far beyond, as
+    the errors of the others are large. A start without two good samples costs little; one through outliers costs all.
     """
     size, n = task.gates.size, base.x.size
     for count in range(2, _most_of(size, n) + 1):
@@ -149,7 +162,8 @@ def _without_several(task: StartTask, base: Fit) -> Fit | None:
                 break
             found = fit(replace(found.task, weights=kept.astype(float)), found.x) or found
         error, _ = found.task.residuals(found.x)
-        if found.within_gates(error, kept) and np.all(np.abs(error[~kept]) > _BEYOND * task.gates[~kept]):
+        limit = _BEYOND * max(1.0, _spread(error[kept & np.isfinite(task.gates)], n))
+        if found.within_gates(error, kept) and np.all(np.abs(error[~kept]) > limit * task.gates[~kept]):
             return replace(found, left=task.chosen(~kept))
     return None
 

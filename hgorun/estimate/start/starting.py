@@ -51,8 +51,8 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
     if found is None:
         first = _FEWEST if count == AUTO else count
         message = (
-            f"from the first of {first} samples the model leaves all bounds before the last of them, or changes too "
-            "fast"
+            f"from the first of {first} samples the model leaves all bounds before the last of them, or the model or "
+            "its inputs change too fast"
         )
         raise Problem(("data", "first_samples"), message)
     return rounded(prepared, found)

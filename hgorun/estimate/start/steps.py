@@ -16,7 +16,7 @@ from hgorun.symbolic.plant import PlantModel
 
 _AT_FIRST = 8  # between two samples
 _MOST = 1 << 14
-_MOST_CHANGES = 1 << 10  # at which steps end; those of a signal that is recorded far faster than samples are too many
+_MOST_CHANGES = 1 << 10  # at which steps end, where inputs count by their means between the ends of steps
 _INWARD = 1e-7  # of a step: how far from a change its sides are
 
 
@@ -50,9 +50,10 @@ class Steps:
     @classmethod
     def along(cls, times: Floats, prepared: PreparedEstimate) -> Steps:
         """Some between each two times."""
-        changes, left = _changes(prepared, float(times[-1]))
+        by_means = _by_means(prepared)
+        changes, left = _changes(prepared, float(times[-1]), _MOST_CHANGES if by_means else _MOST)
         schedule = prepared.run.schedule
-        integral = _integral(prepared.inputs) if left and prepared.inputs is not None else None
+        integral = _integral(prepared.inputs) if left and by_means and prepared.inputs is not None else None
         nodes = distinct(np.concatenate([times, changes]))
         longest = np.diff(times) / _AT_FIRST
         between = np.searchsorted(times, nodes[1:], side="left") - 1
@@ -114,19 +115,26 @@ def _integral(inputs: RecordedInputs) -> Callable[[Floats], Floats]:
     return until
 
 
-def _changes(prepared: PreparedEstimate, end: float) -> tuple[Floats, bool]:
+def _by_means(prepared: PreparedEstimate) -> bool:
+    """Whether the mean of the derivative is that of the mean of recorded inputs, which it is where u enters as u."""
+    model = prepared.run.plant.model
+    recorded = [model.u[i] for i in prepared.recorded] if prepared.inputs is not None else []
+    return ca.is_linear(model.dynamics, ca.vertcat(*recorded)) if recorded else True
+
+
+def _changes(prepared: PreparedEstimate, end: float, most: int) -> tuple[Floats, bool]:
     """When functions of time have kinks and recorded inputs change; the largest ones where some are left over."""
     schedule = prepared.run.schedule
     kinks = schedule.events[schedule.inward > 0]
     times, sizes = [kinks], [np.full(kinks.size, np.inf)]
     if prepared.inputs is not None:
-        count = int(np.searchsorted(prepared.inputs.times, end))
+        count = int(np.searchsorted(prepared.inputs.times, end, side="right"))
         times.append(prepared.inputs.times[:count])
         sizes.append(_sizes(prepared.inputs.levels[:count], held=prepared.inputs.held))
     t, size = np.concatenate(times), np.concatenate(sizes)
-    within = (t > 0) & (t < end) & (size > 0)
+    within = (t > 0) & (t <= end) & (size > 0)  # a step ends before a change at its end
     t, size = t[within], size[within]
-    return distinct(t[np.argsort(-size, kind="stable")[:_MOST_CHANGES]]), t.size > _MOST_CHANGES
+    return distinct(t[np.argsort(-size, kind="stable")[:most]]), t.size > most
 
 
 def _sizes(levels: Floats, *, held: bool) -> Floats:
