@@ -130,8 +130,8 @@ def test_a_fit_that_is_nearest_only_beside_it_does_not_cost_a_good_sample(seed: 
     t, random = 0.1 * np.arange(30), np.random.default_rng(seed)
     swing = solve_ivp(lambda _, x: [x[1], -np.sin(x[0]) - 0.02 * x[1]], (0, t[-1]), [3.1, 4.0], t_eval=t, rtol=1e-10)
     y = (swing.y[0] + 0.03 * random.standard_normal(t.size) + np.pi) % (2 * np.pi) - np.pi
-    plant = inline({"a": "b", "b": "-sin(a) - 0.02*b"}, {"y": {"value": "a", "period": "2*pi"}})
-    del plant["initial"]
+    plant = {key: x for key, x in inline({"a": "b", "b": "-sin(a) - 0.02*b"}, "a").items() if key != "initial"}
+    plant["output"] = {"y": {"value": "a", "period": "2*pi"}}
     config = {"plant": plant, "observers": {"o": {"type": "shgo", "theta": 3}}, "solver": {"step": 0.05}}
     log = recording(signal("y", t, y, std=0.03, gate=GATE))
     prepared = prepare_estimate(completed(source(config), replace(log, first_samples=10), "start", ""), log)

@@ -135,7 +135,7 @@ def _without(found: Fit) -> Fit:
         weights = 1 / np.sqrt(np.maximum(np.abs(error), 1.0))
         bent = fit(replace(bent.task, weights=weights), bent.x) or bent
         error, _ = bent.task.residuals(bent.x)
-    free = np.sort(np.abs(error))[n :]  # those that it need not pass through
+    free = np.sort(np.abs(error))[n:]  # those that it need not pass through
     kept = np.abs(error) <= task.gates * max(1.0, _NORMAL * median(free))
     if kept.all() or 2 * np.count_nonzero(kept) <= kept.size:
         return found
