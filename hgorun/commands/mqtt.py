@@ -17,7 +17,6 @@ from hgorun.commands.mqtt_session import Message, Session
 from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_clock import AGAIN, UTC
-from hgorun.commands.stream_grid import Grid
 from hgorun.commands.stream_lines import INPUT, Block, JsonForm, Sample
 from hgorun.commands.stream_progress import Redelivered
 from hgorun.commands.stream_samples import (
@@ -115,9 +114,8 @@ class Follower:
         remembered = options.remembered or REMEMBERED
         estimator, lines = stream.estimator(remembered=remembered), io.StringIO()
         progress = Redelivered(estimator, options.checkpoint, 2 * max(remembered, REMEMBERED), stream.unit)
-        grid = Grid(stream.experiment.origin, options.every, progress.t)
         writer = Writer(lines, estimator, as_json=True)
-        one_by_one = OneByOne(estimator, stream.inputs, grid, progress, writer)
+        one_by_one = OneByOne.of(stream, estimator, options.every, progress, writer)
         return cls(one_by_one, progress, lines, options.publish, [], _Pace())
 
     def take_some(self, broker: Broker) -> None:

@@ -10,7 +10,6 @@ from contextlib import nullcontext
 from hgorun.commands.held import held_alone
 from hgorun.commands.outputs import NOT_OK
 from hgorun.commands.run_options import Estimate
-from hgorun.commands.stream_grid import Grid
 from hgorun.commands.stream_lines import Block, CsvForm, JsonForm, Sample, Samples, read
 from hgorun.commands.stream_progress import InOrder
 from hgorun.commands.stream_samples import REMEMBERED, OneByOne, Stream, Writer, refuse_results, tell_left_out
@@ -40,8 +39,7 @@ def _follow_to_end(source: Source, name: str, options: Estimate) -> int:
     estimator = stream.estimator(remembered=(options.remembered or REMEMBERED) if late else 0)
     progress = InOrder(estimator, options.checkpoint, stream.unit)
     writer = Writer(sys.stdout, estimator, as_json=isinstance(form, JsonForm))
-    grid = Grid(stream.experiment.origin, options.every, progress.t)
-    one_by_one = OneByOne(estimator, stream.inputs, grid, progress, writer)
+    one_by_one = OneByOne.of(stream, estimator, options.every, progress, writer)
     try:
         _follow(form, blocks, one_by_one, progress)
     except (ConfigError, KeyboardInterrupt, SystemExit):  # between two samples: both are as they should be

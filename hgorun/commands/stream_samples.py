@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from itertools import chain, repeat
-from typing import TextIO
+from typing import Self, TextIO
 
 import numpy as np
 
@@ -15,12 +15,12 @@ from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_clock import AGAIN, UTC
 from hgorun.commands.stream_grid import Grid
+from hgorun.commands.stream_ignored import ignored
 from hgorun.commands.stream_lines import INPUT, Sample, Samples
 from hgorun.commands.stream_progress import Progress
-from hgorun.config.data import Data
+from hgorun.commands.stream_watch import Watch
 from hgorun.config.yaml_source import Source
 from hgorun.data.faults.clock_changes import PUT_FORWARD
-from hgorun.data.units.units import alike
 from hgorun.errors import ConfigError
 from hgorun.estimate.completed import streamed
 from hgorun.estimate.scores.shut_out import told_row, too_many, too_small
@@ -70,7 +70,7 @@ class Stream:
         if said.block is None:
             return cls(experiment, said)
         late = any(one.available is not None for one in said.block.outputs.values())
-        return cls(experiment, said, late, tuple(_ignored(said.block, experiment)))
+        return cls(experiment, said, late, tuple(ignored(said.block, experiment)))
 
     def check_lateness(self, *, told: bool = False) -> None:
         """Refuse observers that treat late samples differently where these come; where they may come, tell of it.
@@ -114,27 +114,6 @@ class Stream:
         return self.said.inputs
 
 
-def _ignored(block: Data, experiment: Experiment) -> Iterator[str]:
-    """Keys that would change the numbers of a file."""
-    units = {"time": experiment.blocks.time.unit, **experiment.plant.units}
-    said = {"data.time": ("time", None if block.time is None else block.time.unit)}
-    for group, columns in (("outputs", block.outputs), ("inputs", block.inputs)):
-        said |= {f"data.{group}.{name}": (name, column.unit) for name, column in columns.items()}
-    for key, (name, unit) in said.items():
-        wanted = units.get(name, "")
-        if unit is not None and wanted and not alike(unit, wanted):
-            yield f"{key}.unit: values of a stream are not converted from {unit}: send them in {wanted}"
-    for name, given in block.inputs.items():
-        if given.hold == "linear":
-            held = "in a stream an input is held until its next value comes, and not linear"
-            yield f"data.inputs.{name}.hold: {held}, since that is not known before: send it more often"
-    for name, measured in block.outputs.items():
-        if measured.plausible is not None:
-            yield f"data.outputs.{name}.plausible: samples of a stream are taken whatever they are"
-        if measured.quality is not None:
-            yield f"data.outputs.{name}.quality: a stream has no such column: send samples that are good alone"
-
-
 def refuse_results(options: Estimate) -> None:
     """What a stream does not have."""
     if len(options.data) > 1:
@@ -159,6 +138,14 @@ class OneByOne:
     grid: Grid
     progress: Progress
     writer: Writer
+    watch: Watch
+
+    @classmethod
+    def of(cls, stream: Stream, estimator: Estimator, every: float | None, progress: Progress, writer: Writer) -> Self:
+        """Of a stream that begins, or goes on where it had come."""
+        grid = Grid(stream.experiment.origin, every, progress.t)
+        watch = Watch(estimator, stream.inputs if progress.t == -math.inf else ())
+        return cls(estimator, stream.inputs, grid, progress, writer, watch)
 
     @property
     def all_ok(self) -> bool:
@@ -190,6 +177,7 @@ class OneByOne:
                 self._update(sample)
                 self.progress.took(sample)
                 self._tell(sample.signal, clock.took(sample.signal, sample.t))
+                self.watch.took(sample.signal, sample.t)
                 if self.grid.step is None:
                     self.writer.write(known, self.estimator.estimate())
         except NoStart as error:
@@ -202,9 +190,12 @@ class OneByOne:
 
     def note_times(self, samples: Samples, signals: list[str]) -> None:
         """Those of samples that have been taken together, in their order."""
-        for kind in np.unique(samples.kinds).tolist():
+        kinds = np.unique(samples.kinds).tolist()
+        for kind in kinds:
             times = samples.t[samples.kinds == kind]
             self._tell(signals[kind], self.progress.clock.took_all(signals[kind], times))
+        for kind in reversed(kinds):  # inputs first: they stand behind the outputs
+            self.watch.took(signals[kind], float(samples.t[-1]))
 
     def _tell(self, signal: str, ahead: float | None) -> None:
         """What is told of the time of a signal that lies an hour ahead."""

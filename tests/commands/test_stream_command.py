@@ -85,7 +85,9 @@ def test_what_gates_leave_out_of_a_stream_is_counted(shell: Shell, monkeypatch: 
     rows = [(0.1 * k, np.sin(0.1 * k) + (5.0 if k in (20, 31) else 0.0), 0.5 * (k % 7 == 0)) for k in range(1, 40)]
     rows.sort(key=lambda row: row[0] + row[2])
     text = "t,signal,y,available\n" + "".join(f"{t:.1f},a,{y:.4f},{t + late:.1f}\n" for t, y, late in rows)
-    code, _, err = piped(shell, monkeypatch, text, "--set", "observers={K: {type: ekf, Q: {b: 0.1}, R: 0.01}}")
+    code, _, err = piped(
+        shell, monkeypatch, text, "--set", "observers={K: {type: ekf, Q: {b: 0.1}, R: 0.01, initial: {a: 0}}}"
+    )
     assert (code, err) == (0, "hgorun: K: the gate of a left out 2 of 39 samples\n")
 
 
