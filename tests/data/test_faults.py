@@ -7,7 +7,9 @@ import pytest
 from scipy.signal import lfilter
 
 from hgorun.data.faults import faults
+from hgorun.data.faults import filled as fills
 from hgorun.data.faults.faults import Stretch
+from hgorun.data.faults.filled import filled
 
 TIME = np.arange(2000) * 0.02
 RANDOM = np.random.default_rng(1)
@@ -36,7 +38,7 @@ HARMLESS = {
 @pytest.mark.parametrize("name", HARMLESS)
 def test_nothing_is_found_in_what_is_no_fault(name: str, digits: int | None) -> None:
     values = HARMLESS[name] if digits is None else HARMLESS[name].round(digits)
-    assert faults.filled(TIME, values) == []
+    assert filled(TIME, values) == []
     assert faults.slips(values) == []
 
 
@@ -60,7 +62,7 @@ MACHINES = {
 
 @pytest.mark.parametrize("name", MACHINES)
 def test_lines_of_a_machine_are_not_filled_in(name: str) -> None:
-    assert faults.filled(PLACE, MACHINES[name]) == []
+    assert filled(PLACE, MACHINES[name]) == []
 
 
 def test_lines_from_any_value_to_any_other_are() -> None:
@@ -71,21 +73,21 @@ def test_lines_from_any_value_to_any_other_are() -> None:
         values[start : start + 40] = 5.0
         values[start + 10 : start + 30] = np.linspace(5.0, 5.0 + start / 20, 20)
         values[start + 30 : start + 40] = 5.0 + start / 20
-    assert [stretch.start for stretch in faults.filled(TIME[:400], values)] == [100]
+    assert [stretch.start for stretch in filled(TIME[:400], values)] == [100]
 
 
 @pytest.mark.parametrize("digits", [None, 4, 6])
 def test_a_column_filled_between_few_samples_is_found(digits: int | None) -> None:
     few = np.arange(0, 2000, 25)
-    filled = np.interp(TIME, TIME[few], NOISY[few])
-    found = faults.filled(TIME, filled if digits is None else filled.round(digits))
+    values = np.interp(TIME, TIME[few], NOISY[few])
+    found = filled(TIME, values if digits is None else values.round(digits))
     assert sum(stretch.size for stretch in found) > 1900
 
 
 def test_a_column_filled_at_uneven_times_is_found() -> None:
     uneven = np.sort(TIME + 0.015 * np.random.default_rng(2).random(TIME.size))
     few = np.arange(0, 2000, 25)
-    found = faults.filled(uneven, np.interp(uneven, uneven[few], NOISY[few]))
+    found = filled(uneven, np.interp(uneven, uneven[few], NOISY[few]))
     assert [(s.start, s.stop) for s in found[:2]] == [(0, 26), (25, 51)]
 
 
@@ -93,8 +95,62 @@ def test_a_column_filled_at_uneven_times_is_found() -> None:
 def test_a_filled_gap_is_found(digits: int | None) -> None:
     values = NOISY.copy()
     values[500:560] = np.linspace(values[500], values[559], 60)
-    found = faults.filled(TIME, values if digits is None else values.round(digits))
+    found = filled(TIME, values if digits is None else values.round(digits))
     assert found == [Stretch(500, 560)]
+
+
+def long_log(seed: int, rows: int = 200_000) -> np.ndarray:
+    """A swing in 5 digits whose noise is five steps of these: three of its samples are often on a line."""
+    place = np.arange(rows)
+    noise = 5 * np.random.default_rng(seed).standard_normal(rows)
+    return np.rint(3000 * np.sin(2 * np.pi * place / 3000) + noise) * 0.001
+
+
+def with_line(values: np.ndarray, start: int, points: int) -> np.ndarray:
+    """The same with points on a line between two sharp bends."""
+    values = values.copy()
+    values[start : start + points] = values[start] + 0.006 * np.arange(points)
+    values[[start - 1, start + points]] = values[start] + 0.02, values[start + points - 1] - 0.02
+    return values.round(3)
+
+
+def test_a_line_that_noise_may_draw_in_a_long_log_is_not_filled_in() -> None:
+    """Some ten samples in 200,000 are on a line by accident, once in thousands of logs; in 2,000 they are not."""
+    values, short = long_log(0), slice(100_000, 102_000)
+    time = 0.01 * np.arange(values.size)
+    for points in (10, 11, 12):
+        lined = with_line(values, 101_000, points)
+        assert filled(time, lined) == []
+        assert filled(time[short], lined[short]) == [Stretch(1000, 1000 + points)]
+    for points in (16, 60):
+        assert filled(time, with_line(values, 101_000, points)) == [Stretch(101_000, 101_000 + points)]
+    assert filled(time, with_line(values, 101_000, 11) + 1e-5 * long_log(1)) == []  # in all digits it is no line
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_lines_are_by_accident_no_longer_than_the_law_says(monkeypatch: pytest.MonkeyPatch, seed: int) -> None:
+    """Of the length of which one is to be expected at the most there is hardly any; shorter ones are many."""
+    values = long_log(seed, 100_000)
+    time = 0.01 * np.arange(values.size)
+    monkeypatch.setattr(fills, "LINE", 4)
+    lines = []
+    for expected in (1.0, 1e9):
+        monkeypatch.setattr(fills, "_BY_ACCIDENT", expected)
+        lines.append(len(filled(time, values)))
+    few, all_of_them = lines
+    assert few <= 2
+    assert 40 < all_of_them < 200
+
+
+def test_a_smooth_signal_between_spikes_is_not_filled_in() -> None:
+    """Any three of its samples are on a line, to its digits, but not all from one spike to the next."""
+    values = SMOOTH.round(3)
+    values[[300, 320, 640, 655, 1200]] += 0.5
+    assert filled(TIME, values) == []
+    slow = (20 + 0.5 * np.sin(TIME)).round(3)
+    slow[1500:] += 3
+    slow[500:560] = np.linspace(slow[500], slow[500] + 3, 60).round(3)
+    assert filled(TIME, slow) == [Stretch(500, 560)]
 
 
 @pytest.mark.parametrize("digits", [None, 1, 3])

@@ -1,6 +1,6 @@
 """Passes over millions of samples that look for what is rare, in machine code: only where it is found is kept.
 
-The formulas are those of :mod:`hgorun.data.faults.faults`, operation by operation.
+The formulas are those of :mod:`hgorun.data.faults.faults` and :mod:`hgorun.data.faults.filled`, operation by operation.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ KELVIN, NEAR = 273.15, 5.0
 
 
 def straight_runs(taken: np.ndarray, values: np.ndarray, quantum: float, least: int) -> np.ndarray:
-    """Where neighbours lie on a line that is not level, see :func:`hgorun.data.faults.faults.filled`.
+    """Where neighbours lie on a line that is not level, see :func:`hgorun.data.faults.filled.filled`.
 
     Parameters
     ----------

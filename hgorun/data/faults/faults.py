@@ -11,16 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from hgorun.data.faults.fault_passes import (
-    EVEN,
-    EXACT,
     KELVIN,
     NEAR,
     equal_runs,
     gaps_above,
     large_steps,
-    straight_runs,
 )
-from hgorun.data.faults.machine_lines import of_a_machine
 from hgorun.data.faults.switched import is_switched
 from hgorun.memo import Memo, same
 from hgorun.pieces import ascending as in_order
@@ -28,16 +24,14 @@ from hgorun.pieces import distinct, median, medians
 
 GAP = 20.0
 """Median steps that make a gap."""
+FIRST = 100_000
+"""Samples that show what is usual."""
 STUCK = 20
 """Equal values in a row that may be a stuck sensor, at the least."""
 _RARE, _TWO = 30, 2  # so many stretches beside one that may be stuck: these are few; two are beside as many
-LINE = 10
-"""Points on a line that noise does not leave there."""
-_SHORT_LINE = 4
 _FACTORS = np.array([60.0, 100.0, 1000.0, 3600.0, 1e6])
 _FEW = 5  # samples that show nothing usual
 _COARSE = 8  # steps of the digits: so much coarser is a converter whose own steps look like bends
-_FIRST = 100_000  # samples that show what is usual
 _AS_LARGE = 3.0  # times: noise of one size, and noise that is none of the digits
 _LEAST, _MOST = 3, 20  # samples on each side of a slip that have to agree, in a short and in a long log
 
@@ -88,7 +82,7 @@ def gaps(taken: np.ndarray) -> np.ndarray:
 
 def usual_step(taken: np.ndarray) -> float:
     """The median step, 0 where there are too few to speak of one."""
-    return median(np.diff(taken[:_FIRST])) if taken.size > _FEW else 0.0
+    return median(np.diff(taken[:FIRST])) if taken.size > _FEW else 0.0
 
 
 def stuck(values: np.ndarray) -> list[Stretch]:
@@ -111,7 +105,7 @@ def stuck(values: np.ndarray) -> list[Stretch]:
     found = [Stretch(start, stop) for start, stop in runs[sizes >= max(STUCK, 5 * usual)].tolist()]
     if not found:
         return []
-    steps = np.abs(np.diff(values[:_FIRST]))
+    steps = np.abs(np.diff(values[:FIRST]))
     step = 1.5 * float(np.min(steps, where=steps > 0, initial=np.inf))  # of a converter's it may be rounded
     slow = [np.isfinite(step) and _within_digits(values, one, step) for one in found]
     longest = max((one.size for one, true in zip(found, slow, strict=True) if true), default=0)
@@ -130,53 +124,7 @@ def _within_digits(values: np.ndarray, held: Stretch, step: float) -> bool:
     return bool(max(into, abs(values[held.stop] - values[held.stop - 1])) <= step)
 
 
-def filled(taken: np.ndarray, values: np.ndarray) -> list[Stretch]:
-    """Stretches of points on one straight line that is not level: filled in by interpolation.
-
-    Such a line begins and ends at a sharp bend, which tells it from a signal that is merely smooth. It counts if it has
-    ``LINE`` points, or if such lines, of at least four points, make up half of the signal; not if a machine may have
-    drawn it: see :func:`hgorun.data.faults.machine_lines.of_a_machine`.
-    """
-    if values.size < LINE:
-        return []
-    quantum = _quantum(np.diff(values[:_FIRST]))
-    runs = straight_runs(taken, values, quantum, _SHORT_LINE - 2)
-    lines = [Stretch(start, stop + 2) for start, stop in runs.tolist()]
-    if lines:
-        lines = _between_bends(taken, values, lines, quantum)
-    if sum(line.size for line in lines) < values.size / 2:
-        lines = [line for line in lines if line.size >= LINE]
-    drawn = of_a_machine(values, np.array([[line.start, line.stop] for line in lines], dtype=int), quantum)
-    return [line for line, own in zip(lines, drawn, strict=True) if not own]
-
-
-def _bends(taken: np.ndarray, values: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of threes of neighbours, by their first ones, how far the middle one is off the line, and what rounding leaves.
-
-    The formulas are those of :mod:`hgorun.data.faults.fault_passes`, operation by operation.
-    """
-    (before, middle, after), (low, here, high) = ([of[first + k] for k in range(3)] for of in (taken, values))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        share = (middle - before) / (after - before)
-    by_time = low + share * (high - low) - here
-    by_place = 0.5 * (low + high) - here  # filled in row by row, whatever the rounded stamps say
-    even = np.abs(share - 0.5) < EVEN
-    bend = np.abs(np.where(even & (np.abs(by_place) < np.abs(by_time)), by_place, by_time))
-    return bend, EXACT * np.maximum(np.abs(here), np.abs(high - here))
-
-
-def _between_bends(taken: np.ndarray, values: np.ndarray, lines: list[Stretch], quantum: float) -> list[Stretch]:
-    """The lines with a sharp bend at both ends, or at the one that is not an end of the log."""
-    last = values.size - 3
-    ends = np.array([[line.start - 1, line.stop - 2] for line in lines])
-    bend, exact = _bends(taken, values, np.clip(ends, 0, last).ravel())
-    sharp = bend > 5 * np.maximum(exact, quantum)
-    sharp, outside = sharp.reshape(-1, 2), (ends < 0) | (ends > last)
-    kept = (sharp | outside).all(axis=1) & ~outside.all(axis=1)  # a log that is one line is a ramp
-    return [line for line, true in zip(lines, kept, strict=True) if true]
-
-
-def _quantum(rise: np.ndarray) -> float:
+def quantum_of(rise: np.ndarray) -> float:
     """The step that all differences are multiples of; 0 where there is none."""
     sizes = np.abs(rise)
     sizes = sizes[sizes > 0]
@@ -259,7 +207,7 @@ def _scaled(values: np.ndarray, places: np.ndarray, width: int) -> np.ndarray:
         return places
     places, before, after = _beside(values, places, width)
     noise = np.sort([np.abs(np.diff(side, axis=1)).mean(axis=1) for side in (before, after)], axis=0)
-    digits = _quantum(np.diff(values[:_FIRST]))
+    digits = quantum_of(np.diff(values[:FIRST]))
     scaled: np.ndarray = places[(noise[1] >= _AS_LARGE * noise[0]) | (noise[0] <= _AS_LARGE * digits)]
     return scaled
 

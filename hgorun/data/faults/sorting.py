@@ -10,7 +10,7 @@ import numpy as np
 from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data.clocks import EXACT, duration_shown, shown
-from hgorun.data.faults import clock_changes, faults
+from hgorun.data.faults import clock_changes, faults, filled
 from hgorun.data.faults.one_stamp import one_ahead
 from hgorun.data.faults.periods import means, unwrapped
 from hgorun.data.faults.said_places import held_said, samples_said, where
@@ -247,7 +247,7 @@ class Sorting:
         what = "on straight lines, as if filled in by interpolation"
         return self._stretches(
             samples,
-            faults.filled(samples.taken, unwrapped(samples.values, self._period)),
+            filled.filled(samples.taken, unwrapped(samples.values, self._period)),
             "filled",
             what,
             self._told.filled or "refuse",
