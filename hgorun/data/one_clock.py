@@ -219,7 +219,7 @@ class OneClock:
             return
         column = clock.cells.column
         where = f"{file.path}, line {self._tables[file].lines[wrong]}, column {column!r}"
-        stand = "if they are right as they stand, faults: {backwards: sort} is right"
+        stand = "if they are right as they stand, faults: {backwards: sort} below data is right"
         if not dated:
             right = f"{clock_key(str(clock.path[-1]), column, form)[:-1]}, next_day: true}}"
             message = (

@@ -64,6 +64,6 @@ def require_apart(experiment: Experiment, samples: Sequence[Sampled]) -> None:
             t = experiment.origin + one.taken[equal[0]]
             message = (
                 f"{label} steps from sample to sample, and two samples were taken at {t:g}: take one of them, "
-                "faults: {repeated: mean}, first or last"
+                "faults: {repeated: mean}, first or last; faults goes below data"
             )
             raise Problem(("data", "outputs", one.output), message)

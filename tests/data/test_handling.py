@@ -114,6 +114,20 @@ def test_handled_as_told(
     assert np.all(np.diff(recording.outputs["S"].taken) >= 0)
 
 
+@pytest.mark.parametrize("content", [SWAPPED, AGAIN, FILLED, SLIPPED], ids=["swapped", "again", "filled", "slipped"])
+def test_what_a_refusal_advises_stands_where_it_says(tmp_path: Path, content: str) -> None:
+    """A process that steps by a factor 1000 once, and stays, looks as a slip does: as it is taken by what is said."""
+    with pytest.raises(ConfigError) as refused:
+        recorded(tmp_path, content)
+    *_, advised, place = refused.value.message.split("; ")
+    assert place == "faults goes below data"
+    key, _, how = advised.removeprefix("faults: {").partition("}")[0].partition(": ")
+    assert recorded(tmp_path, content, {"faults": {key: how}}).outputs["S"].values.size
+    if key == "slips":
+        values = recorded(tmp_path, content, {"faults": {key: how}}).outputs["S"].values
+        np.testing.assert_array_equal(values[30:], VALUES[30:] * 1000)
+
+
 @pytest.mark.parametrize(("content", "kind", "left"), [(FILLED, "filled", 55), (STUCK, "stuck", 25)])
 def test_of_what_is_dropped_the_ends_stay_and_the_others_are_counted(
     tmp_path: Path, content: str, kind: str, left: int

@@ -87,7 +87,8 @@ class Sorting:
 
     def _refused(self, samples: Samples, k: int, message: str, hint: str) -> ConfigError:
         file, line = samples.place(k)
-        return ConfigError(f"{message}; {hint}", file=file, line=line, key=samples.key)
+        below = "; faults goes below data" if "faults: {" in hint else ""
+        return ConfigError(f"{message}; {hint}{below}", file=file, line=line, key=samples.key)
 
     def _kept(self, samples: Samples, wrong: np.ndarray, kind: str, what: str, refuse: str | None) -> Samples:
         """Those that are not wrong, with a note; refused if a hint says how they are dropped."""
