@@ -19,6 +19,7 @@ import numpy as np
 from hgorun.data.cells import PLAIN_NUMBER
 from hgorun.data.samples import Samples
 from hgorun.data.table import Texts
+from hgorun.pieces import median
 
 NearRows: TypeAlias = Callable[..., Texts]
 """Gives the first rows of a file, or those near some lines."""
@@ -188,7 +189,7 @@ def _rows(near: NearRows, lines: np.ndarray, values: np.ndarray) -> Texts:
     if not steps.size or not any(map(_is_called, rows)):
         return rows
     largest = np.argpartition(steps, -min(_STEPS, steps.size))[-_STEPS:]
-    beside = lines[largest[steps[largest] > _LARGE * float(np.median(steps))] + 1]
+    beside = lines[largest[steps[largest] > _LARGE * median(steps)] + 1]
     more = near(*beside.tolist()) if beside.size else {}
     return {name: dict(sorted({**cells, **more.get(name, {})}.items())) for name, cells in rows.items()}
 
@@ -219,7 +220,7 @@ def _jump(words: Sequence[str], values: np.ndarray) -> bool:
     between = [abs(b - a) for (one, a), (other, b) in steps if one != other]
     within = [np.abs(np.diff(values[[word == name for word in words]])) for name in set(words)]
     moved = np.concatenate(within)
-    return moved.size > 0 and float(np.median(between)) > _APART * float(np.median(moved))
+    return moved.size > 0 and median(np.array(between)) > _APART * median(moved)
 
 
 def _nothing_else(column: str, names: Sequence[str], rows: Texts, own: str) -> bool:
