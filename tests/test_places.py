@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 import pytest
 
-from hgorun.native.places import moved_up, places_in, since_last_in
+from hgorun.native.places import last_near, moved_up, places_in, since_last_in
 
 TIMES = 1e-3 * np.arange(1000)
 RANDOM = np.random.default_rng(0)
@@ -67,3 +67,14 @@ def test_those_a_little_before_one_are_moved_to_it(within: str) -> None:
             expected.append(following[0] if near else one)
         np.testing.assert_array_equal(moved_up(ascending, sought, tolerance), expected, err_msg=name)
     assert np.count_nonzero(moved_up(TIMES, SOUGHT["a little before"], tolerance) == TIMES) == TIMES.size
+
+
+@pytest.mark.parametrize("within", ["even", "jitter", "repeated", "one"])
+def test_the_last_one_near_each_is_found(within: str) -> None:
+    ascending, tolerance = WITHIN[within], 2e-9
+    for name, sought in SOUGHT.items():
+        near = [ascending[abs(ascending - one) <= tolerance] for one in sought.tolist() if np.isfinite(one)]
+        expected = [some[-1] if some.size else -np.inf for some in near]
+        found = last_near(ascending, sought, tolerance)
+        np.testing.assert_array_equal(found[np.isfinite(sought)], expected, err_msg=name)
+        assert np.all(np.isneginf(found[~np.isfinite(sought)]))

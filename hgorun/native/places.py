@@ -68,6 +68,22 @@ def moved_up(ascending: np.ndarray, sought: np.ndarray, tolerance: float) -> np.
     return np.where((sought < following) & (following - sought <= tolerance), following, sought)
 
 
+def last_near(ascending: np.ndarray, sought: np.ndarray, tolerance: float) -> np.ndarray:
+    """The last ascending one that is no farther from each sought one than a tolerance; -infinity where none is.
+
+    Parameters
+    ----------
+    ascending : ndarray, shape (N,), N > 0
+    sought : ndarray, shape (n,)
+    tolerance : float
+    """
+    found = np.empty(sought.size)
+    if _walked("near", ascending, sought, found, "right", tolerance):
+        return found
+    last = ascending[np.maximum(np.searchsorted(ascending, sought + tolerance, side="right") - 1, 0)]
+    return np.where(np.abs(last - sought) <= tolerance, last, -np.inf)
+
+
 def _walked(
     name: str,
     ascending: np.ndarray,
@@ -86,8 +102,13 @@ def _walked(
     return _passes(name, (ascending, sought, found), numbers, tolerance) == sought.size
 
 
-def _walk(before: str, tell: Callable[[Function, str, str, str], str] | None, f: Function) -> None:
-    """How many of the sought are found; fewer than all where they are too far apart, or one is no number."""
+def _walk(
+    before: str, tell: Callable[[Function, str, str, str], str] | None, f: Function, *, beyond: bool = False
+) -> None:
+    """How many of the sought are found; fewer than all where they are too far apart, or one is no number.
+
+    ``beyond``: by a tolerance behind each of them.
+    """
     ascending, sought, found = (f.word("%taken", i, "ptr") for i in range(3))
     size, count, first, far = (f.word("%taken", i) for i in range(3, 7))
     place, left = f.slot("i64"), f.slot("i64")
@@ -96,17 +117,18 @@ def _walk(before: str, tell: Callable[[Function, str, str, str], str] | None, f:
     given_up = f.label()
     with f.count(0, count) as k:
         one = f.word(sought, k, "double")
-        f.leave_if(f.test("uno", one, one), given_up)
+        end = f.scalar("fadd", one, "%real") if beyond else one
+        f.leave_if(f.test("uno", end, end), given_up)
         with f.loop() as after:
             here = f.load(place, "i64")
             f.leave_if(f.test("eq", here, "0"), after)
             back = f.scalar("sub", here, "1")
-            f.leave_if(f.test(before, f.word(ascending, back, "double"), one), after)
+            f.leave_if(f.test(before, f.word(ascending, back, "double"), end), after)
             _step(f, back, place, left, given_up)
         with f.loop() as after:
             here = f.load(place, "i64")
             f.leave_if(f.test("sge", here, size), after)
-            f.leave_if(f.let(f"xor i1 {f.test(before, f.word(ascending, here, 'double'), one)}, true"), after)
+            f.leave_if(f.let(f"xor i1 {f.test(before, f.word(ascending, here, 'double'), end)}, true"), after)
             _step(f, f.scalar("add", here, "1"), place, left, given_up)
         here = f.load(place, "i64")
         if tell is None:
@@ -136,6 +158,15 @@ def _up(f: Function, ascending: str, here: str, one: str) -> str:
     return f.let(f"select i1 {moved}, double {following}, double {one}")
 
 
+def _near(f: Function, ascending: str, here: str, one: str) -> str:
+    """The one before a place, where it is not far from one."""
+    last = f.scalar("sub", here, "1")
+    last = f.let(f"select i1 {f.test('sgt', here, '0')}, i64 {last}, i64 0")
+    found = f.word(ascending, last, "double")
+    near = f.test("ole", f.intrinsic("fabs", f.scalar("fsub", found, one)), "%real")
+    return f.let(f"select i1 {near}, double {found}, double {hexadecimal(float('-inf'))}")
+
+
 def _step(f: Function, to: str, place: str, left: str, given_up: str) -> None:
     """To another place, as long as there are steps left."""
     f.leave_if(f.test("eq", f.load(left, "i64"), "0"), given_up)
@@ -149,5 +180,6 @@ _passes = Passes(
         "right": partial(_walk, "ole", None),
         "since": partial(_walk, "ole", _since),
         "up": partial(_walk, "olt", _up),
+        "near": partial(_walk, "ole", _near, beyond=True),
     }
 )

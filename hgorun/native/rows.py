@@ -1,4 +1,4 @@
-"""Some columns of a table: as rows of their own, and whether they have one number."""
+"""Rows of a table: some columns as rows of their own, whether they have one number, and what lies around them."""
 
 from __future__ import annotations
 
@@ -30,6 +30,22 @@ def all_are(rows: np.ndarray, value: np.generic) -> bool:
         return bool(np.all(rows.view(kind) == bits))
     numbers = (*rows.shape, rows.strides[0] // 8, int(bits.view(np.int64)))
     return _passes("others", (rows,), numbers) == 0
+
+
+def around(rows: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """``rows - width`` and ``rows + width`` in one pass; a width for all rows takes numpy four times as long.
+
+    Parameters
+    ----------
+    rows : ndarray, shape (N, n)
+    width : ndarray, shape (N, n) or (n,)
+    """
+    doubles = rows.dtype == width.dtype == np.float64 and rows.flags.c_contiguous and width.flags.c_contiguous
+    if not doubles or rows.ndim != 2 or len(rows) < _FEWEST:
+        return rows - width, rows + width
+    found = np.empty(rows.shape), np.empty(rows.shape)
+    _passes("around", (rows, width, *found), (*rows.shape, rows.shape[1] * (width.ndim - 1)))
+    return found
 
 
 def _in_words(rows: np.ndarray) -> bool:
@@ -67,4 +83,17 @@ def _others(f: Function) -> None:
     f.do(f"ret i64 {f.load(found, 'i64')}")
 
 
-_passes = Passes({**{f"copy{width}": partial(_copy, width) for width in _WIDTHS}, "others": _others})
+def _around(f: Function) -> None:
+    rows, width, lower, upper = (f.word("%taken", i, "ptr") for i in range(4))
+    count, columns, step = (f.word("%taken", i) for i in range(4, 7))
+    with f.count(0, count) as k:
+        place, own = f.scalar("mul", k, columns), f.at(width, f.scalar("mul", k, step))
+        with f.count(0, columns) as column:
+            at = f.scalar("add", place, column)
+            one, half = f.word(rows, at, "double"), f.word(own, column, "double")
+            f.store(f.scalar("fsub", one, half), f.at(lower, at))
+            f.store(f.scalar("fadd", one, half), f.at(upper, at))
+    f.do("ret i64 0")
+
+
+_passes = Passes({**{f"copy{width}": partial(_copy, width) for width in _WIDTHS}, "others": _others, "around": _around})

@@ -1,11 +1,11 @@
-"""Copies of columns that stand apart in a table are those that numpy makes; whether they have one number is told."""
+"""Copies of columns that stand apart, and what lies around rows, are as numpy makes them; one number is told."""
 
 from __future__ import annotations
 
 import numpy as np
 import pytest
 
-from hgorun.native.rows import all_are, copied
+from hgorun.native.rows import all_are, around, copied
 
 TABLE = np.random.default_rng(0).standard_normal((3000, 6))
 TABLE[7, 2], TABLE[8, 3], TABLE[9, 3] = np.nan, -0.0, np.inf
@@ -58,3 +58,12 @@ def test_rows_of_one_number_are_told_by_its_bits(count: int, columns: slice, val
         table[row, columns] = value
     assert all_are(np.full(count, 3, dtype=np.int8), np.int8(3))
     assert not all_are(np.arange(count), np.int64(0))
+
+
+@pytest.mark.parametrize("rows", [TABLE, TABLE[:9], TABLE[:0], TABLE[:, :1], TABLE[::2].copy()], ids=len)
+def test_what_lies_around_rows(rows: np.ndarray) -> None:
+    rows, each = np.ascontiguousarray(rows), np.ascontiguousarray(np.abs(TABLE[: len(rows), : rows.shape[1]])[::-1])
+    for width in (each, np.abs(TABLE[2, : rows.shape[1]])):
+        for found, expected in zip(around(rows, width), (rows - width, rows + width), strict=True):
+            assert found.shape == expected.shape
+            assert found.tobytes() == expected.tobytes()

@@ -36,7 +36,7 @@ from hgorun.estimate.scores.evaluated import Evaluated, first_undefined, innovat
 from hgorun.estimate.scores.innovations import WrittenInnovations
 from hgorun.estimate.scores.output_points import OutputPoints, clocks_of
 from hgorun.estimate.scores.scores import scores_of
-from hgorun.native.rows import in_one_piece
+from hgorun.native.rows import around, in_one_piece
 from hgorun.result.file.parts import ResultInParts
 from hgorun.result.records.recorded import Assessed, Recorded
 from hgorun.result.result import Result
@@ -292,7 +292,7 @@ class LongLog:
 
     def _write_band(self, file: ResultInParts, found: Found, label: str, widths: Widths) -> None:
         written = file.whole(f"observers/{label}/xhat")
-        for first, width in widths.in_pieces(self._grid, _ROWS):
-            xhat = written.read(first, first + len(width))
-            for name, rows in (("lower", xhat - width), ("upper", xhat + width)):
+        for some, width in widths.in_pieces(self._grid, _ROWS):
+            bounds = around(written.read(some.start, some.stop), width)
+            for name, rows in zip(("lower", "upper"), bounds, strict=True):
                 self._write(file, found, f"observers/{label}/{name}", rows, self._grid.size)

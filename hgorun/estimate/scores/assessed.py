@@ -68,12 +68,16 @@ class Widths:
                 width[:, k] = found[0] if len(found) == 1 else np.min(np.broadcast_arrays(*found), axis=0)
         return width
 
-    def in_pieces(self, grid: OutputPoints, rows: int) -> Iterator[tuple[int, Floats]]:
-        """Along a grid, so many rows at a time, each piece with the number of its first point."""
+    def in_pieces(self, grid: OutputPoints, rows: int) -> Iterator[tuple[slice, Floats]]:
+        """Along a grid, so many points at a time, each piece with its first point and the one behind it.
+
+        A row for each of them, or one for all where no band grows.
+        """
         grow = any(band.level is None for bands in self.bands for band, _ in bands)
-        same = self.at(grid[:rows])
+        same = self.at(grid[:1])[0]
         for first in range(0, grid.size, rows):
-            yield first, self.at(grid[first : first + rows]) if grow else same[: grid.size - first]
+            some = slice(first, min(first + rows, grid.size))
+            yield some, self.at(grid[some]) if grow else same
 
 
 def _at(band: Band, one: Sampled | None, grid: Floats, known: dict[int, Floats]) -> Floats | float:

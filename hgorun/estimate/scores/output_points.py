@@ -10,7 +10,7 @@ from typing import TypeAlias
 import numpy as np
 
 from hgorun.estimate.samples import Sampled, rounding_of
-from hgorun.native.places import places_in
+from hgorun.native.places import last_near
 from hgorun.pieces import ascending
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.simulation.timeline.grid import EvenPoints
@@ -53,7 +53,8 @@ class OutputPoints:
         points, every, _ = experiment.even_grid
         even, end = EvenPoints(-(-points.size // every), points.step, every), experiment.time.end
         tolerance = same_point(even.spacing, rounding_of(experiment.origin, end))
-        return cls(even=even, clocks=tuple(clocks), end=end, tolerance=tolerance)
+        known = {(*_place_of(times), origin): (times, origin) for times, origin in clocks}  # signals may share theirs
+        return cls(even=even, clocks=tuple(known.values()), end=end, tolerance=tolerance)
 
     @property
     def size(self) -> int:
@@ -73,12 +74,11 @@ class OutputPoints:
         """Ascending times, with those of samples in place of those that are near one; of several the last."""
         if not times.size:
             return times
-        best = np.full(times.size, -np.inf)
+        best: Floats | float = -np.inf
         for clock in self.clocks:
             own = self._between(clock, times[0] - self.tolerance, times[-1] + self.tolerance)
             if own.size:
-                last = own[np.maximum(places_in(own, times + self.tolerance, "right") - 1, 0)]
-                np.maximum(best, last, out=best, where=np.abs(last - times) <= self.tolerance)
+                best = np.maximum(best, last_near(own, times, self.tolerance))
         return np.where(best >= 0, best, times)
 
     def _between(self, clock: Clock, first: float, last: float) -> Floats:
@@ -86,7 +86,14 @@ class OutputPoints:
         times, origin = clock
         start = bisect_left(times, first, key=lambda time: time - origin)
         stop = bisect_right(times, last, key=lambda time: time - origin)
-        return np.clip(times[start:stop] - origin, 0.0, self.end)
+        own = times[start:stop] - origin if origin else times[start:stop]
+        inside = own.size and own[0] > 0.0 and own[-1] <= self.end  # a zero may have a sign
+        return own if inside else np.clip(own, 0.0, self.end)
+
+
+def _place_of(times: Floats) -> tuple[int, int, int]:
+    """Where in memory an array is: its address, how many numbers it has, and how far they are from each other."""
+    return times.__array_interface__["data"][0], times.size, times.strides[0]
 
 
 def same_point(step: float, rounding: float) -> float:
