@@ -6,6 +6,7 @@ from hgorun.engine.layout import (
     ACTION_WORDS,
     ARRIVE,
     JUMP,
+    NOTHING,
     REBASE,
     RECORD,
     RESTORE,
@@ -17,7 +18,7 @@ from hgorun.engine.layout import (
     WORD,
     Held,
 )
-from hgorun.engine.module import Module, copy, counts, span
+from hgorun.engine.module import Module, copy, counts, each, span
 from hgorun.native.ir import Function, hexadecimal
 
 
@@ -75,59 +76,85 @@ def add_actions(m: Module) -> None:
     c = counts(f, "%segment")
     t = span(f, "%segment")[2]
     w, z, slots, channels = (f.word("%ctx", WORD[name], "ptr") for name in ("w", "z", "slots", "channels"))
+    table, advance, far = (
+        f.word("%ctx", WORD["actions"], "ptr"),
+        f.word("%ctx", WORD["advance"], "ptr"),
+        "advance_words",
+    )
+    before = f.slot("i64")
+    f.store(str(NOTHING), before, "i64")
+
+    def channels_here() -> None:
+        """Nothing has changed since samples were taken just before."""
+        last = f.load(before, "i64")
+        with f.when(f.let(f"and i1 {f.test('ne', last, str(TAKE))}, {f.test('ne', last, str(RETAKE))}")):
+            f.call("channels", f"ptr %ctx, double {t}")
+
     with f.count(c["action_first"], c["action_last"]) as index:
-        row = f.at(f.word("%ctx", WORD["actions"], "ptr"), f.scalar("mul", index, str(ACTION_WORDS)))
-        op, output, slot, first, last = (f.word(row, i) for i in range(ACTION_WORDS))
+        row = f.at(table, f.scalar("mul", index, str(ACTION_WORDS)))
+        further = f.at(advance, f.scalar("mul", index, f.word("%ctx", WORD[far])))
+        op, output = f.word(row, 0), f.word(row, 1)
+        slot, first, last = (
+            f.scalar("add", f.word(row, i), f.scalar("mul", "%segment", f.word(further, i)))
+            for i in range(2, ACTION_WORDS)
+        )
         held = f.at(w, f.scalar("mul", output, str(s.held.width * lanes)))
         here = f.at(slots, f.scalar("mul", slot, str(s.width * lanes)))
-        with f.when(f.test("eq", op, str(TAKE))):
-            f.call("channels", f"ptr %ctx, double {t}")
-            copy(f, f.at(channels, f.scalar("mul", output, str(s.width * lanes))), here, s.width)
-        with f.when(f.test("eq", op, str(SET))):
-            value = f.at(f.word("%ctx", WORD["holds"], "ptr"), f.scalar("mul", slot, str(lanes)))
-            copy(f, value, f.at(w, f.scalar("mul", output, str(lanes))), 1)
-        if s.innovations:
-            with f.when(f.test("eq", op, str(SHOW))):
-                rows = f.word("%ctx", WORD["rows"], "ptr")
-                copy(f, z, f.at(rows, f.scalar("mul", slot, str(s.states * lanes))), s.states)
-        if s.replayed is not None or s.recalled:
-            with f.when(f.test("eq", op, str(RETAKE))):
-                f.call("channels", f"ptr %ctx, double {t}")
-                of_output = f.at(channels, f.scalar("mul", output, str(s.width * lanes)))
-                copy(f, f.at(of_output, lanes), f.at(here, lanes), s.observers)
-        if s.replayed is not None:
-            _add_snapshots(m, f, op, slot)
-        for number in range(len(s.jumps)):
-            wanted = f.test("eq", output, str(number))
-            with f.when(f.let(f"and i1 {f.test('eq', op, str(JUMP))}, {wanted}")):
-                f.call(f"jump{number}", f"ptr %ctx, double {t}, i64 0, i64 {lanes}")
-        arrives, notes = f.test("eq", op, str(ARRIVE)), f.test("eq", op, str(RECORD))
-        with f.when(f.let(f"or i1 {arrives}, {notes}")):
-            at_slot = f.scalar("mul", slot, str(lanes))
-            gain, bias, measured = (
-                f.at(f.word("%ctx", WORD[name], "ptr"), at_slot) for name in ("gain", "bias", "measured")
-            )
-            y = f.mul(f.load(gain, f.real), f.load(here, f.real))
-            f.store(f.add(y, f.load(bias, f.real)), measured, f.real)
+        with f.choice(op) as case:
+            with case(TAKE):
+                channels_here()
+                copy(f, f.at(channels, f.scalar("mul", output, str(s.width * lanes))), here, s.width)
+            with case(SET):
+                value = f.at(f.word("%ctx", WORD["holds"], "ptr"), f.scalar("mul", slot, str(lanes)))
+                copy(f, value, f.at(w, f.scalar("mul", output, str(lanes))), 1)
             if s.innovations:
-                _keep_innovations(m, f, output, slot, here, measured, t)
-            with f.when(arrives):
-                if not s.plant_states:
-                    _grow(f, measured)
-                copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), 1)
-                copy(f, measured, f.at(held, Held.OUTPUT * lanes), 1)
-                copy(f, f.at(here, lanes), f.at(held, Held.S * lanes), s.observers)
-        with f.when(f.test("eq", op, str(REBASE))), f.count(0, s.observers * lanes) as i:
-            place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
-            alpha_at = f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))
-            alpha = f.load(alpha_at)
-            f.store(hexadecimal(0.0), alpha_at)
-            held_s = f.at(f.at(held, Held.S * lanes), i)
-            f.store(f.scalar("fadd", f.load(held_s), alpha), held_s)
-            with f.count(first, last) as pending:
-                there = f.at(slots, f.scalar("mul", pending, str(s.width * lanes)))
-                pending_s = f.at(f.at(there, lanes), i)
-                f.store(f.scalar("fadd", f.load(pending_s), alpha), pending_s)
+                with case(SHOW):
+                    rows = f.word("%ctx", WORD["rows"], "ptr")
+                    copy(f, z, f.at(rows, f.scalar("mul", slot, str(s.states * lanes))), s.states)
+            if s.replayed is not None or s.recalled:
+                with case(RETAKE):
+                    channels_here()
+                    of_output = f.at(channels, f.scalar("mul", output, str(s.width * lanes)))
+                    copy(f, f.at(of_output, lanes), f.at(here, lanes), s.observers)
+            if s.replayed is not None:
+                with case(SAVE):
+                    for own, saved, count in _kept_parts(m, f, slot):
+                        copy(f, own, saved, count)
+                with case(RESTORE):
+                    _restore(m, f, slot)
+            if s.jumps:
+                with case(JUMP), f.choice(output) as of_number:
+                    for number in range(len(s.jumps)):
+                        with of_number(number):
+                            f.call(f"jump{number}", f"ptr %ctx, double {t}, i64 0, i64 {lanes}")
+            with case(ARRIVE, RECORD):
+                at_slot = f.scalar("mul", slot, str(lanes))
+                gain, bias, measured = (
+                    f.at(f.word("%ctx", WORD[name], "ptr"), at_slot) for name in ("gain", "bias", "measured")
+                )
+                y = f.add(f.mul(f.load(gain, f.real), f.load(here, f.real)), f.load(bias, f.real))
+                f.store(y, measured, f.real)
+                if s.innovations:
+                    _keep_innovations(m, f, output, slot, here, measured, t)
+                with f.when(f.test("eq", op, str(ARRIVE))):
+                    if not s.plant_states:
+                        _grow(f, y)
+                    copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), 1)
+                    f.store(y, f.at(held, Held.OUTPUT * lanes), f.real)
+                    copy(f, f.at(here, lanes), f.at(held, Held.S * lanes), s.observers)
+            with case(REBASE):
+                for i in each(f, s.observers * lanes):
+                    place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), str(i))
+                    alpha_at = f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))
+                    alpha = f.load(alpha_at)
+                    f.store(hexadecimal(0.0), alpha_at)
+                    held_s = f.at(f.at(held, Held.S * lanes), i)
+                    f.store(f.scalar("fadd", f.load(held_s), alpha), held_s)
+                    with f.count(first, last) as pending:
+                        there = f.at(slots, f.scalar("mul", pending, str(s.width * lanes)))
+                        pending_s = f.at(f.at(there, lanes), i)
+                        f.store(f.scalar("fadd", f.load(pending_s), alpha), pending_s)
+        f.store(op, before, "i64")
     f.do("ret void")
     m.finish(f)
 
@@ -135,12 +162,12 @@ def add_actions(m: Module) -> None:
 def _grow(f: Function, measured: str) -> None:
     """The largest sample so far, from which the bound of the observers follows."""
     place = f.word("%ctx", WORD["largest"], "ptr")
-    largest, size = f.load(place, f.real), f.intrinsic("fabs", f.load(measured, f.real))
+    largest, size = f.load(place, f.real), f.intrinsic("fabs", measured)
     f.store(f.select(f.compare("ogt", size, largest), size, largest), place, f.real)
 
 
-def _add_snapshots(m: Module, f: Function, op: str, number: str) -> None:
-    """Keep states and what is held as they are, or go back to them; what has diverged stays masked."""
+def _kept_parts(m: Module, f: Function, number: str) -> list[tuple[str, str, int]]:
+    """Of the states and of what is held: where they are, where they are kept under a number, and how many."""
     s, lanes = m.system, m.lanes
     assert s.replayed is not None
     first, held = s.replayed
@@ -148,21 +175,23 @@ def _add_snapshots(m: Module, f: Function, op: str, number: str) -> None:
     kept = f.at(f.word("%ctx", WORD["snapshots"], "ptr"), place)
     z, w = f.word("%ctx", WORD["z"], "ptr"), f.word("%ctx", WORD["w"], "ptr")
     states, numbers = s.states - first, s.held.size - held
-    parts = (f.at(z, first * lanes), kept, states), (f.at(w, held * lanes), f.at(kept, states * lanes), numbers)
-    with f.when(f.test("eq", op, str(SAVE))):
-        for own, saved, count in parts:
-            copy(f, own, saved, count)
-    with f.when(f.test("eq", op, str(RESTORE))):
-        for own, saved, count in parts:
-            copy(f, saved, own, count)
-        diverged = f.word("%ctx", WORD["diverged"], "ptr")
-        for j, (start, _, end) in enumerate(s.blocks):
-            if start >= first:
-                with f.count(0, lanes) as lane:
-                    when = f.word(f.at(diverged, j * lanes), lane, "double")
-                    with f.when(f.test("one", when, hexadecimal(float("inf")))), f.count(start, end) as i:
-                        state = f.scalar("add", f.scalar("mul", i, str(lanes)), lane)
-                        f.store(hexadecimal(float("nan")), f.at(z, state))
+    return [(f.at(z, first * lanes), kept, states), (f.at(w, held * lanes), f.at(kept, states * lanes), numbers)]
+
+
+def _restore(m: Module, f: Function, number: str) -> None:
+    """Go back to states and what is held as they have been kept; what has diverged stays masked."""
+    s, lanes = m.system, m.lanes
+    assert s.replayed is not None
+    for own, saved, count in _kept_parts(m, f, number):
+        copy(f, saved, own, count)
+    diverged, z = f.word("%ctx", WORD["diverged"], "ptr"), f.word("%ctx", WORD["z"], "ptr")
+    for j, (start, _, end) in enumerate(s.blocks):
+        if start >= s.replayed[0]:
+            with f.count(0, lanes) as lane:
+                when = f.word(f.at(diverged, j * lanes), lane, "double")
+                with f.when(f.test("one", when, hexadecimal(float("inf")))), f.count(start, end) as i:
+                    state = f.scalar("add", f.scalar("mul", i, str(lanes)), lane)
+                    f.store(hexadecimal(float("nan")), f.at(z, state))
 
 
 def _keep_innovations(m: Module, f: Function, output: str, slot: str, here: str, measured: str, t: str) -> None:
@@ -172,13 +201,14 @@ def _keep_innovations(m: Module, f: Function, output: str, slot: str, here: str,
     if s.spreads is not None:
         f.call("spreads", f"ptr %ctx, double {t}, i64 {output}, ptr {f.at(kept, s.observers * lanes)}")
     z = f.word("%ctx", WORD["z"], "ptr")
-    with f.count(0, s.observers) as j, f.count(0, lanes) as lane:
-        i = f.scalar("add", f.scalar("mul", j, str(lanes)), lane)
-        guess = f.load(f.at(f.at(here, lanes), i))
-        if s.alpha:
-            place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
-            guess = f.scalar("fadd", guess, f.load(f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))))
-        _keep_first(m, f, f.scalar("fsub", guess, f.load(f.at(measured, lane))), f.at(kept, i))
+    for j in each(f, s.observers):
+        for lane in each(f, lanes):
+            i = f.scalar("add", f.scalar("mul", str(j), str(lanes)), str(lane))
+            guess = f.load(f.at(f.at(here, lanes), i))
+            if s.alpha:
+                place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), i)
+                guess = f.scalar("fadd", guess, f.load(f.at(z, f.word(f.word("%ctx", WORD["alpha"], "ptr"), place))))
+            _keep_first(m, f, f.scalar("fsub", guess, f.load(f.at(measured, lane))), f.at(kept, i))
 
 
 def _keep_first(m: Module, f: Function, found: str, place: str) -> None:

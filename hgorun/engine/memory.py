@@ -9,7 +9,7 @@ import numpy as np
 
 from hgorun.engine.allowance import SMALL
 from hgorun.engine.history import piece_words
-from hgorun.engine.layout import ACTION_WORDS, CONTEXT, WORD, HybridSystem
+from hgorun.engine.layout import ACTION_WORDS, CONTEXT, COUNT, SPAN, WORD, HybridSystem
 from hgorun.engine.plan import Floats, Integers, Kept, PartNumbers, Plan, Segments
 from hgorun.engine.window import Window
 from hgorun.memo import Memo, same
@@ -193,7 +193,7 @@ class Memory:
         self.context[WORD["ring_mask"]] = pieces - 1
         reals = self.context.view(float)
         reals[WORD["bound_offset"]], reals[WORD["bound_factor"]] = start.bound
-        reals[WORD["t_start"]] = plan.spans[0, 0]
+        reals[WORD["t_start"]] = plan.spans.flat[0]
         if tolerance:
             for word, value in (
                 ("rtol", tolerance.rtol),
@@ -232,8 +232,13 @@ class Memory:
         self["segment"] = 0
         nothing = np.zeros(ACTION_WORDS, dtype=np.int64)
         actions = segments.actions if segments.actions.size else nothing
-        for name, array in (("spans", segments.spans), ("counts", segments.counts), ("actions", actions)):
+        advance = nothing if segments.advance is None else segments.advance
+        tables = {"spans": segments.spans, "counts": segments.counts, "actions": actions, "advance": advance}
+        for name, array in tables.items():
             self.put(name, array)
+        own = (len(SPAN), 2, len(COUNT), 0) if segments.advance is None else (1, 0, 0, ACTION_WORDS)
+        for name, words in zip(("span_words", "inside", "count_words", "advance_words"), own, strict=True):
+            self[name] = words
         if segments.numbers is not None:
             self._take_numbers(segments.numbers)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from hgorun.engine.emit import Emitted, emit
-from hgorun.engine.layout import COUNT, SPAN, WORD, HybridSystem
+from hgorun.engine.layout import COUNT, WORD, HybridSystem
 from hgorun.native.ir import Function
 
 _UNROLLED = 8
@@ -71,13 +71,14 @@ class Module:
 
 def span(f: Function, segment: str) -> tuple[str, ...]:
     """The four times of a segment."""
-    base = f.at(f.word("%ctx", WORD["spans"], "ptr"), f.scalar("mul", segment, str(len(SPAN))))
-    return tuple(f.word(base, i, "double") for i in range(len(SPAN)))
+    base = f.at(f.word("%ctx", WORD["spans"], "ptr"), f.scalar("mul", segment, f.word("%ctx", WORD["span_words"])))
+    inside = f.at(base, f.word("%ctx", WORD["inside"]))
+    return tuple(f.word(ends, i, "double") for ends in (base, inside) for i in range(2))
 
 
 def counts(f: Function, segment: str) -> dict[str, str]:
     """The integers of a segment, by name."""
-    base = f.at(f.word("%ctx", WORD["counts"], "ptr"), f.scalar("mul", segment, str(len(COUNT))))
+    base = f.at(f.word("%ctx", WORD["counts"], "ptr"), f.scalar("mul", segment, f.word("%ctx", WORD["count_words"])))
     return {name: f.word(base, i) for i, name in enumerate(COUNT)}
 
 

@@ -9,6 +9,8 @@ from itertools import takewhile
 import numpy as np
 from numpy.typing import NDArray
 
+from hgorun.engine.work import work_up_to
+
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
@@ -52,7 +54,7 @@ class Segments:
 
     Attributes
     ----------
-    spans, counts, actions
+    spans, counts, actions, advance
         As those of a :class:`Plan`; the ranges of actions are those of these segments.
     numbers : PartNumbers, optional
         In place of those of the plan.
@@ -62,6 +64,24 @@ class Segments:
     counts: Integers
     actions: Integers
     numbers: PartNumbers | None = None
+    advance: Integers | None = None
+
+    @property
+    def size(self) -> int:
+        """How many there are."""
+        return len(self.counts) if self.advance is None else self.spans.size - 1
+
+    @property
+    def steps(self) -> int:
+        """Of them all."""
+        own = int(np.sum(self.counts[:, 2] - self.counts[:, 1]))
+        return own if self.advance is None else own * self.size
+
+    @property
+    def work(self) -> Integers:
+        """Steps of all segments up to each one, and one more for what happens before each."""
+        each = work_up_to(self.counts)
+        return each if self.advance is None else each * np.arange(1, self.size + 1)
 
     def with_rows_anywhere(self) -> Segments:
         """The same where output points may lie anywhere in the steps."""
@@ -114,6 +134,9 @@ class Plan:
         regime, range of actions, and whether the slope at the end is needed.
     actions : ndarray of int64, shape (actions, 5)
         Kind, output, slot or index, and a range of slots.
+    advance : ndarray of int64, shape (actions, 5), optional
+        Of segments that are alike, by how much the words of each action are more from one to the next; then ``spans``
+        are the times of the events alone, shape (segments + 1,), and ``counts`` is one row.
     grid : ndarray, shape (rows,)
         Output times.
     slots : int
@@ -150,6 +173,7 @@ class Plan:
     following: Following | None = None
     numbers: PartNumbers | None = None
     kept: int = 0
+    advance: Integers | None = None
 
     def with_grid(self, grid: Floats) -> Plan:
         """The same with other output times, which may lie anywhere in its steps."""
@@ -181,7 +205,8 @@ class Plan:
 
     def _each(self, change: Callable[[Segments], Segments]) -> Plan:
         """The same with every part changed."""
-        own = change(Segments(self.spans, self.counts, self.actions, self.numbers))
+        assert self.advance is None
+        own = change(self._own)
         following = self.following
         if following is not None:
             parts = following.parts
@@ -206,20 +231,23 @@ class Plan:
 
     def parts(self) -> Iterator[Segments]:
         """The segments of the whole run, some of them at a time."""
-        yield Segments(self.spans, self.counts, self.actions, self.numbers)
+        yield self._own
         if self.following is not None:
             yield from self.following.parts()
 
     @property
+    def _own(self) -> Segments:
+        return Segments(self.spans, self.counts, self.actions, self.numbers, self.advance)
+
+    @property
     def steps(self) -> int:
         """Steps of the whole run (fixed step)."""
-        own = int(np.sum(self.counts[:, 2] - self.counts[:, 1]))
-        return own if self.following is None else own + self.following.steps
+        return self._own.steps if self.following is None else self._own.steps + self.following.steps
 
     @property
     def work(self) -> int:
         """Steps and segments of the whole run."""
-        own = int(np.sum(self.counts[:, 2] - self.counts[:, 1])) + len(self.counts)
+        own = self._own.steps + self._own.size
         return own if self.following is None else own + self.following.work
 
     @property

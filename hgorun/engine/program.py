@@ -15,7 +15,6 @@ from hgorun.engine.memory import ADAPTIVE_HISTORY, Memory, Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.plan import Plan
 from hgorun.engine.window import Take, Window
-from hgorun.engine.work import work_up_to
 from hgorun.errors import NoStep, PlantDiverged, ShortHistory, SimulationError
 from hgorun.native.compiler import NativeModule
 
@@ -114,8 +113,8 @@ class Program:
         for part, segments in enumerate(plan.parts()):
             if part:  # it has the first
                 memory.take(segments)
-            stop, done, count = 0, 0, len(segments.counts)
-            work = work_up_to(segments.counts) if chunk < all_work or progress else None
+            stop, done, count = 0, 0, segments.size
+            work = segments.work if chunk < all_work or progress else None
             while stop < count:
                 before = time.perf_counter()
                 if work is None:  # the whole plan takes less than a slice

@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
-from hgorun.engine.plan import Integers
 from hgorun.native.ir import Function
 from hgorun.native.passes import Passes
 
 _MANY = 1 << 12  # segments of which numpy's passes through rows that stand apart take long
 
 
-def work_up_to(counts: Integers) -> Integers:
+def work_up_to(counts: NDArray[np.int64]) -> NDArray[np.int64]:
     """Steps of all segments up to each one, and one more for what happens before each.
 
     Parameters
@@ -24,7 +24,7 @@ def work_up_to(counts: Integers) -> Integers:
     ndarray of int64, shape (segments,)
     """
     if len(counts) < _MANY or not counts.flags.c_contiguous:
-        found: Integers = (counts[:, 2] - counts[:, 1] + 1).cumsum()
+        found: NDArray[np.int64] = (counts[:, 2] - counts[:, 1] + 1).cumsum()
         return found
     work = np.empty(len(counts), dtype=np.int64)
     _passes("work", (counts, work), (len(counts), counts.shape[1]))

@@ -241,6 +241,8 @@ def _following(first: int, count: int) -> np.ndarray:
 
 def at_events(times: np.ndarray, events: np.ndarray, tolerance: float) -> np.ndarray:
     """Times with those at events that lie before one by no more than a tolerance; events ascend."""
+    if np.array_equal(times, events):
+        return times
     moved = moved_up(events, times, tolerance)
     return times if np.array_equal(moved, times) else moved
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 
 _OF_LANES = ("lanes", "real", "integer", "mask", "_suffix")  # attributes of a block that say on how many lanes it is
 
@@ -246,6 +246,26 @@ class Function(Block):
         self.place(body)
         yield
         self.jump(after)
+        self.place(after)
+
+    @contextmanager
+    def choice(self, value: str) -> Iterator[Callable[..., AbstractContextManager[None]]]:
+        """Cases of an i64: each is given its numbers, and its body runs for these; for others nothing does."""
+        decide, after = self.label(), self.label()
+        self.jump(decide)
+        targets: list[str] = []
+
+        @contextmanager
+        def case(*numbers: int) -> Iterator[None]:
+            body = self.label()
+            targets.extend(f"i64 {number}, label %{body}" for number in numbers)
+            self.place(body)
+            yield
+            self.jump(after)
+
+        yield case
+        self.place(decide)
+        self.do(f"switch i64 {value}, label %{after} [ {' '.join(targets)} ]")
         self.place(after)
 
     @contextmanager

@@ -198,6 +198,31 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 
+@pytest.mark.parametrize(("hold", "step"), [("zero", 0.02), ("linear", 0.007)])
+def test_segments_that_are_alike_need_no_tables(
+    hold: str, step: float, short: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Of an even log with output points at its samples: what is told of one segment is that of all."""
+    t = np.round(0.02 * np.arange(120), 2)
+    log = recording(signal("a", t, np.sin(t)), signal("d", t, np.cos(t)), u=held_input("u", t, np.sin(3 * t), hold))
+    smooth = PLANT | {"dynamics": {"a": "b + c", "b": "-sin(a) - 0.1*b + u", "c": "0"}}
+    short.setitem(globals(), "PLANT", smooth)
+    short.setattr(tabulated, "_PART_EVENTS", 8)
+    made: list[bool] = []
+
+    class Told(tabulated.Tabulated):
+        def alike(self) -> tabulated.Tables | None:
+            found = super().alike()
+            made.append(found is not None)
+            return found
+
+    short.setattr("hgorun.simulation.timeline.tables.Tabulated", Told)
+    whole, found = _both(log, tmp_path / "a.h5", "shgo", "fhgo2", solver={"step": step})
+    assert found is not None
+    assert made.count(True) == 3  # all stretches but the last, which ends with a sample
+    assert _digests(tmp_path / "a.h5") == digests_of(whole)
+
+
 @pytest.mark.parametrize("some", [slice(None), slice(3, None, 1), slice(7, None, 9), slice(40, None)])
 def test_innovations_are_read_again(some: slice, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setattr(innovations, "_ROWS", 4)

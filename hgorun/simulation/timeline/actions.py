@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
-from hgorun.engine.layout import ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE, HybridSystem
+from hgorun.engine.layout import ACTION_WORDS, ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE, HybridSystem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, stepped_between
 from hgorun.measurement.schedule import Schedule, nearest_event
@@ -125,7 +126,7 @@ class Actions:
             replay = Replay(order, replayed, system, held - _FLAGS.size)
             self.snapshots = replay.snapshots
             kinds += replay.kinds()
-        self.slots, self._kinds = base, kinds + lines
+        self.slots, self._kinds, self._size = base, [kind for kind in kinds + lines if kind.event.size], events.size
         self._kept = kept
         self._known: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
         self._ranks = max((kind.rank for kind in self._kinds), default=0) - _FIRST + 1
@@ -147,6 +148,25 @@ class Actions:
                 self._known.clear()
             self._known[key] = found
         return found
+
+    @cached_property
+    def repeated(self) -> tuple[np.ndarray, np.ndarray] | None:
+        """What happens at the first event, and how the rows of each further one differ from those of the one before.
+
+        Two tables of rows; None where not the same happens at every event but the last, with numbers one after the
+        other.
+        """
+        kinds = sorted(self._kinds, key=lambda kind: kind.rank)
+        if any(isinstance(column, np.ndarray) for kind in kinds for column in kind.columns):
+            return None
+        every = np.arange(self._size - 1)
+        if not kinds or not all(np.array_equal(kind.event, every) for kind in kinds):
+            return None
+        rows = np.empty((2, len(kinds), ACTION_WORDS), dtype=np.int64)
+        for kind, first, second in zip(kinds, *rows, strict=True):
+            kind.write(first[None], slice(0, 1))
+            kind.write(second[None], slice(1, 2))
+        return rows[0], rows[1] - rows[0]
 
     def take_from(self, other: Actions) -> None:
         """Take the tables of another part of the run, where the same happens, as often and in the same order."""

@@ -59,7 +59,8 @@ def build_plan(
     following = None
     if in_parts and schedule.size > long_from() and not system.remembers and schedule.order is None:
         made = tabulated()
-        tables, following = made.in_parts()
+        alike = None if shared is None else made.alike()
+        tables, following = made.in_parts() if alike is None else (alike, None)
         if shared is not None:
             shared.last = made
     else:
@@ -86,6 +87,7 @@ def build_plan(
         origin=timeline.origin,
         snapshots=tables.snapshots,
         following=following,
+        advance=tables.segments.advance,
     )
 
 

@@ -14,7 +14,7 @@ from hgorun.native.places import places_in
 from hgorun.simulation.timeline.actions import Actions
 from hgorun.simulation.timeline.recorded_inputs import RecordedInputs
 from hgorun.simulation.timeline.segment_rows import segment_rows
-from hgorun.simulation.timeline.steps import count_steps, in_pieces, steps_of_a_piece, unevenly
+from hgorun.simulation.timeline.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
 from hgorun.simulation.timeline.timeline import Stepping, Timeline
 
 _PART_EVENTS = 1 << 14  # of a part: its tables stay in the processor's cache
@@ -130,6 +130,28 @@ class Tabulated:
 
         following = Following(rest, steps, steps + count - _PART_EVENTS, float(self.schedule.events[-1]))
         return self._tables(first), following
+
+    def alike(self) -> Tables | None:
+        """All of a run of which nothing is told of each segment but when it begins and ends; None of others.
+
+        Nothing happens at its last event.
+        """
+        schedule, stepping = self.schedule, self.stepping
+        if schedule.order is not None or stepping.uneven is not None or self.always_slope:
+            return None
+        repeated, steps = self.actions.repeated, counted_steps(schedule, stepping.longest).steps
+        if (
+            repeated is None
+            or steps.size > 1
+            or steps[0] > self.piece
+            or not np.array_equal(self.grid, schedule.events)
+        ):
+            return None  # output points elsewhere may need slopes at the ends of some segments
+        if np.any(schedule.inward) or np.any(schedule.variant != schedule.variant[0]):
+            return None
+        actions, advance = repeated
+        count = [steps[0], 0, steps[0], schedule.variant[0], 0, len(actions), 0]
+        return self._tables(Segments(schedule.events, np.array([count]), actions, advance=advance))
 
     def _tables(self, segments: Segments) -> Tables:
         return Tables(segments, self.actions.slots, self.actions.values, self.actions.snapshots)
