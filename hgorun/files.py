@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import os
-import re
 import stat
 import tempfile
 import threading
@@ -17,20 +16,21 @@ from zlib import crc32
 
 from hgorun.errors import ConfigError, HgorunError
 from hgorun.originals import is_original
+from hgorun.patterns import Pattern
 from hgorun.process import unfinished
 
 # Temporary files are called .NAME-MACHINE-PID-RANDOM.part: who finds one whose process is gone may remove it. Of the
 # processes of other machines, which may share the folder, that is not known.
 _HOST = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")
 _MACHINE = f"{crc32(_HOST.encode()):08x}"
-_LEFTOVER = re.compile(rf"\..*-{_MACHINE}-(\d+)-[^-]*\.part")
+_LEFTOVER = Pattern(rf"\..*-{_MACHINE}-(\d+)-[^-]*\.part")
 _LONGEST_NAME = 255  # of the file systems in use
 _LARGE = 1 << 26  # bytes of a file that is not given up in a moment
 
 RESULT_SUFFIXES = frozenset((".h5", ".hdf5", ".nc"))
 """How names of files of results end."""
 # What somebody writes behind the name of a file, never of a folder: letters first, unlike run.2 and results.v2.
-_OF_A_FILE = re.compile(r"\.(?!v[0-9]+$)[a-z][a-z0-9]{0,7}")
+_OF_A_FILE = Pattern(r"\.(?!v[0-9]+$)[a-z][a-z0-9]{0,7}")
 
 
 def _mode() -> int:

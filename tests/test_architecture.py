@@ -22,7 +22,7 @@ PAGE = ROOT / "docs" / "architecture.md"
 
 # From the ground up. A room may import the rooms of lower floors; rooms of one floor do not know each other.
 FLOORS: list[set[str]] = [
-    {"errors", "originals", "process", "version"},
+    {"errors", "originals", "patterns", "process", "version"},
     {"ahead", "code", "files", "markup", "memo", "native", "pieces", "progress", "registry"},
     {"config"},
     {"symbolic"},

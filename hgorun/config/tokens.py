@@ -10,6 +10,7 @@ from keyword import iskeyword
 
 from hgorun.config.separators import misread
 from hgorun.errors import named_unseen, printable
+from hgorun.patterns import Pattern
 
 MAX_LENGTH = 2_000
 MAX_NESTING = 100
@@ -88,8 +89,8 @@ _HINTS = {
 }
 
 # Of a function as other packages call it.
-_ATTRIBUTE = re.compile(rf"\b[A-Za-z_]\w*\.({'|'.join((*FUNCTIONS, *CONSTANTS))})\b")
-_BY_ENTRIES = re.compile(r"\.(\*\*?|/|\^)")  # operators of other languages, for arrays
+_ATTRIBUTE = Pattern(rf"\b[A-Za-z_]\w*\.({'|'.join((*FUNCTIONS, *CONSTANTS))})\b")
+_BY_ENTRIES = Pattern(r"\.(\*\*?|/|\^)")  # operators of other languages, for arrays
 
 # Behind a number these are meant as its unit.
 _UNITS = {

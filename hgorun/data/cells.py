@@ -17,6 +17,7 @@ from hgorun.data.times.date_forms import patterns_of
 from hgorun.data.times.date_hints import clock_key, form_hint, other_hint, reader, times_in
 from hgorun.data.times.date_texts import iso_stamp, looks_like_iso, stamp_of
 from hgorun.data.times.dates import NAT
+from hgorun.patterns import Pattern
 
 _DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
 _NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}
@@ -24,13 +25,13 @@ PLAIN_NUMBER = _NUMBER["."]
 """A number as cells have it, with a point: no digits of other scripts, and no signs between them."""
 
 _BETWEEN = {".": r"\.", ",": ",", " ": "[ \u00a0\u202f]", "'": "['\u2019]"}  # what may stand between thousands
-_BEGINS_AS_NUMBER = re.compile(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
-_LETTERS = re.compile(r"[^\W\d_]{2}")
+_BEGINS_AS_NUMBER = Pattern(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
+_LETTERS = Pattern(r"[^\W\d_]{2}")
 # a number, and the unit that follows it
-_WITH_UNIT = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*((?![eE][-+]?$)[^\W\d_¹²³][^\s\d]{0,9}|%|°[A-Z])")
-_WITH_LIMIT = re.compile(r"[<>≤≥]=?\s*[-+]?\d+(?:[.,]\d+)?")  # < 0.1: below what the instrument tells
-_WITH_MARK = re.compile(r"[-+]?\d+(?:[.,]\d+)?\s*([^\w\s.,;:()%°+-]{1,3})")  # 12.3 *
-_OF_MICROSOFT = re.compile(r"[-+]?1\.#[A-Z]+\d*")  # 1.#QNAN, -1.#IND: what C once wrote there for no number
+_WITH_UNIT = Pattern(r"[-+]?\d+(?:[.,]\d+)?\s*((?![eE][-+]?$)[^\W\d_¹²³][^\s\d]{0,9}|%|°[A-Z])")
+_WITH_LIMIT = Pattern(r"[<>≤≥]=?\s*[-+]?\d+(?:[.,]\d+)?")  # < 0.1: below what the instrument tells
+_WITH_MARK = Pattern(r"[-+]?\d+(?:[.,]\d+)?\s*([^\w\s.,;:()%°+-]{1,3})")  # 12.3 *
+_OF_MICROSOFT = Pattern(r"[-+]?1\.#[A-Z]+\d*")  # 1.#QNAN, -1.#IND: what C once wrote there for no number
 _DASHES = "\u2010\u2011\u2012\u2013\u2212"
 _WORD = 40  # characters of a text that may mean a missing value
 IF_MISSING = "; if it means a missing value: "

@@ -15,12 +15,13 @@ import numpy as np
 
 from hgorun.data.csv.units_row import NUMBER
 from hgorun.data.faults.sentinels import are_usual, sentinels
+from hgorun.patterns import Pattern
 from hgorun.pieces import everywhere, extremes
 
-_GROUPED = re.compile(r"[-+]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
-_SMALL = re.compile(r"[-+]?\d{1,3}", re.ASCII)
-_LARGE = re.compile(r"[-+]?[1-9]\d{3,}", re.ASCII)
-_COMMA = re.compile(r"[-+]?\d+,(?!\d{3}$)\d+", re.ASCII)  # decimals for sure
+_GROUPED = Pattern(r"[-+]?[1-9]\d{0,2}\.\d{3}", re.ASCII)
+_SMALL = Pattern(r"[-+]?\d{1,3}", re.ASCII)
+_LARGE = Pattern(r"[-+]?[1-9]\d{3,}", re.ASCII)
+_COMMA = Pattern(r"[-+]?\d+,(?!\d{3}$)\d+", re.ASCII)  # decimals for sure
 _OF_SHEETS = (";", "\t")  # which separate columns where commas are decimal signs
 _FEWEST = 3  # numbers that show how a column is written
 _JUMP = 20.0  # times the smallest: so large is no whole number among decimals

@@ -6,6 +6,8 @@ import re
 from collections.abc import Iterator
 from fractions import Fraction
 
+from hgorun.patterns import Pattern
+
 _DIGITS = r"(?:\d{1,3}(?:[ \u00a0\u2009\u202f]\d{3})+|\d{1,20}(?:[.,]\d{1,20})?|\.\d{1,20})(?:[eE][-+]?\d{1,2})?"
 _HIGH = r"⁰¹²³⁴⁵⁶⁷⁸⁹"
 _TEN = rf"10(?:\s?(?:\^|\*\*)\s?(?:\([-+−]?\d{{1,2}}\)|[-+−]?\d{{1,2}})|[⁻⁺]?[{_HIGH}]{{1,2}}|[-−][1-9](?![\d.,]))"
@@ -14,24 +16,22 @@ _UNIT = rf"(?=[^\W\d_{_HIGH}]|[°º˚Â%‰])"  # begins
 _TIMES = r"\s*[x×*·]?\s*"
 
 _WORDS = {"tsd": "1000", "thousand": "1000", "mio": "1e6", "mln": "1e6", "million": "1e6", "mrd": "1e9"}
-_WORD = re.compile(rf"({'|'.join(_WORDS)})\.?\s+(?=\S)", re.IGNORECASE)  # Mio m3
-_BEFORE = re.compile(rf"({_NUMBER}){_TIMES}(\(?{_UNIT}.*|/.*|1/\D.*)", re.DOTALL)
-_PART = re.compile(rf"1\s*/\s*(\d{{1,6}}){_TIMES}({_UNIT}.*)")  # of a unit, or one per several: 1/10 K, 1/24 h
-_PER = re.compile(rf"(/|\sper\s)\s*(\(?)\s*({_NUMBER}){_TIMES}{_UNIT}")
-_OVER = re.compile(rf"(.*[^\W_])\s*/\s*({_NUMBER})")
+_WORD = Pattern(rf"({'|'.join(_WORDS)})\.?\s+(?=\S)", re.IGNORECASE)  # Mio m3
+_BEFORE = Pattern(rf"({_NUMBER}){_TIMES}(\(?{_UNIT}.*|/.*|1/\D.*)", re.DOTALL)
+_PART = Pattern(rf"1\s*/\s*(\d{{1,6}}){_TIMES}({_UNIT}.*)")  # of a unit, or one per several: 1/10 K, 1/24 h
+_PER = Pattern(rf"(/|\sper\s)\s*(\(?)\s*({_NUMBER}){_TIMES}{_UNIT}")
+_OVER = Pattern(rf"(.*[^\W_])\s*/\s*({_NUMBER})")
 _MULTIPLIED = (
-    re.compile(rf"[xX×*·]\s*(?P<number>{_NUMBER}){_TIMES}(?P<unit>\(?{_UNIT}.*)"),
-    re.compile(rf"(?P<unit>\D.*?)(?:\s+[xX]|\s*[×*·]|\s*\(\s*[xX×*·])\s*(?P<number>{_NUMBER})\s*\)?"),
-    re.compile(rf"(?P<unit>\D.*?)\s+(?P<number>{_TEN}|[eE][-+]?\d{{1,2}})"),
+    Pattern(rf"[xX×*·]\s*(?P<number>{_NUMBER}){_TIMES}(?P<unit>\(?{_UNIT}.*)"),
+    Pattern(rf"(?P<unit>\D.*?)(?:\s+[xX]|\s*[×*·]|\s*\(\s*[xX×*·])\s*(?P<number>{_NUMBER})\s*\)?"),
+    Pattern(rf"(?P<unit>\D.*?)\s+(?P<number>{_TEN}|[eE][-+]?\d{{1,2}})"),
 )
-_UNCLEAR = re.compile(r"10[3-9]|[1-9]\d{0,2}[.,]\d{3}")  # a power of ten or a number; digits in groups or a fraction
-_BEGINS = re.compile(rf"(?:[-+~<>=≤≥±xX×*]\s*)*\d[\W\deE_{_HIGH}]*?{_TIMES}(\(?(?![eE][-+]?\d){_UNIT}.*)")
-_UNREAD = re.compile(rf"(?<![\w^*.,⁻−-])\d[\d.,]*{_TIMES}(?=\D)")
-_ALONE = re.compile(
-    rf"[xX]\s*(?:{_TEN}|10+|0[.,]0*1)|[×*/]\s*{_NUMBER}|{_TEN}|\d{{1,20}}(?:[.,]\d+)?[eE][-+]?\d{{1,2}}"
-)
-_ORDINAL = re.compile(r"(?:st|nd|rd|th)(?!\w)")
-_HAS_NUMBER = re.compile(r"(?<![\w^*.,⁻−-])(?!1\s*/\s*\D)[.,]?\d")
+_UNCLEAR = Pattern(r"10[3-9]|[1-9]\d{0,2}[.,]\d{3}")  # a power of ten or a number; digits in groups or a fraction
+_BEGINS = Pattern(rf"(?:[-+~<>=≤≥±xX×*]\s*)*\d[\W\deE_{_HIGH}]*?{_TIMES}(\(?(?![eE][-+]?\d){_UNIT}.*)")
+_UNREAD = Pattern(rf"(?<![\w^*.,⁻−-])\d[\d.,]*{_TIMES}(?=\D)")
+_ALONE = Pattern(rf"[xX]\s*(?:{_TEN}|10+|0[.,]0*1)|[×*/]\s*{_NUMBER}|{_TEN}|\d{{1,20}}(?:[.,]\d+)?[eE][-+]?\d{{1,2}}")
+_ORDINAL = Pattern(r"(?:st|nd|rd|th)(?!\w)")
+_HAS_NUMBER = Pattern(r"(?<![\w^*.,⁻−-])(?!1\s*/\s*\D)[.,]?\d")
 _LONGEST = 200  # letters of a unit
 _LEAST = Fraction(1, 10**100)
 _PLAIN_HIGH = str.maketrans(_HIGH + "⁻⁺−", "0123456789-+-")
@@ -43,6 +43,8 @@ def parted(text: str) -> tuple[Fraction, str]:
     A number behind a bar belongs to what follows: ``g/100 mL`` is a gram in 100 mL. One alone is no unit, and
     ``x10 degC`` leaves open what is ten times as large, see :func:`asked`.
     """
+    if text.isalpha():  # as most are
+        return Fraction(1), text
     factor, rest = Fraction(1), text.strip() if len(text) <= _LONGEST else ""
     if word := _WORD.match(rest):
         rest = f"{_WORDS[word[1].lower()]} {rest[word.end() :]}"

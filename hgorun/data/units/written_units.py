@@ -9,38 +9,39 @@ from __future__ import annotations
 import re
 
 from hgorun.data.units.usual_units import is_usual
+from hgorun.patterns import Pattern
 
 _SCALES = {"c": "degC", "f": "degF", "k": "K", "r": "degR"}
 _SCALE = r"(C(?:elsius)?|centigrade|F(?:ahrenheit)?|K(?:elvin)?|R(?:ankine)?)"
 _SIGN = r"(?:Â?[°º]|[˚∘◦⁰ᵒ])"  # of degrees, also its likenesses, and UTF-8 read as Latin-1
-_DEGREES = re.compile(
+_DEGREES = Pattern(
     rf"(?<!\w)(?:(?:deg(?:ree)?s?\.?|{_SIGN})[\s_-]*|gra?d?\.?\s+){_SCALE}(?![^\W\d_]|\w)", re.IGNORECASE
 )
-_WORD = re.compile(r"(?<!\w)(Celsius|Centigrade|Fahrenheit|Kelvin)(?!\w)", re.IGNORECASE)
-_ANGULAR = re.compile(r"(?<![\w⁻])(?:Â[°º]|[º˚∘◦⁰ᵒ])(?!\w)")
-_LETTER_O = re.compile(r"(?<!\w)o([CFK])(?!\w)")
+_WORD = Pattern(r"(?<!\w)(Celsius|Centigrade|Fahrenheit|Kelvin)(?!\w)", re.IGNORECASE)
+_ANGULAR = Pattern(r"(?<![\w⁻])(?:Â[°º]|[º˚∘◦⁰ᵒ])(?!\w)")
+_LETTER_O = Pattern(r"(?<!\w)o([CFK])(?!\w)")
 _ONE_SIGN = str.maketrans({"℃": "°C", "℉": "°F", "\N{KELVIN SIGN}": "K"})
 _ANGLE = r"(?:[munkµμ]|milli|micro)?(?:deg(?:ree)?s?|°)"
 _TEMPERATURE = r"(?:[munµμ]|milli|micro)?(?:(?:delta_)?deg[CFR]|K|kelvins?|C|coulombs?|F|farads?)"
 _BOTH = rf"(?:{_ANGLE}(?:SIGN){_TEMPERATURE}|{_TEMPERATURE}(?:SIGN){_ANGLE})"
-_SIDE_BY_SIDE = re.compile(rf"(?<!\w){_BOTH.replace('SIGN', '[ ]+')}(?!\w)")
-_PRODUCT = re.compile(_BOTH.replace("SIGN", r"\s*[*]\s*"))
+_SIDE_BY_SIDE = Pattern(rf"(?<!\w){_BOTH.replace('SIGN', '[ ]+')}(?!\w)")
+_PRODUCT = Pattern(_BOTH.replace("SIGN", r"\s*[*]\s*"))
 
 _PRESSURE = (
     r"(?:[numµμkMGhcd]?Pa|[numµμkd]?bar|k?psi|ksi|atm|torr|[mc]mHg|inHg|[mc]?mH2O|inH2O|N/mm(?:2|\^2|²)|"
     r"kgf?/cm(?:2|\^2|²)|at)"
 )
 _TOLD = r"(?:a|g|e|ü|ga|abs|absolute?|gauge|rel|relative?)\.?"
-_OF_PRESSURE = re.compile(
+_OF_PRESSURE = Pattern(
     rf"({_PRESSURE})(?:[\s_.-]*{_TOLD}|d|[\s_]*[(\[]\s*(?:{_TOLD}|d|diff\.?)\s*[)\]]|[\s_]*diff\.?)", re.IGNORECASE
 )
 _CUBED = r"(?:[cdm]?m\s?(?:3|\^3|\*\*3|³)|(?:cu\.?\s?)?ft(?:3|\^3|\*\*3|³)|[mc]?[lL]|liters?|litres?)"
 _REST = r"((?![\w^*])(?:\s*/.*|\s+per\s.*|[\s*·]+\w+(?:\^|\*\*)?\(?[-⁻].*)?)"  # per a unit of time
 _AT = r"(?:N|n|S|std\.?|STP|NTP|norm(?:al)?\.?|standard|i\.?\s?N\.?)"
-_BEFORE = re.compile(rf"(?:[NSs]|(?:std|norm(?:al)?|standard)\.?[\s_]*)({_CUBED}){_REST}")
-_BEHIND = re.compile(rf"({_CUBED})(?:[\s_]*\(\s*(?:{_AT}|s)\s*\)|[\s_]*{_AT}){_REST}")
-_WITHIN = re.compile(rf"([cd]?m)_?[nN]_?((?:\^|\*\*)?3|³){_REST}")
-_AT_THE_END = re.compile(rf"({_CUBED})(\s*/\s*[^\W\d_]+)(?:\s*\(\s*(?:{_AT}|s)\s*\)|\s+{_AT})")
+_BEFORE = Pattern(rf"(?:[NSs]|(?:std|norm(?:al)?|standard)\.?[\s_]*)({_CUBED}){_REST}")
+_BEHIND = Pattern(rf"({_CUBED})(?:[\s_]*\(\s*(?:{_AT}|s)\s*\)|[\s_]*{_AT}){_REST}")
+_WITHIN = Pattern(rf"([cd]?m)_?[nN]_?((?:\^|\*\*)?3|³){_REST}")
+_AT_THE_END = Pattern(rf"({_CUBED})(\s*/\s*[^\W\d_]+)(?:\s*\(\s*(?:{_AT}|s)\s*\)|\s+{_AT})")
 _VOLUMES = (_BEFORE, _BEHIND, _WITHIN, _AT_THE_END)
 _FLOWS = {
     **{"cfm": "ft^3/min", "scfm": "ft^3/min", "cfs": "ft^3/s", "scfh": "ft^3/h", "scfd": "ft^3/d", "scf": "ft^3"},
@@ -61,8 +62,8 @@ _NAMES = {
 }
 _TIMES = str.maketrans({"·": "*", "⋅": "*", "×": "*"})
 _RAISED = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
-_ABBREVIATED = re.compile(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
-_POWER = re.compile(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
+_ABBREVIATED = Pattern(r"(?:[^\W\d_]\.\s?){2,}")  # a.u., p.u., r.p.m.
+_POWER = Pattern(r"([^\W\d_]+)([⁻⁰¹²³⁴⁵⁶⁷⁸⁹]+|-?[1-9])(?![\w.])")  # m³, m3, s-1
 
 
 def with_temperatures(text: str) -> str:
