@@ -81,7 +81,7 @@ def add_actions(m: Module) -> None:
         f.word("%ctx", WORD["advance"], "ptr"),
         "advance_words",
     )
-    before = f.slot("i64")
+    event, before = f.scalar("lshr", "%segment", f.word("%ctx", WORD["shift"])), f.slot("i64")
     f.store(str(NOTHING), before, "i64")
 
     def channels_here() -> None:
@@ -95,8 +95,7 @@ def add_actions(m: Module) -> None:
         further = f.at(advance, f.scalar("mul", index, f.word("%ctx", WORD[far])))
         op, output = f.word(row, 0), f.word(row, 1)
         slot, first, last = (
-            f.scalar("add", f.word(row, i), f.scalar("mul", "%segment", f.word(further, i)))
-            for i in range(2, ACTION_WORDS)
+            f.scalar("add", f.word(row, i), f.scalar("mul", event, f.word(further, i))) for i in range(2, ACTION_WORDS)
         )
         held = f.at(w, f.scalar("mul", output, str(s.held.width * lanes)))
         here = f.at(slots, f.scalar("mul", slot, str(s.width * lanes)))

@@ -17,7 +17,11 @@ def add_fixed(s: Stepper) -> None:
     """``advance<i>(ctx, segment)`` for the regime i of the stepper."""
     f, m = s.f, s.m
     n = counts(f, "%segment")
-    h = f.scalar("fdiv", f.scalar("fsub", s.end, s.start), f.let(f"sitofp i64 {n['steps']} to double"))
+    gap, length = f.scalar("fsub", s.end, s.start), f.slot("double")
+    f.store(gap, length)
+    with f.when(f.test("ne", n["steps"], "1")):  # a division by 1 takes as long as any
+        f.store(f.scalar("fdiv", gap, f.let(f"sitofp i64 {n['steps']} to double")), length)
+    h = f.load(length)
 
     def exact(step: str) -> str:
         """When step number ``step`` starts."""

@@ -12,13 +12,14 @@ CONTEXT = (
     "measured", "holds", "alpha", "blocks", "diverged", "lost", "largest", "ring", "initial", "hints", "error", "size",
     "own", "row", "ring_count", "ring_mask", "bound_offset", "bound_factor", "t_start", "rtol", "atol", "small",
     "max_step", "step", "now", "budget", "segment", "paused", "hopeless", "leapt", "snapshots", "innovations",
-    "room", "full", "awaited", "awaits", "stopped", "span_words", "inside", "count_words", "advance", "advance_words",
+    "room", "full", "awaited", "awaits", "stopped", "span_words", "inside", "count_mask", "advance", "advance_words",
+    "shift",
 )  # fmt: skip
 WORD = {name: index for index, name in enumerate(CONTEXT)}
 
-# One segment between two events: times and evaluation times of its ends, and its integers. From one segment to the next
-# there are so many words as the context says, and from the times to those of evaluation: of segments that are alike
-# nothing but the times of events is told of each.
+# One segment between two events: times and evaluation times of its ends, and its integers. How far it is from the times
+# of one segment to those of the next, and to those of evaluation, the context says, and which bits of its number are
+# that of its integers: of segments that are alike nothing but times is told of each.
 SPAN = ("start", "end", "start_eval", "end_eval")
 COUNT = ("steps", "first", "last", "regime", "action_first", "action_last", "end_slope")
 

@@ -9,13 +9,12 @@ import numpy as np
 
 from hgorun.engine.allowance import SMALL
 from hgorun.engine.history import piece_words
-from hgorun.engine.layout import ACTION_WORDS, CONTEXT, COUNT, SPAN, WORD, HybridSystem
-from hgorun.engine.plan import Floats, Integers, Kept, PartNumbers, Plan, Segments
+from hgorun.engine.history_room import history_pieces
+from hgorun.engine.layout import ACTION_WORDS, CONTEXT, SPAN, WORD, HybridSystem
+from hgorun.engine.plan import Floats, Kept, PartNumbers, Plan, Segments
 from hgorun.engine.window import Window
 from hgorun.memo import Memo, same
 from hgorun.native.compiler import address_of
-
-ADAPTIVE_HISTORY = 1 << 16  # pieces kept where the number of steps is not known before
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -96,38 +95,9 @@ class Raw:
     largest: float = 0.0
 
 
-def history_pieces(ends: Floats, steps: Integers | None, reach: float) -> int:
-    """How many steps the history of continuous delays keeps: a power of two.
-
-    Parameters
-    ----------
-    ends : ndarray, shape (segments, 2)
-        Where each segment starts and ends; pieces of one segment may repeat them.
-    steps : ndarray, shape (segments,)
-        Steps of each of them; None for adaptive steps.
-    reach : float
-        The longest delay; room is left for one that is a tenth longer.
-    """
-    if steps is None:
-        return ADAPTIVE_HISTORY
-    last = np.append(ends[1:, 1] > ends[:-1, 1], True)
-    knots = np.append(ends[0, 0], ends[last, 1])
-    done = np.append(0, np.cumsum(steps)[last])
-    reach = 1.1 * reach
-    # steps in [t - reach, t] are most where one of the two is at an event
-    late = np.concatenate([knots, knots + reach])
-    spanned = np.interp(late, knots, done) - np.interp(late - reach, knots, done)
-    return 1 << (int(np.ceil(np.max(spanned))) + 4).bit_length()
-
-
 def _pieces(plan: Plan, tolerance: Tolerance | None) -> int:
     steps = None if tolerance else plan.counts[:, 2] - plan.counts[:, 1]
     return history_pieces(plan.spans[:, :2], steps, plan.reach)
-
-
-def history_bytes(system: HybridSystem, pieces: int) -> int:
-    """Memory of so many steps of history, for one lane."""
-    return 8 * pieces * piece_words(system.outputs * system.width, 1)
 
 
 _ENDLESS: Memo[Floats] = Memo(8, lambda grid: grid.size < 1_000_000)  # grids with an end that is never reached
@@ -153,6 +123,7 @@ class Memory:
         ring = np.zeros(pieces * piece_words(channels, lanes) if s.remembers else 1)
         entries = np.array([e * lanes + lane for row in s.alpha for e in row for lane in range(lanes)], dtype=np.int64)
         self.shape = (0 if window else plan.grid.size, s.states if shown is None else shown, lanes)
+        every = plan.advance is not None  # sample is taken and arrives, so that all that is kept of them is written
         if window:
             grid, rows = window.grid, window.rows
         else:
@@ -166,10 +137,10 @@ class Memory:
             "channels": np.zeros(max(channels, 1) * lanes),
             "grid": grid,
             "rows": rows,
-            "slots": np.zeros(max(plan.slots, 1) * s.width * lanes),
+            "slots": (np.empty if every else np.zeros)(max(plan.slots, 1) * s.width * lanes),
             "gain": _spread(plan.gain, lanes),
             "bias": _spread(plan.bias, lanes),
-            "measured": np.full((max(plan.slots, 1), lanes), np.nan),
+            "measured": _unknown((max(plan.slots, 1), lanes), written=every),
             "holds": _spread(plan.holds, lanes),
             "alpha": entries if entries.size else np.zeros(1, dtype=np.int64),
             "blocks": np.array(s.blocks or [(0, 0, 0)], dtype=np.int64),
@@ -184,7 +155,7 @@ class Memory:
             "snapshots": np.zeros(max(plan.snapshots * s.snapshot, 1) * lanes),
             "size": _sizes(start.z),
             "own": np.zeros(own_words * lanes, dtype=np.int64),
-            "innovations": np.full((plan.slots if s.innovations else 1, max(s.noted, 1), lanes), np.nan),
+            "innovations": _unknown((plan.slots if s.innovations else 1, max(s.noted, 1), lanes), written=every),
         }
         self.slots, self.observers, self._width = plan.slots, s.observers, s.width
         self.context = np.zeros(len(CONTEXT), dtype=np.int64)
@@ -236,9 +207,10 @@ class Memory:
         tables = {"spans": segments.spans, "counts": segments.counts, "actions": actions, "advance": advance}
         for name, array in tables.items():
             self.put(name, array)
-        own = (len(SPAN), 2, len(COUNT), 0) if segments.advance is None else (1, 0, 0, ACTION_WORDS)
-        for name, words in zip(("span_words", "inside", "count_words", "advance_words"), own, strict=True):
-            self[name] = words
+        cut = len(segments.counts) - 1
+        own = (len(SPAN), 2, -1, 0, 0) if segments.advance is None else (1, 0, cut, ACTION_WORDS, cut)
+        for name, word in zip(("span_words", "inside", "count_mask", "advance_words", "shift"), own, strict=True):
+            self[name] = word
         if segments.numbers is not None:
             self._take_numbers(segments.numbers)
 
@@ -294,6 +266,11 @@ def _sizes(z: Floats) -> Floats:
     sizes: Floats = np.abs(np.ascontiguousarray(z, dtype=float))
     sizes[~np.isfinite(sizes)] = 0.0
     return sizes
+
+
+def _unknown(shape: tuple[int, ...], *, written: bool) -> Floats:
+    """NaN; anything where all numbers are ``written`` before they are read."""
+    return np.empty(shape) if written else np.full(shape, np.nan)
 
 
 def _spread(values: Floats, lanes: int) -> Floats:

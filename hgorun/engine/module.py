@@ -78,7 +78,8 @@ def span(f: Function, segment: str) -> tuple[str, ...]:
 
 def counts(f: Function, segment: str) -> dict[str, str]:
     """The integers of a segment, by name."""
-    base = f.at(f.word("%ctx", WORD["counts"], "ptr"), f.scalar("mul", segment, f.word("%ctx", WORD["count_words"])))
+    row = f.scalar("and", segment, f.word("%ctx", WORD["count_mask"]))
+    base = f.at(f.word("%ctx", WORD["counts"], "ptr"), f.scalar("mul", row, str(len(COUNT))))
     return {name: f.word(base, i) for i, name in enumerate(COUNT)}
 
 

@@ -75,13 +75,15 @@ class Segments:
     def steps(self) -> int:
         """Of them all."""
         own = int(np.sum(self.counts[:, 2] - self.counts[:, 1]))
-        return own if self.advance is None else own * self.size
+        return own if self.advance is None else own * (self.size // len(self.counts))
 
     @property
-    def work(self) -> Integers:
-        """Steps of all segments up to each one, and one more for what happens before each."""
-        each = work_up_to(self.counts)
-        return each if self.advance is None else each * np.arange(1, self.size + 1)
+    def work(self) -> Integers | range:
+        """About the steps of all segments up to each one, and one more for what happens before each."""
+        if self.advance is None:
+            return work_up_to(self.counts)
+        each = self.steps // self.size + 1
+        return range(each, each * self.size + 1, each)
 
     def with_rows_anywhere(self) -> Segments:
         """The same where output points may lie anywhere in the steps."""
@@ -135,8 +137,8 @@ class Plan:
     actions : ndarray of int64, shape (actions, 5)
         Kind, output, slot or index, and a range of slots.
     advance : ndarray of int64, shape (actions, 5), optional
-        Of segments that are alike, by how much the words of each action are more from one to the next; then ``spans``
-        are the times of the events alone, shape (segments + 1,), and ``counts`` is one row.
+        Of segments that are alike, by how much the words of each action are more from one event to the next; then
+        ``spans`` are times alone, shape (segments + 1,), and ``counts`` is one row, or two of segments that are cut.
     grid : ndarray, shape (rows,)
         Output times.
     slots : int

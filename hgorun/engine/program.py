@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import ctypes
 import time
+from bisect import bisect_right
 from collections.abc import Callable, Sequence
 from functools import partial
 
 import numpy as np
 
 from hgorun.engine.generate import generate
+from hgorun.engine.history_room import ADAPTIVE_HISTORY
 from hgorun.engine.layout import DONE, HISTORY_TOO_SHORT, PAUSED, PLANT_DIVERGED, STEP_TOO_SMALL, WORD, HybridSystem
-from hgorun.engine.memory import ADAPTIVE_HISTORY, Memory, Raw, Start, Tolerance
+from hgorun.engine.memory import Memory, Raw, Start, Tolerance
 from hgorun.engine.methods import METHODS, Rosenbrock
 from hgorun.engine.plan import Plan
 from hgorun.engine.window import Take, Window
@@ -120,7 +122,7 @@ class Program:
                 if work is None:  # the whole plan takes less than a slice
                     stop = count
                 else:
-                    stop = max(stop + 1, int(work.searchsorted(done + chunk, side="right")))
+                    stop = max(stop + 1, bisect_right(work, done + chunk))
                     done = int(work[stop - 1])
                 granted = memory["budget"] = _granted(limit - tries)
                 verdict = self._run(memory.address, stop)

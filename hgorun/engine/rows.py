@@ -78,6 +78,16 @@ def add_rows(m: Module, *, quintic: bool) -> None:
     m.finish(f)
 
 
+def add_row(f: Function, m: Module, z: str) -> None:
+    """The next output point has some states; there is room for it."""
+    place = f.at("%ctx", WORD["row"])
+    row = f.load(place, "i64")
+    target = f.at(f.word("%ctx", WORD["rows"], "ptr"), f.scalar("mul", row, str(m.row_words)))
+    for k, state in enumerate(range(m.system.states) if m.shown is None else m.shown):
+        f.store(f.load(f.at(z, state * m.lanes), f.real), f.at(target, k * m.lanes), f.real)
+    f.store(f.scalar("add", row, "1"), place, "i64")
+
+
 def shown(f: Function, m: Module) -> Iterator[tuple[str, str]]:
     """Places of the states of a row: among all states, and in the row."""
     if m.shown is None:

@@ -11,7 +11,10 @@ from hgorun.engine.lane_tables import own
 from hgorun.engine.layout import SPAN, WORD
 from hgorun.engine.module import Module, each, lent, move, span
 from hgorun.engine.moments import Moments
+from hgorun.engine.rows import add_row
 from hgorun.native.ir import Function
+
+_AT_ONCE = 64  # numbers of a row that are copied one by one
 
 
 class Stepper(Moments, ABC):
@@ -276,7 +279,14 @@ class Stepper(Moments, ABC):
         f.branch(near, shown, after)
         f.place(shown)
         snap = self.snap(t1, h)
-        with f.when(f.test("olt", due, f.scalar("fsub", t1, snap))):
+        stop = f.scalar("fsub", t1, snap)
+        if self.words <= _AT_ONCE:  # one at the start of the step, as most are, takes no call
+            full = f.word("%ctx", WORD["full"], "ptr")
+            at_start = f.let(f"and i1 {f.test('ole', due, f.scalar('fadd', t0, snap))}, {f.test('olt', due, stop)}")
+            with f.when(f.let(f"and i1 {at_start}, {f.let(f'icmp eq ptr {full}, null')}")):
+                add_row(f, self.m, self.before)
+            due = self._due(t1)[1]
+        with f.when(f.test("olt", due, stop)):
             first, last, quintic = self.interpolant(h)
             known = [lent(f, array, self.size) for array in (self.before, first, self.z, last)]
             f.call(

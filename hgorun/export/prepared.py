@@ -10,7 +10,7 @@ import numpy as np
 
 from hgorun.config.nearest import listed, nearest
 from hgorun.engine.early import NONE
-from hgorun.engine.memory import history_pieces
+from hgorun.engine.history_room import history_pieces
 from hgorun.engine.methods import METHODS, Method
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.prepared import PreparedEstimate

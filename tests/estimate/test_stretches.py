@@ -198,12 +198,18 @@ def test_a_log_of_one_clock_gives_the_same_file(hold: str, short: pytest.MonkeyP
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 
-@pytest.mark.parametrize(("hold", "step"), [("zero", 0.02), ("linear", 0.007)])
+@pytest.mark.parametrize(
+    ("hold", "step", "jitter"),
+    [
+        ("zero", 0.03, 9e-3),
+        *(pytest.param(*one, 0.0, marks=pytest.mark.costly) for one in [("zero", 0.03), ("linear", 0.007)]),
+    ],
+)
 def test_segments_that_are_alike_need_no_tables(
-    hold: str, step: float, short: pytest.MonkeyPatch, tmp_path: Path
+    hold: str, step: float, jitter: float, short: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    """Of an even log with output points at its samples: what is told of one segment is that of all."""
-    t = np.round(0.02 * np.arange(120), 2)
+    """Of a log with as many steps from each sample to the next: what is told of one segment is that of all."""
+    t = np.round(0.02 * np.arange(120), 2) + jitter * np.sin(np.arange(120))
     log = recording(signal("a", t, np.sin(t)), signal("d", t, np.cos(t)), u=held_input("u", t, np.sin(3 * t), hold))
     smooth = PLANT | {"dynamics": {"a": "b + c", "b": "-sin(a) - 0.1*b + u", "c": "0"}}
     short.setitem(globals(), "PLANT", smooth)
@@ -216,10 +222,20 @@ def test_segments_that_are_alike_need_no_tables(
             made.append(found is not None)
             return found
 
-    short.setattr("hgorun.simulation.timeline.tables.Tabulated", Told)
+    class Tabled(tabulated.Tabulated):
+        def alike(self) -> None:
+            return None
+
+    in_tables = "hgorun.simulation.timeline.tables.Tabulated"
+    short.setattr(in_tables, Tabled)
+    _, expected = _both(log, tmp_path / "a.h5", "shgo", "fhgo2", solver={"step": step})
+    short.setattr(in_tables, Told)
     whole, found = _both(log, tmp_path / "a.h5", "shgo", "fhgo2", solver={"step": step})
     assert found is not None
-    assert made.count(True) == 3  # all stretches but the last, which ends with a sample
+    assert expected is not None
+    assert found.integration_error == expected.integration_error
+    # all stretches but the last, which ends with a sample; the first two with other steps as well
+    assert made.count(True) == 5
     assert _digests(tmp_path / "a.h5") == digests_of(whole)
 
 

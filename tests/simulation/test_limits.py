@@ -11,7 +11,7 @@ from examples import load, prepared, run
 
 from hgorun import simulate
 from hgorun.cli import main
-from hgorun.engine.memory import history_pieces
+from hgorun.engine.history_room import history_pieces
 from hgorun.errors import ConfigError
 from hgorun.measurement.chance import generator
 from hgorun.simulation.simulate import prepare

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hgorun.engine.memory import history_bytes, history_pieces
+from hgorun.engine.history_room import history_bytes, history_pieces
 from hgorun.errors import Problem
 from hgorun.measurement.channels import continuous_delays
 from hgorun.measurement.samples import AnySamples

@@ -178,6 +178,29 @@ def unevenly(spans: np.ndarray, counts: np.ndarray, ratio: float) -> tuple[np.nd
     return cut_rows(spans, counts, before, after, _PART)
 
 
+def unevenly_alike(events: np.ndarray, count: np.ndarray, ratio: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same of segments that are alike.
+
+    Parameters
+    ----------
+    events : ndarray, shape (N + 1,)
+        Between which they are.
+    count : ndarray of int64, shape (7,)
+        Of each of them.
+
+    Returns
+    -------
+    times : ndarray, shape (2 N + 1,)
+    counts : ndarray of int64, shape (2, 7)
+        Of the two parts of each.
+    """
+    steps, (regime, first, last) = _cut(uneven_steps(count[:1], ratio)), count[3:6].tolist()
+    times = np.empty(2 * events.size - 1)
+    times[::2], times[1::2] = events, events[:-1] + _PART * np.diff(events)
+    counts = [[part[0], 0, part[0], regime, begin, last, 1] for part, begin in zip(steps, (first, last), strict=True)]
+    return times, np.array(counts)
+
+
 def steps_of_a_piece(total: int) -> int:
     """How many steps a piece has, of so many in the run: see :func:`in_pieces`."""
     return max(_PIECE, -(-total // _MAX_PIECES))

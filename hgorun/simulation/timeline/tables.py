@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def build_plan(
         gain, bias = joined([gain for gain, _ in measured]), joined([bias for _, bias in measured])
     else:
         bias = joined(list(_recorded(channels, samples)))
-        gain = np.ones(bias.size)
+        gain = _ones(bias.size)
     return Plan(
         spans=tables.segments.spans,
         counts=tables.segments.counts,
@@ -89,6 +89,14 @@ def build_plan(
         following=following,
         advance=tables.segments.advance,
     )
+
+
+@lru_cache(2)
+def _ones(count: int) -> np.ndarray:
+    """So many: the parts of a long log have as many samples as those before, and nobody writes to them."""
+    found = np.ones(count)
+    found.flags.writeable = False
+    return found
 
 
 def _together(parts: Sequence[np.ndarray]) -> np.ndarray:

@@ -14,7 +14,14 @@ from hgorun.native.places import places_in
 from hgorun.simulation.timeline.actions import Actions
 from hgorun.simulation.timeline.recorded_inputs import RecordedInputs
 from hgorun.simulation.timeline.segment_rows import segment_rows
-from hgorun.simulation.timeline.steps import count_steps, counted_steps, in_pieces, steps_of_a_piece, unevenly
+from hgorun.simulation.timeline.steps import (
+    count_steps,
+    counted_steps,
+    in_pieces,
+    steps_of_a_piece,
+    unevenly,
+    unevenly_alike,
+)
 from hgorun.simulation.timeline.timeline import Stepping, Timeline
 
 _PART_EVENTS = 1 << 14  # of a part: its tables stay in the processor's cache
@@ -101,8 +108,12 @@ class Tabulated:
             if before is not None:
                 self.actions.take_from(before.actions)
         self._piece = piece
-        # what is carried out, one after the other
-        self.order = np.arange(schedule.events.size) if schedule.order is None else schedule.order.event
+
+    @cached_property
+    def order(self) -> np.ndarray:
+        """The events that are carried out, one after the other."""
+        order = self.schedule.order
+        return np.arange(self.schedule.size) if order is None else order.event
 
     @cached_property
     def steps(self) -> int:
@@ -137,21 +148,19 @@ class Tabulated:
         Nothing happens at its last event.
         """
         schedule, stepping = self.schedule, self.stepping
-        if schedule.order is not None or stepping.uneven is not None or self.always_slope:
+        if schedule.order is not None or np.any(schedule.inward) or np.any(schedule.variant != schedule.variant[0]):
             return None
         repeated, steps = self.actions.repeated, counted_steps(schedule, stepping.longest).steps
-        if (
-            repeated is None
-            or steps.size > 1
-            or steps[0] > self.piece
-            or not np.array_equal(self.grid, schedule.events)
-        ):
-            return None  # output points elsewhere may need slopes at the ends of some segments
-        if np.any(schedule.inward) or np.any(schedule.variant != schedule.variant[0]):
+        if repeated is None or steps.size > 1 or steps[0] >= self.piece:
             return None
         actions, advance = repeated
-        count = [steps[0], 0, steps[0], schedule.variant[0], 0, len(actions), 0]
-        return self._tables(Segments(schedule.events, np.array([count]), actions, advance=advance))
+        # the slope at the end of a segment is needed where output points may lie inside of it
+        slope = self.always_slope or not np.array_equal(self.grid, schedule.events)
+        times = schedule.events
+        counts = np.array([[steps[0], 0, steps[0], schedule.variant[0], 0, len(actions), slope]])
+        if stepping.uneven is not None:
+            times, counts = unevenly_alike(times, counts[0], stepping.uneven)
+        return self._tables(Segments(times, counts, actions, advance=advance))
 
     def _tables(self, segments: Segments) -> Tables:
         return Tables(segments, self.actions.slots, self.actions.values, self.actions.snapshots)
