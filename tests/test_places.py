@@ -47,10 +47,11 @@ def test_places_are_those_that_a_search_finds(within: str, side: Literal["left",
 @pytest.mark.costly
 @pytest.mark.parametrize("within", ["even", "jitter", "repeated", "one"])
 @pytest.mark.parametrize("sought", SOUGHT)
-def test_how_far_behind_the_last_one_each_is(within: str, sought: str) -> None:
-    ascending, found = WITHIN[within], since_last_in(WITHIN[within], SOUGHT[sought])
+@pytest.mark.parametrize("side", ["left", "right"])
+def test_how_far_behind_the_last_one_each_is(within: str, sought: str, side: Literal["left", "right"]) -> None:
+    ascending, found = WITHIN[within], since_last_in(WITHIN[within], SOUGHT[sought], side)
     for one, since in zip(SOUGHT[sought][::50], found[::50], strict=True):
-        before = ascending[~(ascending > one)]  # no number is behind all
+        before = ascending[~(ascending > one if side == "right" else ascending >= one)]  # no number is behind all
         expected = one - before.max() if before.size else np.inf
         assert since == expected or (np.isnan(one) and np.isnan(since))
     assert found.size == SOUGHT[sought].size

@@ -37,18 +37,20 @@ def places_in(ascending: np.ndarray, sought: np.ndarray, side: Literal["left", "
     return np.asarray(np.searchsorted(ascending, sought, side=side))
 
 
-def since_last_in(ascending: np.ndarray, sought: np.ndarray) -> np.ndarray:
+def since_last_in(ascending: np.ndarray, sought: np.ndarray, side: Literal["left", "right"] = "right") -> np.ndarray:
     """How far behind the last ascending one that is not above it each sought one is; infinite below the first.
 
     Parameters
     ----------
     ascending : ndarray, shape (N,), N > 0
     sought : ndarray, shape (n,)
+    side : {"left", "right"}
+        ``left``: the last one that is below it.
     """
     found = np.empty(sought.size)
-    if _walked("since", ascending, sought, found, "right"):
+    if _walked(f"since_{side}", ascending, sought, found, side):
         return found
-    places = np.searchsorted(ascending, sought, side="right")
+    places = np.searchsorted(ascending, sought, side=side)
     return np.where(places > 0, sought - ascending[np.maximum(places, 1) - 1], np.inf)
 
 
@@ -178,7 +180,8 @@ _passes = Passes(
     {
         "left": partial(_walk, "olt", None),
         "right": partial(_walk, "ole", None),
-        "since": partial(_walk, "ole", _since),
+        "since_left": partial(_walk, "olt", _since),
+        "since_right": partial(_walk, "ole", _since),
         "up": partial(_walk, "olt", _up),
         "near": partial(_walk, "ole", _near, beyond=True),
     }

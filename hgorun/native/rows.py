@@ -28,8 +28,9 @@ def all_are(rows: np.ndarray, value: np.generic) -> bool:
     bits = np.asarray(value).view(kind)
     if not _in_words(rows):
         return bool(np.all(rows.view(kind) == bits))
-    numbers = (*rows.shape, rows.strides[0] // 8, int(bits.view(np.int64)))
-    return _passes("others", (rows,), numbers) == 0
+    width = rows.shape[1]
+    name = f"others{width}" if width in _WIDTHS else "others"
+    return _passes(name, (rows,), (len(rows), width, rows.strides[0] // 8, int(bits.view(np.int64)))) == 0
 
 
 def around(rows: np.ndarray, width: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -69,17 +70,24 @@ def _copy(width: int, f: Function) -> None:
     f.do("ret i64 0")
 
 
-def _others(f: Function) -> None:
-    """Which bits of some number are not those of one."""
+def _others(f: Function, columns: int | None = None) -> None:
+    """Which bits of some number are not those of one; of so many columns, where that is known."""
     rows = f.word("%taken", 0, "ptr")
     count, width, step, value = (f.word("%taken", i) for i in range(1, 5))
     found = f.slot("i64")
     f.store("0", found, "i64")
+
+    def see(row: str, column: str | int) -> None:
+        others = f.scalar("xor", f.word(row, column), value)
+        f.store(f.scalar("or", f.load(found, "i64"), others), found, "i64")
+
     with f.count(0, count) as k:
         row = f.at(rows, f.scalar("mul", k, step))
-        with f.count(0, width) as column:
-            others = f.scalar("xor", f.word(row, column), value)
-            f.store(f.scalar("or", f.load(found, "i64"), others), found, "i64")
+        if columns is None:
+            with f.count(0, width) as column:
+                see(row, column)
+        for known in range(columns or 0):
+            see(row, known)
     f.do(f"ret i64 {f.load(found, 'i64')}")
 
 
@@ -96,4 +104,11 @@ def _around(f: Function) -> None:
     f.do("ret i64 0")
 
 
-_passes = Passes({**{f"copy{width}": partial(_copy, width) for width in _WIDTHS}, "others": _others, "around": _around})
+_passes = Passes(
+    {
+        **{f"copy{width}": partial(_copy, width) for width in _WIDTHS},
+        **{f"others{width}": partial(_others, columns=width) for width in _WIDTHS},
+        "others": _others,
+        "around": _around,
+    }
+)

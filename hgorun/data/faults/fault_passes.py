@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from hgorun.native.compiler import vector_doubles
 from hgorun.native.ir import Function
 from hgorun.native.passes import Passes
 
@@ -47,14 +48,14 @@ def large_steps(values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Samples that differ from the one before by a large factor, and those by about the zero of another scale."""
     factors, shifts = (np.empty(max(values.size, 1), dtype=np.int64) for _ in range(2))
     ends = np.zeros(1, dtype=np.int64)
-    count = _run("steps", (values,), (factors, shifts, ends), (values.size - 1,), 0.0)
+    count = _run("steps", (values,), (factors, shifts, ends), (max(values.size - 1, 0),), 0.0)
     return factors[:count].copy(), shifts[: int(ends[0])].copy()
 
 
 def gaps_above(taken: np.ndarray, limit: float) -> np.ndarray:
     """Samples whose time is more than a limit behind the one before."""
     found = np.empty(max(taken.size, 1), dtype=np.int64)
-    count = _run("gaps", (taken,), (found,), (taken.size - 1,), limit)
+    count = _run("gaps", (taken,), (found,), (max(taken.size - 1, 0),), limit)
     return found[:count].copy()
 
 
@@ -84,7 +85,7 @@ def _straight(f: Function) -> None:
     threes, least = f.word("%taken", 3), f.word("%taken", 4)
 
     def on_line(k: str) -> str:
-        return _on_line(f, *([f.word(f.at(array, k), i, "double") for i in range(3)] for array in (taken, values)))
+        return _on_line(f, *([f.word(f.at(array, k), i, f.real) for i in range(3)] for array in (taken, values)))
 
     _runs(f, threes, on_line, room, least=least)
 
@@ -93,19 +94,20 @@ def _on_line(f: Function, times: list[str], levels: list[str]) -> str:
     """Whether three neighbours lie on a line that is not level: it climbs by more than its digits and its rounding."""
     before, middle, after = times
     low, here, high = levels
+    quantum = f.splat("%real")
     share = f.div(f.sub(middle, before), f.sub(after, before))
     rise = f.sub(high, here)
     by_time = _size(f, f.sub(f.add(low, f.mul(share, f.sub(high, low))), here))
     by_place = _size(f, f.sub(f.mul(f.constant(0.5), f.add(low, high)), here))
-    even = f.test("olt", _size(f, f.sub(share, f.constant(0.5))), f.constant(EVEN))
-    nearer = f.let(f"and i1 {even}, {f.test('olt', by_place, by_time)}")
+    even = f.compare("olt", _size(f, f.sub(share, f.constant(0.5))), f.constant(EVEN))
+    nearer = _both(f, even, f.compare("olt", by_place, by_time))
     bend = f.select(nearer, by_place, by_time)
     climbs, level = _size(f, rise), _size(f, here)
-    exact = f.mul(f.constant(EXACT), f.select(f.test("ogt", level, climbs), level, climbs))
-    allowed = f.select(f.test("ogt", exact, "%real"), exact, "%real")
-    rounding, digits = (f.mul(f.constant(times), of) for times, of in zip(_CLIMBS, (exact, "%real"), strict=True))
-    above = f.let(f"and i1 {f.test('ogt', climbs, rounding)}, {f.test('ogt', climbs, digits)}")
-    return f.let(f"and i1 {above}, {f.test('ole', bend, allowed)}")
+    exact = f.mul(f.constant(EXACT), f.select(f.compare("ogt", level, climbs), level, climbs))
+    allowed = f.select(f.compare("ogt", exact, quantum), exact, quantum)
+    rounding, digits = (f.mul(f.constant(times), of) for times, of in zip(_CLIMBS, (exact, quantum), strict=True))
+    above = _both(f, f.compare("ogt", climbs, rounding), f.compare("ogt", climbs, digits))
+    return _both(f, above, f.compare("ole", bend, allowed))
 
 
 def _large_steps(f: Function) -> None:
@@ -113,17 +115,23 @@ def _large_steps(f: Function) -> None:
     counts = f.slot("i64"), f.slot("i64")
     for count in counts:
         f.store("0", count, "i64")
-    with f.count(0, f.word("%taken", 4)) as k:
-        before, after = (f.word(f.at(values, k), i, "double") for i in range(2))
+
+    def large(k: str) -> tuple[str, str]:
+        """Whether the next one is larger or smaller by a large factor, and whether by about a shift."""
+        before, after = (f.word(f.at(values, k), i, f.real) for i in range(2))
         shift = _size(f, f.sub(after, before))
         sizes = _size(f, before), _size(f, after)
-        small = f.select(f.test("olt", *sizes), *sizes)
-        large = f.select(f.test("ogt", *sizes), *sizes)
-        above = f.test("ogt", large, f.mul(f.constant(_FACTOR), small))
-        by_factor = f.let(f"and i1 {above}, {f.test('ogt', small, f.constant(0.0))}")
-        by_shift = f.test("olt", _size(f, f.sub(shift, f.constant(KELVIN))), f.constant(NEAR))
-        for true, room, count in zip((by_factor, by_shift), (factors, shifts), counts, strict=True):
+        small = f.select(f.compare("olt", *sizes), *sizes)
+        large = f.select(f.compare("ogt", *sizes), *sizes)
+        above = f.compare("ogt", large, f.mul(f.constant(_FACTOR), small))
+        by_factor = _both(f, above, f.compare("ogt", small, f.constant(0.0)))
+        return by_factor, f.compare("olt", _size(f, f.sub(shift, f.constant(KELVIN))), f.constant(NEAR))
+
+    def keep(k: str) -> None:
+        for true, room, count in zip(large(k), (factors, shifts), counts, strict=True):
             _keep(f, true, f.scalar("add", k, "1"), room, count)
+
+    _seldom(f, f.word("%taken", 4), lambda k: f.let(f"or {f.mask} {', '.join(large(k))}"), keep)
     f.store(f.load(counts[1], "i64"), ends, "i64")
     f.do(f"ret i64 {f.load(counts[0], 'i64')}")
 
@@ -132,9 +140,15 @@ def _gaps(f: Function) -> None:
     taken, room = (f.word("%taken", i, "ptr") for i in range(2))
     count = f.slot("i64")
     f.store("0", count, "i64")
-    with f.count(0, f.word("%taken", 2)) as k:
-        before, after = (f.word(f.at(taken, k), i, "double") for i in range(2))
-        _keep(f, f.test("ogt", f.sub(after, before), "%real"), f.scalar("add", k, "1"), room, count)
+
+    def wide(k: str) -> str:
+        before, after = (f.word(f.at(taken, k), i, f.real) for i in range(2))
+        return f.compare("ogt", f.sub(after, before), f.splat("%real"))
+
+    def keep(k: str) -> None:
+        _keep(f, wide(k), f.scalar("add", k, "1"), room, count)
+
+    _seldom(f, f.word("%taken", 2), wide, keep)
     f.do(f"ret i64 {f.load(count, 'i64')}")
 
 
@@ -142,7 +156,7 @@ def _equal(f: Function) -> None:
     values, room = (f.word("%taken", i, "ptr") for i in range(2))
 
     def same(k: str) -> str:
-        return f.test("oeq", *(f.word(f.at(values, k), i, "double") for i in range(2)))
+        return f.compare("oeq", *(f.word(f.at(values, k), i, f.real) for i in range(2)))
 
     _runs(f, f.word("%taken", 2), same, room, beyond="1")
 
@@ -157,7 +171,7 @@ def _runs(
     size : str
         How many places there are.
     holds : callable
-        Of a place, an i1.
+        Of a place, or as many as there are lanes, a mask.
     room : str
         Of pairs, for what is found.
     least : str
@@ -169,18 +183,18 @@ def _runs(
     f.store("0", count, "i64")
 
     def end(at: str) -> None:
-        """Keep the run that ends before a place, if it is long enough."""
-        first = f.load(begin, "i64")
-        long = f.test("sge", f.scalar("sub", at, first), least)
-        with f.when(f.let(f"and i1 {f.test('sge', first, '0')}, {long}")):
-            number = f.load(count, "i64")
-            row = f.at(room, f.scalar("mul", number, "2"))
-            f.store(first, row, "i64")
-            f.store(f.scalar("add", at, beyond), f.at(row, 1), "i64")
-            f.store(f.scalar("add", number, "1"), count, "i64")
-        f.store("-1", begin, "i64")
+        """Keep the run that ends before a place, if there is one and it is long enough."""
+        with f.when(f.test("sge", f.load(begin, "i64"), "0")):
+            first = f.load(begin, "i64")
+            with f.when(f.test("sge", f.scalar("sub", at, first), least)):
+                number = f.load(count, "i64")
+                row = f.at(room, f.scalar("mul", number, "2"))
+                f.store(first, row, "i64")
+                f.store(f.scalar("add", at, beyond), f.at(row, 1), "i64")
+                f.store(f.scalar("add", number, "1"), count, "i64")
+            f.store("-1", begin, "i64")
 
-    with f.count(0, size) as k:
+    def follow(k: str) -> None:
         goes_on, ends, after = f.label(), f.label(), f.label()
         f.branch(holds(k), goes_on, ends)
         f.place(goes_on)
@@ -188,12 +202,57 @@ def _runs(
             f.store(k, begin, "i64")
         f.jump(after)
         f.place(ends)
-        with f.when(f.test("sge", f.load(begin, "i64"), "0")):
-            end(k)
+        end(k)
         f.jump(after)
         f.place(after)
+
+    _seldom(f, size, holds, follow, end)
     end(size)
     f.do(f"ret i64 {f.load(count, 'i64')}")
+
+
+def _seldom(
+    f: Function,
+    size: str,
+    holds: Callable[[str], str],
+    tell: Callable[[str], None],
+    nowhere: Callable[[str], None] = lambda _: None,
+) -> None:
+    """Go through places, as many at once as a vector has lanes where something holds at none of them.
+
+    Parameters
+    ----------
+    size : str
+        How many places there are.
+    holds : callable
+        Of a place, or as many as there are lanes, a mask.
+    tell : callable
+        Emits what happens at a place, in order.
+    nowhere : callable
+        Emits what does in place of that at the first of as many places, where it holds at none of them.
+    """
+    lanes = vector_doubles()
+    whole = f.let(f"and i64 {size}, {-lanes}")
+    with f.count(0, f.scalar("sdiv", whole, str(lanes))) as block:
+        first = f.scalar("mul", block, str(lanes))
+        with f.wide(lanes):
+            somewhere = f.any(holds(first))
+        each, none, after = f.label(), f.label(), f.label()
+        f.branch(somewhere, each, none)
+        f.place(each)
+        with f.count(first, f.scalar("add", first, str(lanes))) as k:
+            tell(k)
+        f.jump(after)
+        f.place(none)
+        nowhere(first)
+        f.jump(after)
+        f.place(after)
+    with f.count(whole, size) as k:
+        tell(k)
+
+
+def _both(f: Function, a: str, b: str) -> str:
+    return f.let(f"and {f.mask} {a}, {b}")
 
 
 def _keep(f: Function, true: str, value: str, room: str, count: str) -> None:

@@ -34,7 +34,7 @@ from hgorun.estimate.scores.assessed import Widths, widths_of
 from hgorun.estimate.scores.compared import between_shown, compared_with, inside, instruments_of, see, unseen, with_lag
 from hgorun.estimate.scores.evaluated import Evaluated, first_undefined, innovations_of
 from hgorun.estimate.scores.innovations import WrittenInnovations
-from hgorun.estimate.scores.output_points import OutputPoints, clocks_of
+from hgorun.estimate.scores.output_points import OutputPoints
 from hgorun.estimate.scores.scores import scores_of
 from hgorun.native.rows import around, in_one_piece
 from hgorun.result.file.parts import ResultInParts
@@ -99,7 +99,7 @@ class LongLog:
         self._halvings = 0
         experiment = self._prepared.experiment
         of_inputs = [(one.times, experiment.origin) for one in recording.inputs.values()]
-        self._grid = OutputPoints.of(experiment, [*clocks_of(stretches.samples), *of_inputs])
+        self._grid = OutputPoints.of(experiment, [*((one.taken, 0.0) for one in stretches.samples), *of_inputs])
         signals = {(0, name): one for name, one in held_out.items()}
         signals |= {(1, name): one for name, one in recording.reference.items()}
         self._span = experiment.origin, experiment.time.end

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from hgorun.config.models import Time
+from hgorun.data.faults import faults
 from hgorun.data.recording import InputSignal, Recording
 from hgorun.engine.moments import ROUNDING, SNAP
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
@@ -192,7 +193,7 @@ def is_plain(experiment: Experiment, recording: Recording) -> bool:
     outputs = recording.outputs.values()
     clocks = {id(one.taken): one.taken for one in outputs}.values()  # that outputs share
     punctual = all(one.available is one.taken for one in outputs)
-    in_order = punctual and all(ascending(taken, strictly=False) for taken in clocks)
+    in_order = punctual and all(faults.ascending(taken) or ascending(taken, strictly=False) for taken in clocks)
     blocks = experiment.observers.values()
     simple = not any(isinstance(o, SampledObserver | CorrectedObserver | KnownCovariance) for o in blocks)
     return in_order and simple and bool(blocks) and not any(one.gate is not None for one in outputs)

@@ -9,6 +9,7 @@ is compared with the band of the others. An observer that knows the covariance o
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 
@@ -147,11 +148,9 @@ def since_last(times: Floats, taken: Floats, available: Floats, *, before: bool 
     before : bool
         Samples that become known just then do not count.
     """
-    if taken is available and taken.size and not before:  # in the order in which they were taken
-        return since_last_in(taken, times)
-    known = places_in(available, times, "left" if before else "right")
+    side: Literal["left", "right"] = "left" if before else "right"
     if taken is available and taken.size:  # in the order in which they were taken: the newest is the last
-        last = taken[np.maximum(known, 1) - 1]
-        return np.asarray(times - (last if known.all() else np.where(known > 0, last, -np.inf)))
+        return since_last_in(taken, times, side)
+    known = places_in(available, times, side)
     newest = np.concatenate([[-np.inf], np.maximum.accumulate(taken)])
     return np.asarray(times - newest[known])
