@@ -137,6 +137,23 @@ class StartTask:
                 slopes.append(by_start[places, i] / std)
         return np.concatenate(errors), np.concatenate(slopes)
 
+    def turned(self, x: Floats, left: Sequence[Integers]) -> Floats:
+        """A start from which the model passes the same way, whole periods of measured states elsewhere.
+
+        The outputs are near to the samples as numbers, and not only as angles: beside the first of each output that is
+        not left out.
+        """
+        model, moved, y = self.model, x.copy(), self._along(x)[0]
+        for i, (output, (places, values, _)) in enumerate(zip(model.outputs, self.seen, strict=True)):
+            period = model.periods[i] if model.periods else None
+            kept = np.flatnonzero(~np.isin(self.numbers[i], left[i]))
+            if period is None or output not in model.measures or not kept.size:
+                continue
+            beyond = y[places[kept[0]], i] - values[kept[0]]
+            moved[model.states.index(model.measures[output])] -= period * round(float(beyond) / period)
+        same = np.all(np.abs(self.residuals(moved)[0] - self.residuals(x)[0]) <= self.tolerances)
+        return moved if same else x
+
     def weighted(self, x: Floats) -> tuple[Floats, Floats]:
         """The same, multiplied by the weights."""
         error, slope = self.residuals(x)

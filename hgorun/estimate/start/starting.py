@@ -60,8 +60,8 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
 
 def rounded(prepared: PreparedEstimate, found: Fit) -> dict[str, float]:
     """By state the start that was found."""
-    states = prepared.run.plant.model.states
-    return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(states, found.x.tolist(), strict=True)}
+    states, x = prepared.run.plant.model.states, found.task.turned(found.x, found.left)
+    return {state: float(f"{value:.{_DIGITS}g}") for state, value in zip(states, x.tolist(), strict=True)}
 
 
 def fit_of(prepared: PreparedEstimate, count: FirstSamples) -> Fit | None:
