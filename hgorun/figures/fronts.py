@@ -65,11 +65,13 @@ def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure
 
 def words_of_lost_points(members: Collected, metrics: Sequence[str]) -> str:
     """What is said of points at which so many members are lost, or never settle, that there is no median."""
-    parts = [part for _, part in points(thinned(members, members.grid, _MOST_POINTS), members.grid)]
-    said = lost_or_unsettled(
-        lost=any(2 * np.sum(part.sound, axis=0).min() <= len(part) for part in parts),
-        unsettled=any(2 * np.sum(never(part, m), axis=0).max() >= len(part) for part in parts for m in metrics),
-    )
+    lost = unsettled = False
+    for _, part in points(thinned(members, members.grid, _MOST_POINTS), members.grid):
+        for late in (never(part, metric) for metric in metrics):
+            missing = 2 * np.sum(part.sound[:, :, None] & ~late, axis=0) <= len(part)
+            lost |= bool(np.any(missing & np.any(~part.sound, axis=0)[:, None]))
+            unsettled |= bool(np.any(missing & np.any(late, axis=0)))
+    said = lost_or_unsettled(lost=lost, unsettled=unsettled)
     return f"; there is no point where half or more of its members {said}" if said else ""
 
 

@@ -243,6 +243,17 @@ def test_times_that_never_come_are_no_points() -> None:
     )
     assert words_of_lost_points(made(), ("hf", "settling")).endswith("half or more of its members are lost")
     assert not words_of_lost_points(made(lost=False), ("hf", "settling"))
+    theta, seed = members.axes[THETA], members.axes["seed"]
+    settling = members.metrics["settling"].copy()
+    settling[theta == THETAS[0]] = 1.0
+    settling[(theta == THETAS[0]) & (seed < 3), 0, 0] = 40.0
+    status = members.status.copy()
+    status[(theta == THETAS[0]) & (seed >= 7), 0] = 2
+    some = replace(members, status=status, metrics={**members.metrics, "settling": settling})
+    assert words_of_lost_points(some, ("hf", "settling")).endswith(
+        "half or more of its members are lost or never settle"
+    )
+    assert not words_of_lost_points(some, ("hf",))
 
 
 def test_boxes_and_maps_tell_of_times_that_never_come() -> None:
