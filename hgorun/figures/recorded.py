@@ -71,7 +71,8 @@ def draw_in_front(ax: Axes, scene: Scene, state: str, samples: Sequence[Line2D])
     for line in samples:
         t, y = np.array(line.get_data(), dtype=float)
         apart = [np.abs(np.interp(t, time, xhat) - y) for time, xhat in estimates]
-        if t.size > FEW and apart and np.median(np.min(apart, axis=0)) < _HIDDEN * (high - low):
+        # of an estimate that is lost there is no line
+        if t.size > FEW and apart and np.median(np.fmin.reduce(apart)) < _HIDDEN * (high - low):
             some = np.linspace(0, t.size - 1, FEW).round().astype(int)
             (again,) = ax.plot(t[some], y[some])
             again.update_from(line)

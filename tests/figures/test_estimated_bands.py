@@ -22,6 +22,7 @@ from hgorun.figures.drawing import comparison
 from hgorun.figures.estimated_bands import _kinds, _of_samples, without_hairs
 from hgorun.result.records.observer import ObserverResult
 from hgorun.result.records.recorded import Assessed, Recorded, RecordedOutput, Unseen
+from hgorun.result.records.status import Verdict
 
 
 def saw(period: float, end: float = 20.0, step: float = 0.01) -> tuple[np.ndarray, np.ndarray]:
@@ -215,11 +216,16 @@ def test_many_samples_under_a_line_are_seen_in_front_of_it(result: Result) -> No
     """A part of them, which look as all do; none where they lie beside the line anyway."""
     t = np.linspace(0, 5, 3000)
 
-    def in_front(noise: float) -> int:
+    def in_front(noise: float, lost: bool = False) -> int:
         y = np.interp(t, result.time, result.x[:, 0]) + noise * (-1.0) ** np.arange(t.size)
         used = np.ones((t.size, 2), dtype=bool)
         one = RecordedOutput(t, t, y, used, np.zeros((t.size, 2)), np.full((t.size, 2), np.nan))
-        ax = comparison(replace(result, recorded=Recorded({"x1": one}))).axes[0]
+        observers = dict(result.observers)
+        if lost:
+            gone = np.where(result.time[:, None] < 1, result.x, np.nan)
+            first = next(iter(observers))
+            observers[first] = replace(observers[first], xhat=gone, verdict=Verdict("diverged", 1.0))
+        ax = comparison(replace(result, observers=observers, recorded=Recorded({"x1": one}))).axes[0]
         behind = lines(ax)["measured"]
         assert behind.get_xdata().size == t.size
         found = [line for line in ax.lines if line.get_marker() == "o" and line.get_zorder() > 4]
@@ -229,5 +235,5 @@ def test_many_samples_under_a_line_are_seen_in_front_of_it(result: Result) -> No
     def look(line: Any) -> list[Any]:
         return [line.get_color(), line.get_markersize(), line.get_markeredgewidth(), line.get_linestyle()]
 
-    assert in_front(1e-4) == 120
+    assert in_front(1e-4) == in_front(1e-4, lost=True) == 120
     assert in_front(0.3) == 0
