@@ -172,6 +172,31 @@ def test_gains_that_go_with_nothing_else_are_said_as_they_are(shell: Shell) -> N
     assert "given by one of Q, q and theta" in err
 
 
+@pytest.mark.parametrize(
+    ("rows", "period", "goal", "said"),
+    [
+        (["1.0,0.5"], 0.05, "reference_rmse(o, b)", "1 sample is too few"),
+        (["1.0,0.5", "2.0,0.1"], 5.99, "holdout_rmse(o, a)", "119 samples are too few"),
+    ],
+)
+def test_samples_that_leave_none_for_the_report_are_too_few(
+    shell: Shell, rows: list[str], period: float, goal: str, said: str
+) -> None:
+    """A reference that was measured once; all that is left out between two samples."""
+    (shell.folder / "aside.csv").write_text("\n".join(["t,b", *rows, ""]))
+    config = yaml.safe_load(CONFIG)
+    del config["plant"]["inputs"]
+    config["plant"]["parameters"] = {"k": 4, "d": 0}
+    config["plant"]["output"] = "a"
+    config["data"] |= {"period": period, "outputs": {"a": {"column": "a", "std": 0.01}}}
+    config["data"]["reference"] = {"b": {"file": "aside.csv", "column": "b"}}
+    config["observers"] = {"o": config["observers"]["o"]}
+    config["tune"] |= {"gains": {"observers.o.theta": {"log": [0.3, 8]}}, "minimise": goal}
+    (shell.folder / "tuned.yaml").write_text(yaml.safe_dump(config))
+    code, _, err = shell("tune", "tuned.yaml", "-q")
+    assert (code, f"{goal}: {said} for a search and its report" in err) == (2, True), err
+
+
 def test_files_are_for_recordings(shell: Shell) -> None:
     config = yaml.safe_load((shell.folder / "tuned.yaml").read_text())
     del config["data"]

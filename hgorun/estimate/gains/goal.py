@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from hgorun.data.faults.said_places import samples_said
 from hgorun.data.recording import Note, Recording, Signal
 from hgorun.errors import Problem
 from hgorun.estimate.holdout import given_of, part
@@ -76,13 +77,13 @@ def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None
     Raises
     ------
     Problem
-        Where nothing of that name was recorded.
+        Where nothing of that name was recorded, or too little.
     """
     if goal.score == "reference_rmse":
         if goal.name not in recording.reference:
             raise Problem(("tune", "minimise"), f"{goal}: {goal.name} is not in data.reference")
         signal = recording.reference[goal.name]
-        search, report = _halves(signal, np.arange(signal.taken.size))
+        search, report = _halves(signal, np.arange(signal.taken.size), goal)
         return Split(replace(recording, reference={}), {goal.name: search}, {goal.name: report})
     names = tuple(recording.outputs) if goal.name == ALL else (goal.name,)
     outputs, searched, reported, notes = dict(recording.outputs), {}, {}, list[Note]()
@@ -91,7 +92,7 @@ def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None
             raise Problem(("tune", "minimise"), f"{goal}: the output {name} is not in data.outputs")
         if between and name in between:
             gaps = np.searchsorted(recording.outputs[name].taken, between[name].taken)
-            searched[name], reported[name] = _halves(between[name], gaps)
+            searched[name], reported[name] = _halves(between[name], gaps, goal)
         else:
             (outputs[name], told), searched[name], reported[name] = _fifths(recording.outputs[name], goal)
             notes += told
@@ -99,9 +100,11 @@ def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None
     return Split(given, searched, reported)
 
 
-def _halves(signal: Signal, numbers: np.ndarray) -> tuple[Signal, Signal]:
-    """Samples with even numbers, and the others."""
+def _halves(signal: Signal, numbers: np.ndarray, goal: Goal) -> tuple[Signal, Signal]:
+    """Samples with even numbers, and the others; a Problem where there are none of either."""
     odd = numbers % 2 == 1
+    if odd.all() or not odd.any():
+        raise _too_few(signal, goal)
     return part(signal, ~odd), part(signal, odd)
 
 
@@ -111,5 +114,10 @@ def _fifths(signal: Signal, goal: Goal) -> tuple[tuple[Signal, list[Note]], Sign
     search, report = place == 1, place == _EVERY - 2
     given, told = given_of(signal, ~(search | report))
     if not (search.any() and report.any() and given.taken.size):
-        raise Problem(("tune", "minimise"), f"{goal}: {signal.taken.size} samples are too few")
+        raise _too_few(signal, goal)
     return (given, told), part(signal, search), part(signal, report)
+
+
+def _too_few(signal: Signal, goal: Goal) -> Problem:
+    samples = samples_said(signal.taken.size, " is too few", " are too few")
+    return Problem(("tune", "minimise"), f"{goal}: {samples} for a search and its report")
