@@ -75,8 +75,7 @@ def errors_of(
             evaluated = evaluate_run(prepared, compared, {}, with_error=False)
         except HgorunError:
             return None
-        of_outputs = _errors(prepared, evaluated, case.samples.given, goal, len(cases), report=report)
-        parts = [one for one in of_outputs if one.values.size]
+        parts = _errors(prepared, evaluated, case.samples.given, goal, len(cases), report=report)
         lost = np.isfinite(evaluated.carried.raw.diverged[0, 0]) or not parts
         if lost or not all(np.all(np.isfinite(one.values)) for one in parts):
             return None
@@ -103,7 +102,7 @@ def score(errors: Sequence[Errors] | None, left_out: Sequence[Mask] | None = Non
 def _errors(
     prepared: PreparedEstimate, found: Evaluated, given: Recording, goal: Goal, cases: int, *, report: bool
 ) -> list[Errors]:
-    """What counts as errors of a run with one observer: of an output or state, or of every output.
+    """What counts as errors of a run with one observer: of an output or state, or of every output with some.
 
     Innovations are of samples that the observer gets and that the search has seen. A report on them is of what is
     predicted of samples that it does not get.
@@ -123,8 +122,9 @@ def _errors(
             (prepared.samples[i].output, np.empty(0), settled(found.predicted[i].of(0)[taken]), None)
             for i, taken in zip(chosen, used, strict=True)
         ]
-    parts = len(of_outputs) * cases
+    some = [one for one in of_outputs if one[2].size]
+    parts = len(some) * cases
     return [
         Errors(name, taken, values / (unit := units.get(name, 1.0)), noise.get(name, 0.0) / unit, gate, parts)
-        for name, taken, values, gate in of_outputs
+        for name, taken, values, gate in some
     ]
