@@ -111,36 +111,8 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
     lines[:count] = [_Line(lines[0].number, whole)]
     separator = stated or _separator(lines)
     rows = [(line, cells_of(line.text, separator)) for line in lines]
-    header, names = rows[0]
-    body = rows[1:]
-    units: list[str] = []
-    if all(is_value(name) for name in names):
-        above = _in_comment(comments, header.number, separator, len(names), told.comment, clocks)
-        if above is None:
-            message = (
-                f"expected a line with the names of the columns, found numbers: {header.text[:60]}; write such a line "
-                f"above them{_such_as(len(names), separator)}: columns are taken by their names, not by their places"
-            )
-            raise ConfigError(message, file=str(path), line=header.number)
-        (names, units), body = above, rows
-    elif told.units_row is None and body:
-        between = [one for one in comments if header.number < one.number < body[0][0].number]
-        of_units = [_bare(one, told.comment, separator) for one in between]
-        units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
+    names, units, body = _header_of(rows, comments, separator, told, path, clocks)
     missing = missing_texts(told)
-    may_state = bool(body) and may_state_units(body[0][1], names, missing, clocks)
-    if told.units_row or (
-        told.units_row is None and may_state and not units and states_units(body[0][1], names, clocks)
-    ):
-        units = list(body[0][1]) if body else []
-        if any(unit.strip() != "1" and is_value(unit) for unit in units):
-            message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
-            raise ConfigError(message, file=str(path), line=body[0][0].number)
-        body = body[1:]
-    if units and body and tells_processing(body[0][1]):
-        body = body[1:]
-    if not body:
-        raise ConfigError("a header without values below it", file=str(path), line=header.number)
 
     def of_header(row: tuple[_Line, list[str]]) -> bool:
         return may_state_units(row[1], names, missing, clocks)
@@ -169,6 +141,69 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
         doubtful=0 if told.units_row is False else sum(1 for _ in takewhile(of_header, body)),
         grouped={name: _pointed(shown, k) for k, name in enumerate(map(str.strip, names)) if k in grouped},
     )
+
+
+def _header_of(
+    rows: Sequence[tuple[_Line, list[str]]],
+    comments: Sequence[_Line],
+    separator: str,
+    told: Csv,
+    path: Path,
+    clocks: Mapping[str, Collection[str | None]],
+) -> tuple[list[str], list[str], Sequence[tuple[_Line, list[str]]]]:
+    """The names of the columns, their units, empty where these are not stated, and the rows of values.
+
+    Parameters
+    ----------
+    rows : sequence of (_Line, list of str)
+        The first ones with their cells, from the line of names on, if there is one.
+    comments : sequence of _Line
+        Above and between them.
+
+    Raises
+    ------
+    ConfigError
+        When there are no names, no values, or no units where they are told.
+    """
+    header, names = rows[0]
+    body = rows[1:]
+    units: list[str] = []
+    if all(is_value(name) for name in names):
+        above = _in_comment(comments, header.number, separator, len(names), told.comment, clocks)
+        if above is None:
+            message = (
+                f"expected a line with the names of the columns, found numbers: {header.text[:60]}; write such a line "
+                f"above them{_such_as(len(names), separator)}: columns are taken by their names, not by their places"
+            )
+            raise ConfigError(message, file=str(path), line=header.number)
+        (names, units), body = above, rows
+    elif told.units_row is None and body:
+        between = [one for one in comments if header.number < one.number < body[0][0].number]
+        of_units = [_bare(one, told.comment, separator) for one in between]
+        units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
+    if told.units_row or (told.units_row is None and not units and _states_units(body, names, told, clocks)):
+        units = list(body[0][1]) if body else []
+        if any(unit.strip() != "1" and is_value(unit) for unit in units):
+            message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
+            raise ConfigError(message, file=str(path), line=body[0][0].number)
+        body = body[1:]
+    if units and body and tells_processing(body[0][1]):
+        body = body[1:]
+    if not body:
+        raise ConfigError("a header without values below it", file=str(path), line=header.number)
+    return names, units, body
+
+
+def _states_units(
+    body: Sequence[tuple[_Line, list[str]]],
+    names: Sequence[str],
+    told: Csv,
+    clocks: Mapping[str, Collection[str | None]],
+) -> bool:
+    """Whether the first row below the names is one of units."""
+    if not body or not may_state_units(body[0][1], names, missing_texts(told), clocks):
+        return False
+    return states_units(body[0][1], names, clocks)
 
 
 def _pointed(rows: Sequence[tuple[int, Sequence[str]]], place: int) -> str:
