@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from hgorun.figures.actors import cast, texts
 from hgorun.figures.data import Curve, moving_maximum, thinned
 from hgorun.figures.layout import TOP, finished, grid, time_axis
-from hgorun.figures.looks import looks
+from hgorun.figures.looks import Look, looks
 from hgorun.figures.page import LIGHT, Page, on_page
 from hgorun.figures.panels import points_in_window, window_words
 from hgorun.figures.scene import from_roughest
@@ -67,20 +67,8 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
             ax.set_yscale("log")
             drawn: list[np.ndarray] = []
             for actor in actors:
-                transient = transients[actor.label]
-                if name not in transient.names:
-                    continue
-                i = transient.names.index(name)
-                own = look[actor.order]
-                errors = Curve(transient.time, transient.error[:, i])
-                curves = [(errors, own.dashes, own.text, 1.0)]
-                if transient.holds:
-                    bound = Curve(transient.time, transient.bound[:, i])
-                    curves.append((bound, _BOUND, f"_{own.text}: bound", 0.6))
-                elif transient.nominal is not None:
-                    nominal = Curve(transient.time, transient.nominal[:, i])
-                    curves.append((nominal, _NOMINAL, f"_{own.text}: decay of the theorem", 0.6))
-                for (t, values), line, text, thickness in curves:
+                transient, own = transients[actor.label], look[actor.order]
+                for (t, values), line, text, thickness in _curves(transient, name, own):
                     kept = np.isfinite(values) & (values > 0)
                     largest = moving_maximum(values[kept], points)  # of bounds too: so they stay bounds
                     how = {"color": own.colour, "linestyle": line, "label": text, "linewidth": thickness}
@@ -101,6 +89,20 @@ def peaking(result: ResultData, transients: Mapping[str, Transient], page: Page 
         if others:
             title += f"; not drawn, having no bound: {', '.join(others)}"
         return on_page(finished(figure, axes, 1, title, grow=True, cuts=True, room=True), page.style)
+
+
+def _curves(transient: Transient, name: str, own: Look) -> list[tuple[Curve, Any, str, float]]:
+    """The error of a coordinate and its bound, or what the theorem would promise: line, label and width of each."""
+    if name not in transient.names:
+        return []
+    i = transient.names.index(name)
+    curves = [(Curve(transient.time, transient.error[:, i]), own.dashes, own.text, 1.0)]
+    if transient.holds:
+        curves.append((Curve(transient.time, transient.bound[:, i]), _BOUND, f"_{own.text}: bound", 0.6))
+    elif transient.nominal is not None:
+        nominal = Curve(transient.time, transient.nominal[:, i])
+        curves.append((nominal, _NOMINAL, f"_{own.text}: decay of the theorem", 0.6))
+    return curves
 
 
 def _limits(drawn: list[np.ndarray]) -> tuple[float, float]:
