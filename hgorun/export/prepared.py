@@ -14,23 +14,15 @@ from hgorun.engine.history_room import history_pieces
 from hgorun.engine.methods import METHODS, Method
 from hgorun.errors import ConfigError, Problem
 from hgorun.estimate.prepared import PreparedEstimate
-from hgorun.export.equations import Equations, Output, compares, equations_of, outputs_of
+from hgorun.export.equations import Equations, Output, equations_of, outputs_of
 from hgorun.export.names import identifier
 from hgorun.export.observer import Exported
+from hgorun.export.refused import require_exportable
 from hgorun.export.steps import Integrated, OfData, OfRun, Steps
 from hgorun.measurement.schedule import Schedule
-from hgorun.observers.aekf import AdaptiveFilter
 from hgorun.observers.base import (
-    AnyObserver,
     ContinuousObserver,
-    CorrectedObserver,
-    DecidedObserver,
-    SampledObserver,
 )
-from hgorun.observers.capabilities import NotExported, Punctual
-from hgorun.observers.recalling import RecallingObserver
-from hgorun.observers.stepped import SteppedObserver
-from hgorun.observers.treatment import treatment_of
 from hgorun.pieces import median
 from hgorun.result.records.status import Verdict
 from hgorun.simulation.experiment.experiment import Experiment
@@ -124,15 +116,6 @@ def _all(run: PreparedRun, wanted: Wanted, told: tuple[int, ...], integrated: In
         return [_or_others(label, labels, one) for label in labels]
 
 
-def _without_decisions(observer: AnyObserver) -> str:
-    """What is exported in place of an observer that decides."""
-    if isinstance(observer, AdaptiveFilter):
-        return "with update: jump, for sampled outputs, it has none and is exported"
-    if isinstance(observer, SteppedObserver):
-        return "with sampled outputs it steps from each to the next and is exported"
-    return "take the observer of one mode, such as shgo, or updated, whose gain follows errors without them"
-
-
 def _or_others(label: str, labels: Sequence[str], export: Callable[[str], Exported]) -> Exported:
     """An exported observer, or why there is none, and how to export those beside it for which there is one."""
     try:
@@ -178,32 +161,9 @@ def _exported(
     verdict: Callable[[], Verdict],
 ) -> Exported:
     experiment, plant = run.experiment, run.plant
-    design = experiment.designs[label]
-    path = "observers", label
-    if isinstance(design.observer, NotExported):
-        raise Problem((*path, "type"), design.observer.not_exported)
-    steps_alone = isinstance(design.observer, SteppedObserver) and experiment.sampled()
-    if isinstance(design.observer, DecidedObserver) and not steps_alone:
-        raise Problem(
-            (*path, "type"),
-            f"{design.observer.type} decides at the ends of the solver's steps, and exported code only follows the "
-            f"flow and takes samples in: there is no place in it for decisions; {_without_decisions(design.observer)}",
-        )
-    if isinstance(design.observer, RecallingObserver):
-        raise Problem((*path, "type"), "it looks back at its own past, which is kept in simulations alone")
-    if treatment_of(design.observer) in run.treatments:
-        raise Problem(
-            (*path, "late"),
-            "exported code takes late samples into the innovation or not at all: it does not go back to the time of a "
-            f"sample, and leaves none out; {_without_lateness(run, label)}",
-        )
+    design, path = experiment.designs[label], ("observers", label)
+    require_exportable(run, label, wanted.late)
     flows = isinstance(design.observer, ContinuousObserver)
-    if wanted.late and not (compares(design.observer) and not isinstance(design.observer, SampledObserver)):
-        raise Problem(
-            (*path, "type"),
-            f"exported code of {design.observer.type} takes samples when they are taken: they jump to now, and it does "
-            "not go back to late ones; leave --late out, or choose others with --observer",
-        )
     lateness = [max(_lateness(run, i), wanted.late) for i in range(len(plant.model.outputs))]
     try:
         outputs = outputs_of(experiment.stretches, plant, [late > 0 for late in lateness])
@@ -245,16 +205,6 @@ def _beside(experiment: Experiment, label: str) -> tuple[str, ...]:
     """The other observers with which an automatic step is shared."""
     flowing = [other for other, one in experiment.observers.items() if isinstance(one, ContinuousObserver)]
     return () if experiment.given_step is not None else tuple(other for other in flowing if other != label)
-
-
-def _without_lateness(run: PreparedRun, label: str) -> str:
-    """What to change for an observer that goes back to late samples, or leaves them out."""
-    data = run.experiment.blocks.data
-    recorded = {} if data is None else data.outputs
-    keys = [f"data.outputs.{name}.available" for name, one in recorded.items() if one.available is not None]
-    said = f"take {' and '.join(keys)} out" if keys else "leave measurement.delay out"
-    without = isinstance(run.experiment.observers[label], CorrectedObserver | SampledObserver | Punctual)
-    return said if without else f"say `late: innovation`, or {said}"
 
 
 def _start(run: PreparedRun, label: str, found: Equations) -> np.ndarray:

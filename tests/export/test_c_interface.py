@@ -370,6 +370,19 @@ def test_what_is_refused(reason: str) -> None:
         exported(run)
 
 
+@pytest.mark.parametrize(
+    ("block", "late", "reason"),
+    [
+        ({"type": "predictor_chain", "theta": 2, "m": 2}, 0.0, "it looks back at its own past"),
+        ({"type": "deadbeat"}, 0.3, "code of deadbeat takes samples when they are taken"),
+    ],
+)
+def test_what_the_observer_is_refused_for(block: Block, late: float, reason: str) -> None:
+    run = run_of(CHAIN, block, {"sampling": {"period": 0.1}, "delay": 0.2 * (late == 0.0)})
+    with pytest.raises(ConfigError, match=reason):
+        exported(run, Wanted(late=late))
+
+
 @pytest.mark.parametrize("delay", [{}, {"delay": 0.1}])
 def test_what_is_never_exported_is_told_before_late_samples(delay: Block) -> None:
     """Without the delay it would be refused all the same."""
