@@ -114,12 +114,13 @@ def mean_of_block(curve: Curve, parts: int = _PARTS) -> Curve | None:
     Parameters
     ----------
     parts : int
-        In which the curve is looked at; the mean has a point for each.
+        In which the curve is looked at, or a few more, so that they reach its end; the mean has a point for each.
     """
     size = len(curve.t) // parts
     if size < 4 * _TURNS:
         return None
-    t, v = (column[: size * parts].reshape(parts, size) for column in curve)
+    count = len(curve.t) // size
+    t, v = (column[: count * size].reshape(count, size) for column in curve)
     heights = np.ptp(v, axis=1)
     turns = np.abs(np.diff(v, axis=1)).sum(axis=1) / np.maximum(2 * heights, np.finfo(float).tiny)
     middle = quantiles(curve.v, np.array([0.005, 0.995]))  # a transient is no reason to see noise as thin

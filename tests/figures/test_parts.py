@@ -153,6 +153,17 @@ def test_noise_that_would_be_a_block_is_pale_with_its_mean_in_it() -> None:
     assert data.mean_of_block(Curve(t[:0], t[:0])) is None
 
 
+@pytest.mark.parametrize("size", [3200, 3599, 8001, 8399])
+def test_the_mean_of_a_block_reaches_its_end(size: int) -> None:
+    """Of whatever number of points."""
+    t = np.linspace(0.0, 1.0, size)
+    mean = data.mean_of_block(Curve(t, t + 0.1 * (-1.0) ** np.arange(size)))
+    assert mean is not None
+    assert mean.t[-1] > 1.0 - 2.0 / 400
+    assert len(mean.t) < 450
+    assert np.max(np.abs(mean.v - mean.t)) < 0.02
+
+
 @pytest.mark.costly
 def test_what_coincides_with_the_line_in_front_is_seen_behind_it(result: Result) -> None:
     figure = comparison(result)
