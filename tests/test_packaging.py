@@ -1,5 +1,6 @@
 """What an installation is: one version everywhere, and imports that are made only where they are used."""
 
+import math
 import re
 import subprocess
 import sys
@@ -120,6 +121,19 @@ def test_a_simulation_imports_only_what_it_needs(program: str, tmp_path: Path) -
     found = imported(f"import sys\n{program}", (*HEAVY, *NEEDED_BY_OTHERS), config)
     assert "casadi" in found  # it did simulate
     assert not found & {*NEVER_NEEDED_TO_SIMULATE, *NEEDED_BY_OTHERS}
+
+
+@pytest.mark.costly
+def test_an_estimate_of_a_log_with_dates_needs_no_masked_arrays(tmp_path: Path) -> None:
+    config = tmp_path / "config.yaml"
+    rows = [f"2024-05-31T13:45:{second:02d},{math.cos(second):.6f}" for second in range(50)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,y", *rows, ""]))
+    plant = "plant: {states: [a, b], dynamics: {a: b, b: -a}, output: a}\n"
+    data = "data: {file: log.csv, time: t, outputs: {a: {column: y}}}\n"
+    config.write_text(plant + data + "observers: {o: {type: shgo, theta: 2}}\n")
+    command = "sys.argv[1:] = ['estimate', sys.argv[1], '--no-plots', '-q', '-o', sys.argv[1] + '.h5']"
+    program = f"import sys\nfrom hgorun.cli import main\n{command}\ntry:\n  main()\nexcept SystemExit as end:\n"
+    assert imported(f"{program}  assert not end.code, end.code", ("casadi", "numpy.ma"), config) == {"casadi"}
 
 
 def test_shipped_experiments_are_part_of_the_wheel() -> None:

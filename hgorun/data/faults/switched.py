@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hgorun.pieces import quantiles
+
 _STEPS = 3  # there, back and there again: a unit slips once, and perhaps back
 _DRIFT = 3.0  # times the usual change between neighbours: what rests at a level moves less, also one with noise
 _WIDE = float(np.log(1.5))  # a level is narrower, whatever its noise
@@ -42,7 +44,7 @@ def is_switched(levels: np.ndarray, slip: int, steps: np.ndarray, *, wide: float
 
 def _moved(levels: np.ndarray, side: np.ndarray, wide: float) -> float:
     """How far a signal moves on one side of its steps; 0 where it rests."""
-    low, high = np.quantile(levels[side], [0.1, 0.9])
+    low, high = quantiles(levels[side], np.array([0.1, 0.9])).tolist()
     usual = float(np.abs(np.diff(levels)[side[1:] & side[:-1]]).mean())
-    moved = float(high - low)
+    moved: float = high - low
     return moved if moved > min(wide, _DRIFT * usual) else 0.0

@@ -7,7 +7,7 @@ import numpy as np
 from hgorun.data.times.dates import NAT
 from hgorun.data.times.day_counts import DAY
 from hgorun.data.times.time_steps import unevenness
-from hgorun.pieces import median
+from hgorun.pieces import distinct, median
 
 _HOUR = 3600 * 10**9  # nanoseconds
 _MONTHS = 12
@@ -101,7 +101,7 @@ def exchanged(found: np.ndarray) -> int | None:
     if not back.size:
         return None
     dates = stamps // DAY
-    if np.unique(dates).size < _FEWEST:
+    if distinct(dates).size < _FEWEST:
         return None
     as_days = dates.astype("datetime64[D]")
     months = as_days.astype("datetime64[M]")

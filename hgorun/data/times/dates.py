@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from hgorun.pieces import distinct
+
 NAT = int(np.iinfo(np.int64).min)
 """The stamp of a missing date: that of numpy."""
 
@@ -30,7 +32,7 @@ def iso_stamps(text: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> tup
     """
     stamps = np.full(starts.size, NAT, dtype=np.int64)
     known, zoned = lengths == 0, np.zeros(starts.size, dtype=bool)
-    for length in np.unique(lengths[(lengths > 0) & (lengths <= _LONGEST)]).tolist():
+    for length in distinct(lengths[(lengths > 0) & (lengths <= _LONGEST)]).tolist():
         rows = np.flatnonzero(lengths == length)
         cells = text[starts[rows, None] + np.arange(length)]
         stamps[rows], known[rows], with_zone = _of_one_length(cells)
