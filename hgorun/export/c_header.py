@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 
 import numpy as np
@@ -83,9 +84,8 @@ def header(source: Source) -> str:
     lines += ["", "#ifdef __cplusplus", 'extern "C" {', "#endif", ""]
     lines += [f"#define {u}STATES {len(observer.states)}U /* {plain(', '.join(observer.states))} */"]
     lines += [f"#define {u}OUTPUTS {len(observer.outputs)}U"]
-    for i, output in enumerate(observer.outputs):
-        name, how = identifier(output.name).upper(), _how(output.sampled, output.continuous)
-        lines.append(f"#define {u}OUTPUT_{name} {1 << i}U /* {how} */")
+    for i, (output, name) in enumerate(zip(observer.outputs, _in_capitals(observer), strict=True)):
+        lines.append(f"#define {u}OUTPUT_{name} {1 << i}U /* {_how(output.sampled, output.continuous)} */")
     lines.append(f"#define {u}ALL {(1 << len(observer.outputs)) - 1}U")
     if observer.inputs:
         lines.append(f"#define {u}INPUTS {len(observer.inputs)}U /* {plain(', '.join(observer.inputs))} */")
@@ -118,6 +118,13 @@ STATUS = {  # of a function, and its meaning
     "INCOMPLETE": "this observer needs all outputs at once: nothing was done",
     "BAD_GAP": "a sample that is no whole number of periods after the last one: nothing was done",
 }
+
+
+def _in_capitals(observer: Exported) -> list[str]:
+    """The outputs as macros have them: in capitals, but for those that differ in small and capital letters alone."""
+    names = [identifier(output.name) for output in observer.outputs]
+    count = Counter(map(str.upper, names))
+    return [name if count[name.upper()] > 1 else name.upper() for name in names]
 
 
 def _how(sampled: bool, continuous: bool) -> str:

@@ -350,6 +350,15 @@ def test_the_header_says_with_whom_a_step_is_shared() -> None:
         assert "together" not in text
 
 
+def test_outputs_that_differ_in_capital_letters_alone_have_a_bit_each(tmp_path: Path) -> None:
+    block: Block = {"type": "ekf", "Q": {"P": 0.1}, "R": 0.1}
+    run = run_of(inline({"p": "P", "P": "r", "r": "-p"}, ["p", "P", "r"]), block, {"sampling": {"period": 0.1}})
+    files = c_files(exported(run)[0])
+    lines = [line.split()[1:3] for line in files["O.h"].splitlines() if "_OUTPUT_" in line]
+    assert lines == [["HGO_O_OUTPUT_p", "1U"], ["HGO_O_OUTPUT_P", "2U"], ["HGO_O_OUTPUT_R", "4U"]]
+    compile_c(tmp_path, files, "-fsyntax-only")
+
+
 def test_names() -> None:
     assert identifier("FHGO r=2") == "FHGO_r_2"
 
