@@ -12,6 +12,7 @@ from hgorun.export.fmu_access import access
 from hgorun.export.fmu_stubs import stubs
 from hgorun.export.fmu_templates import CORE, LEAVE, TOP, Version
 from hgorun.export.fmu_variables import Variable
+from hgorun.export.observer import Exported
 
 _LOGGERS: dict[Version, tuple[str, str]] = {  # what simulators call theirs by, and the first arguments
     "2.0": (
@@ -59,14 +60,13 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
     observer = source.observer
     q, m = len(observer.outputs), max(len(observer.inputs), 1)
     parts = {
-        "@HEADER@": f"{observer.name}.h",
         "@TOKEN@": token,
         "@Q@": str(q),
         "@M@": str(m),
         "@LOGGER@": _LOGGERS[version][0],
         "@SAID@": _LOGGERS[version][1],
         "@LEAVE@": LEAVE if observer.sampled else "",
-        "@WHY@": _words_of_status(source),
+        "@WHY@": _words_of_status(observer),
         "@TELL@": "\n".join(_told(source)),
         "@ACCESS@": "\n".join(access(variables, version)),
         "@FRESH@": "\n".join(f"    m->fresh[{v.index}] = 1;" for v in variables if v.kind == "new"),
@@ -74,15 +74,16 @@ def wrapper(source: Source, variables: Sequence[Variable], version: Version, tok
     }
     for name, part in parts.items():
         text = text.replace(name, part)
-    return text.replace("REAL", source.real.name).replace("~~", source.upper).replace("~", source.prefix)
+    text = text.replace("REAL", source.real.name).replace("~~", source.upper).replace("~", source.prefix)
+    return text.replace("@HEADER@", f"{observer.name}.h")  # last, for an observer may be called REAL
 
 
-def _words_of_status(source: Source) -> str:
+def _words_of_status(observer: Exported) -> str:
     """What is said of a status: as in the header, where nothing else is to be said of a unit."""
-    given = "; inputs that are not given are 0" if source.observer.inputs else ""
+    given = "; inputs that are not given are 0" if observer.inputs else ""
     found = f'"{STATUS["NOT_FINITE"]}{given}"'
     for name, words in {**{name: STATUS[name] for name in ("BAD_TIME", "TOO_FAR")}, **_LEFT_OUT}.items():
-        found = f'(status == {source.upper}{name})\n        ? "{words}"\n        : ({found})'
+        found = f'(status == ~~{name})\n        ? "{words}"\n        : ({found})'
     return found
 
 

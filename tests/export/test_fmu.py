@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import io
 import zipfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ import fmpy
 import numpy as np
 import pytest
 from examples import CONTOIS, Block, experiment, inline
-from exported_c import STRICT, Driven, driven, load_all
+from exported_c import STRICT, Driven, compile_c, driven, load_all
 from exported_fmu import GCC, Unit
 from fmpy.fmi1 import FMICallException
 from fmpy.validation import validate_fmu
@@ -169,6 +170,17 @@ def test_sources_compile_without_warnings(tmp_path: Path) -> None:
         folder = "linux64" if version == "2.0" else "x86_64-linux"
         assert f"binaries/{folder}/hgo_O.so" in names
         assert {"modelDescription.xml", "sources/O.c", "sources/O.h", "sources/O_fmi.c"} <= set(names)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_an_observer_may_be_called_as_what_templates_have(version: Version, tmp_path: Path) -> None:
+    """Its name stays as it is, in small and in capital letters."""
+    observer = replace(exported(run_of("late"))[0], label="REAL ONE")
+    parts = zipfile.ZipFile(io.BytesIO(fmu(observer, version, [])))
+    names = [name for name in parts.namelist() if name.endswith((".c", ".h"))]
+    files = {name.removeprefix("sources/"): parts.read(name).decode() for name in names}
+    assert '#include "REAL_ONE.h"' in files["REAL_ONE_fmi.c"]
+    compile_c(tmp_path, files, "-fsyntax-only")
 
 
 def test_compilers(monkeypatch: pytest.MonkeyPatch) -> None:
