@@ -111,7 +111,7 @@ def test_what_is_written_is_that_of_the_whole(
     assert whole.integration is not None
     assert back.integration.step == whole.integration.step
     for label, error in (whole.integration_error or {}).items():
-        assert (back.integration_error or {})[label] == pytest.approx(error, rel=10.0)
+        assert error / 4 < (back.integration_error or {})[label] < 4 * error
 
 
 @pytest.mark.costly
