@@ -206,6 +206,15 @@ def test_files_are_for_recordings(shell: Shell) -> None:
     assert "files are for recordings" in err
 
 
+@pytest.mark.costly
+def test_why_no_run_can_be_made_with_any_gains_is_said(shell: Shell) -> None:
+    """It is no divergence."""
+    changed(shell, "gains", {"observers.o.internal.x": {"log": [0.1, 10]}})
+    changed(shell, "budget", 20)
+    code, _, err = shell("tune", "tuned.yaml")
+    assert (code, "observers.o.internal: unknown internal state 'x'" in err) == (2, True), err
+
+
 def test_gains_by_which_every_estimate_is_lost(shell: Shell) -> None:
     changed(shell, "gains", {f"observers.o.{key}": {"log": [1e5, 2e5]} for key in ("theta",)})
     code, _, err = shell("tune", "tuned.yaml")

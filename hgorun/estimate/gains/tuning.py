@@ -107,9 +107,11 @@ class Trials:
         Raises
         ------
         HgorunError
-            Where all that were tried lose the estimate.
+            Where all that were tried lose the estimate, or no run can be made with them.
         """
         if not np.isfinite(self.least):
+            for case in self.cases:
+                case.with_gains(self.at(np.array(self.first)))  # which says why no run can be made
             raise HgorunError(
                 f"{self.goal}: {len(self.tried)} gains were tried, and the observer diverges with all of them"
             )
