@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from hgorun.ensemble.statistics.fronts import knee, non_dominated
 from hgorun.tuning.task import Floats, Task
-from hgorun.tuning.trials import Trials
+from hgorun.tuning.trials import Trials, failure
 
 _SCAN = 0.5  # of the budget
 _FIRST, _FEW = 1, 4  # seeds of the first rounds: one shows most estimates that are lost
@@ -238,7 +238,10 @@ def _nothing(trials: Trials) -> str:
     means = trials.means[trials.complete]
     finite = means[np.isfinite(means).all(axis=1)]
     if not finite.size:
-        return f"{len(trials.u)} gains were tried, and the observer diverges with all of them"
+        count = len(trials.u)
+        if error := failure(task, trials.gains[0]):
+            return f"{count} gains were tried, and with the first of them there is no run: {error}"
+        return f"{count} gains were tried, and the observer diverges with all of them"
     told = []
     for k, limit in enumerate(task.limits):
         values = finite[:, len(task.goals) + k]

@@ -118,10 +118,19 @@ def measured(task: Task, gains: Floats, seeds: Sequence[int] | NDArray[np.int64]
     ndarray, shape (N, q)
         Infinite where an estimate was lost or the run has failed.
     """
+    block = _runs(task, gains, seeds, threads)
+    return np.column_stack([_values(sentence, block) for sentence in task.sentences])
+
+
+def failure(task: Task, gains: Floats) -> str:
+    """Why there is no run with some gains, shape (k,); empty where there is one, whatever becomes of the estimate."""
+    return str(_runs(task, gains[None], task.seeds[:1], 1).error[0])
+
+
+def _runs(task: Task, gains: Floats, seeds: Sequence[int] | NDArray[np.int64], threads: int) -> Block:
     columns = {gain.path: gains[:, i] for i, gain in enumerate(task.gains)} | {"seed": np.asarray(seeds)}
     names = tuple(dict.fromkeys(q.function for sentence in task.sentences for q in sentence.quantities))
-    block = compute(task.base, Members.of(columns), metrics=names, threads=threads)
-    return np.column_stack([_values(sentence, block) for sentence in task.sentences])
+    return compute(task.base, Members.of(columns), metrics=names, threads=threads)
 
 
 def _values(sentence: Sentence, block: Block) -> Floats:

@@ -157,6 +157,15 @@ def test_what_cannot_be_met_is_said(experiment: Experiment) -> None:
 
 
 @pytest.mark.costly
+def test_why_there_is_no_run_with_any_gains_is_said(experiment: Experiment) -> None:
+    """It is no divergence."""
+    (task,) = tasks(experiment, block(gains={"observers.SHGO.internal.x": {"log": [0.5, 10]}}, budget=40))
+    said = r"gains were tried, and with the first of them there is no run: .*SHGO.internal: unknown internal state 'x'"
+    with pytest.raises(ValueError, match=said):
+        search(Trials(task))
+
+
+@pytest.mark.costly
 def test_gains_that_lose_the_estimate_are_left(experiment: Experiment) -> None:
     """Above some gain the samples are too far apart."""
     (task,) = tasks(experiment, block(gains={THETA: {"log": [1, 500]}}, seeds=2, budget=100))
