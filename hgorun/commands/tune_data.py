@@ -240,15 +240,14 @@ def _tell(found: Sequence[_Tuned], name: str) -> None:
 
 def _table(found: Sequence[_Tuned]) -> str:
     goal = found[0].goal
-    columns = [
+    gains = [{path.split(".", 2)[2]: value for path, value in one.gains.items()} for one in found]
+    names = dict.fromkeys(name for one in gains for name in one)
+    columns = [[name, *(number(one.get(name)) for one in gains)] for name in names]
+    columns += [
         [f"{goal.score} {goal.name}: search", *(number(one.tuned) for one in found)],
         ["held out", *(number(one.held_out) for one in found)],
         ["runs", *(f"{one.runs} of {one.budget}" for one in found)],
     ]
-    names = dict.fromkeys(path.split(".", 2)[2] for one in found for path in one.gains)
-    for name in names:
-        values = [{path.split(".", 2)[2]: v for path, v in one.gains.items()}.get(name) for one in found]
-        columns.insert(0, [name, *map(number, values)])
     blocks = packed([one.goal.label for one in found], [[column] for column in columns])
     early = ", ".join(one.goal.label for one in found if one.runs < one.budget)
     why = f"{early}: the search ended before its budget, where gains nearby give the same score"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ import yaml
 from shell import Shell
 
 from hgorun.commands import tune_data
+from hgorun.estimate.gains.goal import Goal
 
 CONFIG = """
 plant:
@@ -220,6 +222,25 @@ def test_gains_by_which_every_estimate_is_lost(shell: Shell) -> None:
     code, _, err = shell("tune", "tuned.yaml")
     assert code == 1
     assert "the observer diverges with all of them" in err
+
+
+def test_gains_stand_in_the_table_as_in_the_file() -> None:
+    """Each observer has some of them."""
+    found: list[Any] = [
+        SimpleNamespace(
+            goal=Goal("holdout_rmse", label, "a"),
+            gains=gains,
+            tuned=1.0,
+            held_out=2.0,
+            runs=20,
+            budget=20,
+            spread={},
+        )
+        for label, gains in (("o", {"observers.o.theta": 3.0}), ("p", {"observers.p.theta": 4.0, "observers.p.r": 5.0}))
+    ]
+    header, *rows = tune_data._table(found).splitlines()
+    assert header.split() == ["theta", "r", "holdout_rmse", "a:", "search", "held", "out", "runs"]
+    assert [row.split()[:3] for row in rows] == [["o", "3.000", "-"], ["p", "4.000", "5.000"]]
 
 
 @pytest.mark.parametrize(
