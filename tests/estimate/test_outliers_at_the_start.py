@@ -74,6 +74,27 @@ def test_what_a_model_lacks_is_no_outlier(count: int, bend: float) -> None:
     assert start_of(y, 2, count) == start_of(y, 2, count, gate=None)
 
 
+@pytest.mark.parametrize("count", [3, 6])
+def test_four_alike_that_agree_with_each_other_do_not_agree_with_what_follows(count: int) -> None:
+    outliers = dict.fromkeys(range(4), 100.0)
+    y = measured(20, outliers)
+    np.testing.assert_allclose(start_of(y, 2, count), through(y[: 4 + count], 2, outliers), rtol=0, atol=1e-7)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_slopes_at_a_fit_through_outliers_may_say_little(seed: int) -> None:
+    """Two of six samples of a swing, of which two samples are a third."""
+    t, random = 0.8 * np.arange(6), np.random.default_rng(seed)
+    swing = solve_ivp(lambda _, x: [x[1], -np.sin(x[0]) - 0.1 * x[1]], (0, t[-1]), [1.0, -0.5], t_eval=t, rtol=1e-10)
+    y = swing.y[0] + 0.02 * random.standard_normal(t.size)
+    y[2:4] += 2.0
+    plant = {key: x for key, x in inline({"a": "b", "b": "-sin(a) - 0.1*b"}, "a").items() if key != "initial"}
+    config = {"plant": plant, "observers": {"o": {"type": "shgo", "theta": 1}}, "solver": {"step": 0.05}}
+    log = replace(recording(signal("a", t, y, std=0.02, gate=GATE)), first_samples=6)
+    start = completed(source(config), log, "start", "").observers["o"].initial
+    assert (start["a"], start["b"]) == pytest.approx((1.0, -0.5), abs=0.1)
+
+
 def test_where_half_disagree_nothing_is_left_out() -> None:
     y = measured(6, {0: 100.0, 1: 130.0, 2: 90.0})
     assert start_of(y, 2, 6) == start_of(y, 2, 6, gate=None)

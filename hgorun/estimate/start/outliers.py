@@ -14,7 +14,7 @@ from hgorun.pieces import median
 from hgorun.symbolic.evaluate import Floats
 
 _REWEIGHTED = 30  # passes in which errors of a start count by their size
-_SETS, _LINEAR = 2000, 4  # of outliers that are tried; times that they are
+_SETS, _FITTED, _LINEAR = 2000, 6, 4  # of outliers that are looked at; that are tried; times that each is
 _BEYOND = 2.0  # gates that several outliers are off, in standard deviations of the others
 _MOST = 3  # of so many samples of a slow output one may be an outlier
 _NORMAL = 1.4826  # standard deviations of normal numbers in their median size
@@ -37,7 +37,7 @@ def judged(near: StartTask, many: StartTask, far: StartTask, x: Floats) -> Fit |
         A guess.
     """
     found = without_outliers(near, x)
-    if not agrees(near, found) and (other := of_many(near, many, x)) is not None:
+    if not agree(near, found) and (other := of_many(near, many, x)) is not None:
         return other
     more = [of_far.size > of_near.size for of_near, of_far in zip(near.numbers, far.numbers, strict=True)]
     if found is None or not any(more):
@@ -68,16 +68,19 @@ def of_many(near: StartTask, many: StartTask, x: Floats) -> Fit | None:
     if near.gates.size == many.gates.size:
         return None
     other = without_outliers(many, x)
-    if other is None or not agrees(many, other):
+    if other is None or not _others_agree(many, other):
         return None
     out = sum(np.count_nonzero(np.isin(own, left)) for own, left in zip(near.numbers, other.left, strict=True))
     return other if out > _most_of(near.gates.size, x.size) else None
 
 
-def agrees(task: StartTask, found: Fit | None) -> bool:
-    """Whether there is a fit of which all samples are within their gates, but for those that it has left out."""
-    if found is None:
-        return False
+def agree(task: StartTask, found: Fit | None) -> bool:
+    """Whether there is a fit that leaves no samples out, of which all are within their gates."""
+    return found is not None and not any(left.size for left in found.left) and _others_agree(task, found)
+
+
+def _others_agree(task: StartTask, found: Fit) -> bool:
+    """Whether all samples are within their gates of a fit, but for those that it has left out."""
     error, _ = found.task.residuals(found.x)
     kept = ~np.concatenate([np.isin(own, out) for own, out in zip(task.numbers, found.left, strict=True)])
     return found.within_gates(error, kept)
@@ -154,25 +157,34 @@ def _without_several(task: StartTask, base: Fit) -> Fit | None:
         if math.comb(size, count) > _SETS:
             return None
         sets = np.array(list(combinations(range(size), count)))
-        found, kept = base, np.ones(size, dtype=bool)
-        for _ in range(_LINEAR):  # the samples tell which by the slope at a fit, which the fit without them changes
-            before, kept = kept, np.ones(size, dtype=bool)
-            kept[sets[_best_without(*found.task.residuals(found.x), sets)]] = False
-            if np.array_equal(kept, before):
-                break
-            found = fit(replace(found.task, weights=kept.astype(float)), found.x) or found
-        error, _ = found.task.residuals(found.x)
-        limit = _BEYOND * max(1.0, _spread(error[kept & np.isfinite(task.gates)], n))
-        if found.within_gates(error, kept) and np.all(np.abs(error[~kept]) > limit * task.gates[~kept]):
-            return replace(found, left=task.chosen(~kept))
+        likely = np.argsort(_left_without(*base.task.residuals(base.x), sets), kind="stable")
+        for which in sets[likely[:_FITTED]]:  # slopes at a fit to outliers may say little
+            found, kept = _beside(base, which, sets)
+            error, _ = found.task.residuals(found.x)
+            limit = _BEYOND * max(1.0, _spread(error[kept & np.isfinite(task.gates)], n))
+            if found.within_gates(error, kept) and np.all(np.abs(error[~kept]) > limit * task.gates[~kept]):
+                return replace(found, left=task.chosen(~kept))
     return None
 
 
-def _best_without(error: Floats, slope: Floats, sets: np.ndarray) -> int:
-    """The set of samples without which the errors of the others are smallest, of a start that moves them by slopes."""
+def _beside(base: Fit, which: np.ndarray, sets: np.ndarray) -> tuple[Fit, np.ndarray]:
+    """A fit without a set of samples, or without that which it tells itself; and which ones are kept."""
+    found, kept = base, np.ones(base.task.gates.size, dtype=bool)
+    for _ in range(_LINEAR):  # the samples tell which by the slope at a fit, which the fit without them changes
+        before, kept = kept, np.ones(kept.size, dtype=bool)
+        kept[which] = False
+        if np.array_equal(kept, before):
+            break
+        found = fit(replace(found.task, weights=kept.astype(float)), found.x) or found
+        which = sets[np.argmin(_left_without(*found.task.residuals(found.x), sets))]
+    return found, kept
+
+
+def _left_without(error: Floats, slope: Floats, sets: np.ndarray) -> Floats:
+    """How large errors are without each set of samples, squared, of a start that moves them by slopes."""
     weights = np.ones((len(sets), error.size))
     np.put_along_axis(weights, sets, 0.0, axis=1)
     scaled = slope / np.maximum(np.linalg.norm(slope, axis=0), np.finfo(float).tiny)
     normal = np.einsum("mi,ij,ik->mjk", weights, scaled, scaled)
     moved = np.einsum("mjk,mk->mj", np.linalg.pinv(normal, rcond=TOLD, hermitian=True), (weights * error) @ scaled)
-    return int(np.argmin(np.sum(weights * (error - moved @ scaled.T) ** 2, axis=1)))
+    return np.asarray(np.sum(weights * (error - moved @ scaled.T) ** 2, axis=1))

@@ -157,7 +157,8 @@ class StartTask:
     def weighted(self, x: Floats) -> tuple[Floats, Floats]:
         """The same, multiplied by the weights."""
         error, slope = self.residuals(x)
-        return error * self.weights, slope * np.reshape(self.weights, (-1, 1))
+        with np.errstate(invalid="ignore"):  # as before: what is infinite, and left out, is no number
+            return error * self.weights, slope * np.reshape(self.weights, (-1, 1))
 
     def _along(self, x: Floats) -> tuple[Floats, Floats]:
         """The outputs at every time, shape (k, q), and their derivatives by the state at the start, (k, q, n)."""

@@ -13,12 +13,13 @@ from hgorun.errors import Problem
 from hgorun.estimate.prepared import PreparedEstimate
 from hgorun.estimate.samples import stated
 from hgorun.estimate.start.fit import Fit, fit
-from hgorun.estimate.start.outliers import agrees, judged, of_many, without_outliers
+from hgorun.estimate.start.outliers import agree, judged, of_many, without_outliers
 from hgorun.estimate.start.start_task import StartTask
 from hgorun.memo import Memo
 from hgorun.symbolic.evaluate import Floats
 
 _FEWEST, _MOST, _GROWTH = 3, 200, 1.25  # samples of an output that are tried for "auto"
+_FAR = 5.0  # standard deviations: a start so far from its samples may be the nearest one only beside it
 _AGREEMENT = 4.0  # standard deviations: each of some 20 fits has to agree, and with 2 half of all exact models did not
 _DIGITS = 10  # of the start: those behind are the C library's, since here CasADi's own functions are called, for speed
 _SPARE = 2  # samples beyond twice the states, among which outliers are looked for where a start is fitted to fewer
@@ -111,14 +112,41 @@ def _fitted(prepared: PreparedEstimate, count: FirstSamples, x: Floats) -> Fit |
     """
     if count != AUTO and count >= _few(x):
         first = StartTask.of(prepared, count)
-        found = without_outliers(first, x)
-        others = None if agrees(first, found) else of_many(first, StartTask.of(prepared, 2 * count), x)
+        found = _near(prepared, count, x)
+        others = None if agree(first, found) else of_many(first, StartTask.of(prepared, 2 * count), x)
         return found if others is None else _besides(prepared, count, others)
     tasks = _looked_at(prepared, x)
     others = judged(*tasks, x) if np.isfinite(tasks[-1].gates).any() else None
     if others is not None and any(one.size for one in others.left):
         return _besides(prepared, count, others)
-    return _agreeing(prepared, x) if count == AUTO else without_outliers(StartTask.of(prepared, count), x)
+    return _agreeing(prepared, x) if count == AUTO else _near(prepared, count, x)
+
+
+def _near(prepared: PreparedEstimate, count: int, x: Floats) -> Fit | None:
+    """The fit to so many samples; where it is far from them, one that begins where the model passes near fewer."""
+    task = StartTask.of(prepared, count)
+    found = without_outliers(task, x)
+    if _distance(prepared, found) <= _FAR:
+        return found
+    few = _FEWEST
+    while few < count:
+        before = fit(StartTask.of(prepared, few), x)
+        if before is None:
+            return found
+        x, few = before.x, max(few + 1, int(_GROWTH * few))
+    other = without_outliers(task, x)
+    return other if _distance(prepared, other) < _distance(prepared, found) else found
+
+
+def _distance(prepared: PreparedEstimate, found: Fit | None) -> float:
+    """The rms of the errors of the samples that a fit is to, over the std of the noise; 0 where that is not known."""
+    if found is None:
+        return np.inf
+    known = stated(prepared.experiment)
+    outputs = zip(prepared.samples, found.task.numbers, found.left, strict=True)
+    kept = np.concatenate([~np.isin(own, left) & (one.output in known) for one, own, left in outputs])
+    error, _ = found.task.residuals(found.x)
+    return float(np.sqrt(np.mean(error[kept] ** 2))) if kept.any() else 0.0
 
 
 def _besides(prepared: PreparedEstimate, count: FirstSamples, others: Fit) -> Fit | None:
