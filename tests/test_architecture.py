@@ -55,7 +55,7 @@ DATA_FLOORS: list[set[str]] = [
     {"samples", "times"},
     {"cells", "recording"},
     {"table", "told_once", "units"},
-    {"clocks", "lengths", "tags"},
+    {"clocks", "in_turn", "lengths", "tags"},
     {"faults"},
     {"csv", "input_ends"},
     {"arrays"},

@@ -15,6 +15,7 @@ from hgorun.data.cells import Flags
 from hgorun.data.clocks import rounding
 from hgorun.data.faults import sentinels
 from hgorun.data.faults.sorting import Sorting
+from hgorun.data.in_turn import in_turn
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.model_units import ModelUnits
 from hgorun.data.one_clock import OneClock
@@ -221,6 +222,11 @@ class _Making:
         read = {cells.column for cells in file.wanted if not isinstance(cells, Flags)}
         found = mixed(file.table.texts, samples, block.column, read, plausible)
         if found is None:
+            if (turns := in_turn(samples.values, plausible)) is not None:
+                place, line = samples.place(turns.place)
+                yield Note(
+                    kind="tags", signal=signal.key, file=place, line=line, message=turns.sentence(measured=measured)
+                )
             return
         message = found.sentence(measured=measured)
         if found.sure:
