@@ -5,6 +5,7 @@ from __future__ import annotations
 from hgorun.engine.layout import (
     ACTION_WORDS,
     ARRIVE,
+    HEAR,
     JUMP,
     NOTHING,
     REBASE,
@@ -69,7 +70,8 @@ def add_actions(m: Module) -> None:
     (output, first, last): count alpha from zero again, also in the slots that are still on their way. JUMP
     (number): a part of the state becomes what its jump says. SAVE, RESTORE (-, number): keep a part of all states
     and go back to it; RETAKE (output, slot): as TAKE, of every observer's s alone. SHOW (-, row): the states become a
-    row of output; where innovations are kept. Where no plant is simulated, the bound grows with what arrives.
+    row of output; where innovations are kept. HEAR (output, slot): TAKE, ARRIVE and REBASE of all samples of an event,
+    none of which is on its way. Where no plant is simulated, the bound grows with what arrives.
     """
     s, lanes = m.system, m.lanes
     f = m.function("act", "ptr %ctx, i64 %segment", attributes="nounwind noinline")
@@ -86,9 +88,12 @@ def add_actions(m: Module) -> None:
 
     def channels_here() -> None:
         """Nothing has changed since samples were taken just before."""
-        last = f.load(before, "i64")
-        with f.when(f.let(f"and i1 {f.test('ne', last, str(TAKE))}, {f.test('ne', last, str(RETAKE))}")):
-            f.call("channels", f"ptr %ctx, double {t}")
+        after = f.label()
+        for op in (TAKE, RETAKE, HEAR):
+            f.leave_if(f.test("eq", f.load(before, "i64"), str(op)), after)
+        f.call("channels", f"ptr %ctx, double {t}")
+        f.jump(after)
+        f.place(after)
 
     with f.count(c["action_first"], c["action_last"]) as index:
         row = f.at(table, f.scalar("mul", index, str(ACTION_WORDS)))
@@ -127,13 +132,9 @@ def add_actions(m: Module) -> None:
                         with of_number(number):
                             f.call(f"jump{number}", f"ptr %ctx, double {t}, i64 0, i64 {lanes}")
             with case(ARRIVE, RECORD):
-                at_slot = f.scalar("mul", slot, str(lanes))
-                gain, bias, measured = (
-                    f.at(f.word("%ctx", WORD[name], "ptr"), at_slot) for name in ("gain", "bias", "measured")
-                )
-                y = f.add(f.mul(f.load(gain, f.real), f.load(here, f.real)), f.load(bias, f.real))
-                f.store(y, measured, f.real)
+                y = _measure(m, f, slot, here)
                 if s.innovations:
+                    measured = f.at(f.word("%ctx", WORD["measured"], "ptr"), f.scalar("mul", slot, str(lanes)))
                     _keep_innovations(m, f, output, slot, here, measured, t)
                 with f.when(f.test("eq", op, str(ARRIVE))):
                     if not s.plant_states:
@@ -141,6 +142,10 @@ def add_actions(m: Module) -> None:
                     copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), 1)
                     f.store(y, f.at(held, Held.OUTPUT * lanes), f.real)
                     copy(f, f.at(here, lanes), f.at(held, Held.S * lanes), s.observers)
+            if s.hears:
+                with case(HEAR):
+                    channels_here()
+                    _hear(m, f, output, slot, held)
             with case(REBASE):
                 for i in each(f, s.observers * lanes):
                     place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), str(i))
@@ -156,6 +161,41 @@ def add_actions(m: Module) -> None:
         f.store(op, before, "i64")
     f.do("ret void")
     m.finish(f)
+
+
+def _hear(m: Module, f: Function, output: str, slot: str, held: str) -> None:
+    """A sample is compared and held, and alpha counted from there; channels are those before any sample was heard."""
+    s, lanes = m.system, m.lanes
+    here = f.at(f.word("%ctx", WORD["channels"], "ptr"), f.scalar("mul", output, str(s.width * lanes)))
+    gain, bias, measured = (
+        f.at(f.word("%ctx", WORD[name], "ptr"), f.scalar("mul", slot, str(lanes)))
+        for name in ("gain", "bias", "measured")
+    )
+    y = f.add(f.mul(f.load(gain, f.real), f.load(here, f.real)), f.load(bias, f.real))
+    f.store(y, measured, f.real)
+    if not s.plant_states:
+        _grow(f, y)
+    copy(f, f.at(held, Held.OUTPUT * lanes), f.at(held, Held.PREVIOUS * lanes), 1)
+    f.store(y, f.at(held, Held.OUTPUT * lanes), f.real)
+    kept = f.at(f.word("%ctx", WORD["innovations"], "ptr"), f.scalar("mul", slot, str(s.noted * lanes)))
+    z, alpha = f.word("%ctx", WORD["z"], "ptr"), f.word("%ctx", WORD["alpha"], "ptr")
+    for j in each(f, s.observers):
+        at = f.scalar("mul", str(j), str(lanes))
+        place = f.scalar("add", f.scalar("mul", output, str(s.observers * lanes)), at)
+        alpha_at = f.at(z, f.word(alpha, place))  # that of all lanes
+        guess = f.add(f.load(f.at(f.at(here, lanes), at), f.real), f.load(alpha_at, f.real))
+        f.store(f.sub(guess, y), f.at(kept, at), f.real)
+        f.store(guess, f.at(f.at(held, Held.S * lanes), at), f.real)
+        f.store(f.constant(0.0), alpha_at, f.real)
+
+
+def _measure(m: Module, f: Function, slot: str, taken: str) -> str:
+    """What is measured of an output as it was when a sample was taken; it is written down."""
+    at = f.scalar("mul", slot, str(m.lanes))
+    gain, bias, measured = (f.at(f.word("%ctx", WORD[name], "ptr"), at) for name in ("gain", "bias", "measured"))
+    y = f.add(f.mul(f.load(gain, f.real), f.load(taken, f.real)), f.load(bias, f.real))
+    f.store(y, measured, f.real)
+    return y
 
 
 def _grow(f: Function, measured: str) -> None:

@@ -25,7 +25,7 @@ COUNT = ("steps", "first", "last", "regime", "action_first", "action_last", "end
 
 # What happens at an event, one row of integers each.
 ACTION_WORDS = 5
-TAKE, ARRIVE, RECORD, SET, REBASE, JUMP, SAVE, RESTORE, RETAKE, SHOW = range(10)
+TAKE, ARRIVE, RECORD, SET, REBASE, JUMP, SAVE, RESTORE, RETAKE, SHOW, HEAR = range(11)
 NOTHING = -1
 
 # What the native loop returns.
@@ -238,6 +238,11 @@ class HybridSystem:
     def has_alpha(self) -> bool:
         """Whether the observers compare with the past."""
         return bool(self.alpha)
+
+    @property
+    def hears(self) -> bool:
+        """Whether a sample that is not late may be taken, arrive and be counted from in one action."""
+        return self.innovations and self.has_alpha and self.spreads is None and self.replayed is None
 
     @property
     def snapshot(self) -> int:

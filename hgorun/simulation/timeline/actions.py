@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from hgorun.engine.layout import ACTION_WORDS, ARRIVE, JUMP, REBASE, RECORD, RETAKE, SET, TAKE, HybridSystem
+from hgorun.engine.layout import ACTION_WORDS, ARRIVE, HEAR, JUMP, REBASE, RECORD, RETAKE, SET, TAKE, HybridSystem
 from hgorun.measurement.channels import Channel
 from hgorun.measurement.late import HeardOtherwise, stepped_between
 from hgorun.measurement.schedule import Schedule, nearest_event
@@ -127,7 +127,7 @@ class Actions:
             self.snapshots = replay.snapshots
             kinds += replay.kinds()
         self.slots, self._kinds, self._size = base, [kind for kind in kinds + lines if kind.event.size], events.size
-        self._kept = kept
+        self._kept, self._hears = kept, system.hears
         self._known: dict[tuple[int, int], tuple[np.ndarray, np.ndarray]] = {}
         self._ranks = max((kind.rank for kind in self._kinds), default=0) - _FIRST + 1
 
@@ -166,7 +166,8 @@ class Actions:
         for kind, first, second in zip(kinds, *rows, strict=True):
             kind.write(first[None], slice(0, 1))
             kind.write(second[None], slice(1, 2))
-        return rows[0], rows[1] - rows[0]
+        first, advance = rows[0], rows[1] - rows[0]
+        return heard_at_once(first, advance) if self._hears else (first, advance)
 
     def take_from(self, other: Actions) -> None:
         """Take the tables of another part of the run, where the same happens, as often and in the same order."""
@@ -210,6 +211,28 @@ def _interleaved(found: Sequence[tuple[Kind, slice]], first: int, stop: int) -> 
         own.write(rows[:, j], which, constants=False)
     count = len(found) * np.bincount(events - first, minlength=stop - first)
     return rows.reshape(-1, 5), np.concatenate([[0], np.cumsum(count)])
+
+
+def heard_at_once(rows: np.ndarray, advance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Actions with one for each sample, where all are taken first, then all arrive, and none is on its way.
+
+    Parameters
+    ----------
+    rows, advance : ndarray of int64, shape (actions, 5)
+        As those of :attr:`Actions.repeated`.
+    """
+    count = int(np.count_nonzero(rows[:, 0] == TAKE))
+    stages = [TAKE] * count + [ARRIVE] * count + [REBASE] * count
+    if rows[-3 * count :, 0].tolist() != stages:
+        return rows, advance
+    for table, behind in ((rows, 1), (advance, 0)):
+        taken, arriving, counted = table[-3 * count :].reshape(3, count, ACTION_WORDS)
+        one_by_one = np.array_equal(taken[:, 1:3], arriving[:, 1:3]) and np.array_equal(taken[:, 1:3], counted[:, 1:3])
+        if not one_by_one or np.any(counted[:, 3:] != counted[:, 2:3] + behind):
+            return rows, advance
+    found = rows[: -2 * count].copy()
+    found[-count:, 0] = HEAR
+    return found, advance[: -2 * count]
 
 
 _FLAGS = np.array([1.0, 0.0])  # a sample arrives just now, or does not
