@@ -166,7 +166,7 @@ class Stretches:
             schedule = replace(self._before, events=events)
         else:
             variants, _ = variants_of(kinds_of(channels, events[:2]))
-            none, same = np.zeros(events.size), np.zeros(events.size - 1, dtype=np.int64)
+            none, same = np.broadcast_to(0.0, events.shape), np.broadcast_to(np.int64(0), taken.shape)
             schedule = Schedule(events=events, inward=none, variants=variants, variant=same, alike=alike)
         self._before = schedule
         return schedule

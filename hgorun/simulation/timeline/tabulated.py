@@ -148,8 +148,8 @@ class Tabulated:
         Nothing happens at its last event.
         """
         schedule, stepping = self.schedule, self.stepping
-        if schedule.order is not None or np.any(schedule.inward) or np.any(schedule.variant != schedule.variant[0]):
-            return None
+        if schedule.order is not None or any((*schedule.inward.strides, *schedule.variant.strides, schedule.inward[0])):
+            return None  # where these are the same of all events, that shows in memory
         repeated, steps = self.actions.repeated, counted_steps(schedule, stepping.longest).steps
         if repeated is None or steps.size > 1 or steps[0] >= self.piece:
             return None
