@@ -82,15 +82,16 @@ def _costs(observer: Exported, options: Export) -> Iterator[str]:
 
 def _warn(name: str, observers: Sequence[Exported], options: Export) -> None:
     """What is said on stderr of observers that are lost in this very run, or take much memory."""
+    try:
+        verdicts = {observer.label: observer.verdict() for observer in observers}
+    except SimulationError as error:
+        say(f"hgorun: {name}: what becomes of the exported observers in this run is not known: {error}")
+        verdicts = {}
+    sound = [f"--observer {quote(label)}" for label, verdict in verdicts.items() if not verdict.lost]
+    alone = f"; to export the others, with steps of their own: {' '.join(sound)}" if sound else ""
     for observer in observers:
-        try:
-            verdict = observer.verdict()
-        except SimulationError as error:
-            say(f"hgorun: {name}: what becomes of the exported observers in this run is not known: {error}")
-            break
-        if verdict.lost:
-            others = [f"--observer {quote(other.label)}" for other in observers if other is not observer]
-            alone = f"; to export the others, with steps of their own: {' '.join(others)}" if others else ""
+        verdict = verdicts.get(observer.label)
+        if verdict is not None and verdict.lost:
             say(f"hgorun: {name}: the exported observer {observer.label} {verdict.sentence(observer.unit)}{alone}")
     for observer in observers:
         size = bytes_of(_source(observer, options))

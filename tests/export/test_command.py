@@ -168,6 +168,10 @@ def test_divergence_and_much_memory_are_told(shell: Shell, tmp_path: Path) -> No
     assert (code, err.count("\n")) == (0, 1)
     assert "run: the exported observer lost diverged at t=" in err
     assert err.endswith("to export the others, with steps of their own: --observer S\n")
+    lose = ("--set", "solver={method: rk4, step: 0.1}", "--set", "observers.S={type: shgo, theta: 100}")
+    _, _, err = shell("export", "run.yaml", *lose)
+    assert err.count("diverged at t=") == 2
+    assert "to export the others" not in err
     _, out, err = shell("export", "tank.yaml", "--late", "10", "--set", "solver.step=0.001")
     (size,) = re.findall(r"memory: (\d+) bytes, of which \d+ steps of history", out)
     assert 10_000 * 6 * 8 <= int(size) < 40_000 * 6 * 8  # 10 h of steps with two times and four numbers each
