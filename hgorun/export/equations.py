@@ -145,15 +145,7 @@ def symbolic(
             results["delay"] = ca.vertcat(*delays)
     jump, held, of_jump = None, Held(q, 1, m), w
     if isinstance(design.observer, (SampledObserver, CorrectedObserver)):
-        truth = Recording(plant.symbolic, told)
-        variants = [((HELD, 0),) * q] if has_alpha else []
-        system = build_system([Group(truth, 0, (block,))], t, p, symbols, {}, variants)
-        ((_, _, function),) = system.jumps
-        held, of_jump = system.held, ca.SX.sym("w", system.held.size)
-        still = ca.SX(of_jump)
-        for _, slope_at, since, _ in map(held.input, range(m)):
-            still[slope_at] = still[since] = 0  # inputs are told as they are at the sample
-        jump = function(t, p, z, still)
+        jump, held, of_jump = _at_samples(block, plant, symbols, p, z, told, has_alpha=has_alpha)
     return Symbolic(
         block=block,
         arguments=[t, p, z, w],
@@ -163,6 +155,28 @@ def symbolic(
         jump_arguments=[t, p, z, of_jump],
         held=held,
     )
+
+
+def _at_samples(
+    block: ObserverBlock,
+    plant: BuiltPlant,
+    symbols: PlantNumbers,
+    p: ca.SX,
+    z: ca.SX,
+    told: tuple[int, ...],
+    *,
+    has_alpha: bool,
+) -> tuple[ca.SX, Held, ca.SX]:
+    """What z becomes at a sample, the layout of w in it, and w; inputs are told as they are at the sample."""
+    t = plant.model.t
+    variants = [((HELD, 0),) * len(plant.model.outputs)] if has_alpha else []
+    system = build_system([Group(Recording(plant.symbolic, told), 0, (block,))], t, p, symbols, {}, variants)
+    ((_, _, function),) = system.jumps
+    w = ca.SX.sym("w", system.held.size)
+    still = ca.SX(w)
+    for _, slope_at, since, _ in map(system.held.input, range(len(told))):
+        still[slope_at] = still[since] = 0
+    return function(t, p, z, still), system.held, w
 
 
 @dataclass(frozen=True, eq=False, repr=False)
