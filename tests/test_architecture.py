@@ -62,7 +62,8 @@ DATA_FLOORS: list[set[str]] = [
     {"files"},
     {"sources"},
     {"far_dates", "parts"},
-    {"model_units", "one_clock"},
+    {"clock_texts", "model_units"},
+    {"one_clock"},
     {"reading"},
 ]
 ESTIMATE_FLOORS: list[set[str]] = [

@@ -200,6 +200,8 @@ class Stamps:
         Whether stamps with and without a zone have been read.
     beside : list of str
         As of :class:`Numbers`.
+    first : list of str
+        The first texts that were read, as far as :attr:`MANY` of them: they show what all are.
     """
 
     column: str
@@ -207,8 +209,10 @@ class Stamps:
     key: str = field(default="time", compare=False)
     zoned: set[bool] = field(default_factory=set, compare=False)
     beside: list[str] = field(default_factory=list, compare=False, repr=False)
+    first: list[str] = field(default_factory=list, compare=False, repr=False)
 
     dtype = np.dtype(np.int64)
+    MANY = 500  # texts, in which a rare sign of what they are comes often
 
     def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
         def hint(text: str) -> str:
@@ -222,6 +226,8 @@ class Stamps:
                 return NAT
             stamp, zoned = iso_stamp(text, hint) if self.pattern is None else stamp_of(text, self.pattern, hint)
             self.zoned.add(zoned)
+            if len(self.first) < self.MANY:
+                self.first.append(text)
             if len(self.zoned) > 1:
                 raise ValueError("dates with and without a time zone in one column")
             return stamp

@@ -8,6 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 
 from hgorun.config.data import Data, has_date
+from hgorun.data.clock_texts import require_times
 from hgorun.data.clocks import ClockColumn, odd_dates, odd_numbers, origin, origin_stamp, stamps, times_since
 from hgorun.data.far_dates import require_near
 from hgorun.data.parts import require_one_time_unit
@@ -102,6 +103,7 @@ class OneClock:
         require_near({place: self._stamps[place] for place in absolute}, self._tables)
         self._require_one_day_0(dict.fromkeys(absolute))
         for file, clock in dict.fromkeys(absolute):
+            require_times(clock, self._tables[file])
             self._require_order(file, clock, signals)
         self._count_days(signals)
         if self._beside is not None and bool(absolute) != (self._beside.epoch is not None):

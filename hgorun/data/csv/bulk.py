@@ -107,4 +107,12 @@ def _dates(cells: Stamps, text: np.ndarray, column: np.ndarray) -> tuple[int, in
     known &= ~dated | (zoned == next(iter(cells.zoned), False))  # the two kinds do not mix
     column[:] = stamps
     count = column.size if known.all() else int(known.argmin())
+    _keep_first(cells, text, starts[:count], lengths[:count])
     return count, int(starts[count]) if count < column.size else 0
+
+
+def _keep_first(cells: Stamps, text: np.ndarray, starts: np.ndarray, lengths: np.ndarray) -> None:
+    """Keep the texts of the first dates."""
+    there = np.flatnonzero(lengths)[: cells.MANY - len(cells.first)]
+    spans = zip(starts[there].tolist(), lengths[there].tolist(), strict=True)
+    cells.first.extend(text[start : start + length].tobytes().decode().strip() for start, length in spans)

@@ -38,7 +38,8 @@ _ALONE = re.compile(r"%[HI]:%M(?::%S(?:[.,:]%f)?)?\s?(?:%p|uhr)?", re.IGNORECASE
 _SAME_SIGNS = re.compile(
     r"%[dmY](?P<sign>[./_ -]?)%[dmY](?P=sign)%[dmY]|%[dmy](?P<short>[./-]?)%[dmy](?P=short)%[dmy]|%Y年%m月%d|%[bBjV]"
 )
-_JOINED = re.compile(r"[./:-]%[bBdjmuyMS]%[^pf]")  # 31.12.2016 as a short year and an hour
+# 31.12.2016 as a short year and an hour, and 11:15-05:00 with seconds
+_JOINED = re.compile(r"[./:-]%[bBdjmuyMS]%[^pf]|%[HI]:%M[^:%\w]+%S")
 _LARGEST = {"m": 12, "d": 31, "j": 366, "H": 23, "I": 12, "M": 59, "S": 59}
 _YEARS = range(1800, 2300)
 _OF_SECONDS = (3, 6, 9)  # digits of a fraction that follow seconds without a sign

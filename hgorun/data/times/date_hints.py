@@ -13,6 +13,7 @@ import numpy as np
 import yaml
 
 from hgorun.data.times.date_forms import foreign_month, lacks_year, longest_part, may_read, patterns_of
+from hgorun.data.times.intervals import TWO_TIMES, is_interval
 from hgorun.data.times.time_steps import unevenness
 from hgorun.data.times.zones import date_of
 
@@ -61,6 +62,8 @@ def form_hint(text: str, key: str, column: str, beside: Sequence[str], taken: Ca
         The time of a text in that form. Patterns in which the others run backwards are not said where they do not
         in that form. A ValueError says that a text is none of it.
     """
+    if is_interval(text, beside):
+        return f"; {TWO_TIMES}"
     found = patterns_of(text)
     others = [other for other in beside if other not in ("", text)] if found else []
     if _is_mistyped(text, others, beside, taken, list(found.values())):
@@ -139,7 +142,9 @@ def other_hint(text: str, key: str, column: str, beside: Sequence[str], taken: C
 
 def may_be_date(text: str) -> bool:
     """Whether a text is a date, looks like one, or has one in it."""
-    return _LIKE_DATES.fullmatch(text) is not None or bool(patterns_of(text) or _hint_of_parts(text))
+    return (
+        _LIKE_DATES.fullmatch(text) is not None or is_interval(text) or bool(patterns_of(text) or _hint_of_parts(text))
+    )
 
 
 def _hint_of_parts(text: str) -> str:

@@ -10,6 +10,7 @@ from datetime import datetime, timedelta
 
 from hgorun.config.types import describe
 from hgorun.data.times.date_hints import may_be_date
+from hgorun.data.times.intervals import TWO_TIMES, ZONE_OFFSETS
 from hgorun.data.times.zones import ZONES, date_of, names_zone, nanoseconds_beyond
 
 _ISO = re.compile(
@@ -83,9 +84,17 @@ def _offset(zone: str | None) -> int:
         return 0
     hours, minutes = int(zone[1:3]), int(zone[3:].lstrip(":") or 0)
     if hours > 23 or minutes > 59:
-        raise ValueError(f"{describe(zone)} is not a time zone")
+        raise _no_zone(zone)
     size = hours * 3600 + minutes * 60
-    return -size if zone[0] == "-" else size
+    offset = -size if zone[0] == "-" else size
+    if offset not in ZONE_OFFSETS:
+        raise _no_zone(zone)
+    return offset
+
+
+def _no_zone(zone: str) -> ValueError:
+    ahead = "those are -12:00 to +14:00, in steps of 15 min"
+    return ValueError(f"{describe(zone)} is not a time zone: {ahead}; {TWO_TIMES}")
 
 
 def stamp_of(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, bool]:
@@ -107,6 +116,8 @@ def stamp_of(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, 
             ) from None
         raise ValueError(said + hint(text)) from None
     offset = read.utcoffset()
+    if offset is not None and offset // _SECOND not in ZONE_OFFSETS:
+        raise _no_zone(read.strftime("%z"))
     past = read.replace(tzinfo=None) - (offset or timedelta()) - _EPOCH
     stamp = past // timedelta(microseconds=1) * 1000 + nanoseconds_beyond(text, pattern)
     return _in_range(stamp, text), offset is not None

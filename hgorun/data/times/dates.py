@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from hgorun.data.times.intervals import ZONE_OFFSETS
 from hgorun.pieces import distinct
 
 NAT = int(np.iinfo(np.int64).min)
@@ -142,6 +143,8 @@ def _offset(behind: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     if whole:
         fits &= behind[:, 3] == ord(":")
         minutes = _number(behind, 4, 6)
-    fits &= (hours < 24) & (minutes < 60)
-    size = (hours * 3600 + minutes * 60) * _SECOND
-    return np.where(sign == ord("-"), -size, size), fits
+    size = hours * 3600 + minutes * 60
+    ahead = np.where(sign == ord("-"), -size, size)
+    some = ZONE_OFFSETS
+    fits &= (minutes < 60) & (ahead >= some.start) & (ahead < some.stop) & (ahead % some.step == 0)
+    return ahead * _SECOND, fits
