@@ -56,6 +56,7 @@ DATA_FLOORS: list[set[str]] = [
     {"cells", "recording"},
     {"table", "told_once", "units"},
     {"clocks", "in_turn", "lengths", "tags"},
+    {"odd_clocks"},
     {"faults"},
     {"csv", "input_ends"},
     {"arrays"},

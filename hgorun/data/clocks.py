@@ -3,43 +3,27 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Set
+from collections.abc import Set
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from hgorun.config.data import Clock, has_date
-from hgorun.config.time_units import without_length
+from hgorun.config.data import Clock
 from hgorun.data.cells import Cells, Numbers, Stamps
 from hgorun.data.recording import Origin
 from hgorun.data.table import Table, TableFile
-from hgorun.data.times.date_hints import clock_key
 from hgorun.data.times.date_texts import iso_stamp, looks_like_iso
 from hgorun.data.times.dates import NAT, counted
 from hgorun.data.times.day_counts import (
     DAY,
-    OTHER_DAYS,
     WORKBOOKS,
-    Span,
-    dates_in_digits,
-    days_of_workbooks,
-    odd_days,
-    odd_seconds,
-    other_starts,
     out_of_range,
 )
-from hgorun.data.times.undeclared_dates import first_day, is_too_long, unix_unit
 from hgorun.data.units.units import scaled, seconds
 from hgorun.errors import ConfigError, KeyPath, Problem
-from hgorun.pieces import median, present
 
 _COUNTED = ("unix", *WORKBOOKS)  # formats of numbers that are dates
-EXACT = "numbers that count from the first one, or dates as text, are exact"
-"""What is said of stamps that doubles round."""
-_FIRST = 100_000  # stamps that show whether all are whole numbers
-_WHOLE = 2.0**53  # up to which all whole numbers are doubles
-_ROUNDED = 1e-3  # of a step: what rounding may move stamps by
 
 
 @dataclass(frozen=True)
@@ -125,92 +109,6 @@ def _nanoseconds(values: np.ndarray, unit: int, start: int, table: Table, column
         message = out_of_range(float(values[wrong]), column.clock.format, time.time_ns())
         raise ConfigError(message, file=str(table.path), line=int(table.lines[wrong]), key=column.cells.column)
     return found
-
-
-def odd_dates(column: ClockColumn, span: Span) -> str | None:
-    """What is to be told of dates in numbers that cannot be meant."""
-    form = column.clock.format
-    if form in WORKBOOKS:
-        told = odd_days(form, span, time.time_ns())
-    elif form == "unix":
-        unit = column.clock.unit
-        told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, time.time_ns(), said=unit is not None)
-    elif form is not None and not has_date(form) and not column.clock.next_day:
-        told = f"the pattern {form} has no date: all times are taken to be of one day"
-    else:
-        return None
-    return told and f"column {column.cells.column!r}: {told}"
-
-
-def odd_numbers(column: ClockColumn, table: Table, unit: str = "") -> Iterator[str]:
-    """What is to be told of numbers that look like dates, or are so large that doubles round their steps.
-
-    Parameters
-    ----------
-    column : ClockColumn
-    table : Table
-    unit : str
-        Of the run.
-    """
-    if not isinstance(column.cells, Numbers):
-        return
-    name, values = column.cells.column, present(table.columns[column.cells])
-    pattern = dates_in_digits(values, time.time_ns()) if not column.absolute and column.clock.unit is None else None
-    if pattern is not None:
-        yield (
-            f"column {name!r}: its numbers look like dates, and are taken as numbers: if they are dates, "
-            f"{clock_key(str(column.path[-1]), name, pattern)}"
-        )
-    elif not column.absolute:
-        yield from _undeclared(column, values, unit)
-    apart, step = rounding(column.cells, table)
-    if apart > _ROUNDED * step > 0:
-        yield (
-            f"column {name!r}: numbers of this size are rounded to multiples of {apart:.3g}, and a usual step is "
-            f"{step:.3g}: {EXACT}"
-        )
-
-
-def _undeclared(column: ClockColumn, values: np.ndarray, unit: str) -> Iterator[str]:
-    """What is to be told of numbers that are dates by their size, which is not that of times in their unit."""
-    name, key, taken = column.cells.column, str(column.path[-1]), column.clock.unit or unit
-    if not taken or without_length(taken) or not values.size:
-        return
-    size = float(seconds(taken, ("time", "unit") if column.clock.unit is None else (*column.path, "unit"))) * 1e9
-    first, now = float(values[0]), time.time_ns()
-    begins = f"column {name!r}: its numbers are taken in {taken} and begin at {first:.10g}, which would be the date"
-    too_long = is_too_long(first, size)
-    right = clock_key(key, name, "unix")
-    if too_long and (other := next(other_starts(first, now), None)) is not None:
-        date, of, how = other
-        yield f"{begins} {date}, {of[:-1]}: if they are dates, {how}, with {right}"
-    elif too_long and (found := unix_unit(first, now)) is not None:
-        since, date = found
-        right = right if since == "s" else f"{right[:-1]}, unit: {since}}}"
-        yield f"{begins} {date}: if they are dates, {right}"
-    elif column.clock.unit is None:
-        right = clock_key(key, name, "excel")
-        if (day := first_day(values, size, now)) is not None:
-            yield f"{begins} {day}: if they are dates, {right}"
-        for of, before in OTHER_DAYS.items():
-            if (day := first_day(values, size, now, before)) is not None:
-                yield f"{begins} {day}, {of}: if they are dates, {days_of_workbooks(before)}, with {right}"
-
-
-def rounding(cells: Cells, table: Table) -> tuple[float, float]:
-    """How far apart doubles are at the end of a column of stamps, and its usual step.
-
-    The first is 0 of whole numbers that all are doubles, and of decimals where that step is much longer.
-    """
-    if not isinstance(cells, Numbers):
-        return 0.0, 0.0
-    first, last = table.columns[cells][:_FIRST], np.abs(table.columns[cells][-1:])
-    steps = np.diff(first)
-    steps = steps[steps > 0]  # of equal stamps nothing is known but that they are
-    step = median(steps) if steps.size else 0.0
-    whole = bool(np.all((first == np.floor(first)) | np.isnan(first))) and last < _WHOLE
-    apart = 0.0 if whole or np.isnan(last).any() else float(np.spacing(last[0]))
-    return (apart if last >= _WHOLE or apart > _ROUNDED * step > 0 else 0.0), step
 
 
 def origin_stamp(said: str | float, clock: ClockColumn, zones: Set[bool]) -> int:

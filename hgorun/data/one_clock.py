@@ -9,8 +9,9 @@ import numpy as np
 
 from hgorun.config.data import Data, has_date
 from hgorun.data.clock_texts import require_times
-from hgorun.data.clocks import ClockColumn, odd_dates, odd_numbers, origin, origin_stamp, stamps, times_since
+from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
 from hgorun.data.far_dates import require_near
+from hgorun.data.odd_clocks import odd_dates, odd_numbers
 from hgorun.data.parts import require_one_time_unit
 from hgorun.data.recording import Note, Origin
 from hgorun.data.sources import LogFile, Wanted

@@ -12,12 +12,12 @@ import numpy as np
 from hgorun.config.data import Beside, Column, Data, Judged, Measured, Recorded
 from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Flags
-from hgorun.data.clocks import rounding
 from hgorun.data.faults import sentinels
 from hgorun.data.faults.sorting import Sorting
 from hgorun.data.in_turn import in_turn
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.model_units import ModelUnits
+from hgorun.data.odd_clocks import rounding
 from hgorun.data.one_clock import OneClock
 from hgorun.data.parts import lacking_columns
 from hgorun.data.recording import InputSignal, Note, Origin, Recording, Signal

@@ -31,6 +31,9 @@ class Table:
         What is to be told of the file: a line, 0 where it is about none, and a sentence.
     doubts : mapping of Cells to str
         Those of the remarks that say that the numbers of a column may be others than were read.
+    apart : mapping of Cells to float
+        Of stamps that have single precision in the file, how far apart the largest of them are at the least: as the
+        columns have them; 0 where all are whole numbers that it holds.
     """
 
     path: Path
@@ -38,6 +41,7 @@ class Table:
     columns: Mapping[Cells, np.ndarray]
     remarks: Sequence[tuple[int, str]] = ()
     doubts: Mapping[Cells, str] = field(default_factory=dict)
+    apart: Mapping[Cells, float] = field(default_factory=dict)
 
 
 class TableFile(Protocol):

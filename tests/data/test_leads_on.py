@@ -142,14 +142,14 @@ def test_columns_called_as_units_below_a_title(tmp_path: Path) -> None:
 def test_integers_beyond_what_a_double_holds_are_not_called_equal(tmp_path: Path) -> None:
     stamps = [1714564800000000001, 1714564800000000003, 1714564800000000900]
     content = "t,glucose\n" + "".join(f"{stamp},{k % 2}\n" for k, stamp in enumerate(stamps))
-    said = r":3: .* has come before, on line 2, or is the same only as a double, which are 256 apart here: "
+    said = r":3: .* has come before, on line 2, or is the same only as it is rounded, to multiples of 256 here: "
     with pytest.raises(ConfigError, match=said):
         recorded(tmp_path, content, {"time": {"column": "t", "format": "unix", "unit": "ns"}})
     parquet.write_table(pyarrow.table({"t": [2**53, 2**53 + 1], "glucose": [1.0, 2.0]}), tmp_path / "log.parquet")
     with pytest.raises(ConfigError, match=r"has come before, on line 2;"):
         recorded(tmp_path, "t,glucose\n7,1\n7,2\n")
     block = Data.model_validate({"file": "log.parquet", "time": "t", "outputs": {"S": "glucose"}})
-    with pytest.raises(ConfigError, match=r":2: .* has come before, on line 1, or is the same only as a double"):
+    with pytest.raises(ConfigError, match=r":2: .* has come before, on line 1, or is the same only as it is rounded"):
         read(block, tmp_path)
 
 

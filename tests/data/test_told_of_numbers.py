@@ -285,5 +285,5 @@ def test_equal_stamps_may_be_so_only_as_doubles(tmp_path: Path, stamps: list[int
     content = "t,glucose\n" + "".join(f"{stamp},{k % 3}\n" for k, stamp in enumerate(stamps))
     with pytest.raises(ConfigError, match="has come before, on line") as caught:
         recorded(tmp_path, content)
-    said = f"which are {apart} apart here: numbers that count from the first one, or dates as text, are exact"
+    said = f"rounded, to multiples of {apart} here: numbers that count from the first one, or dates as text, are exact"
     assert (said in caught.value.message) is bool(apart)

@@ -24,6 +24,7 @@ T = TypeVar("T")
 
 _SECONDS = 120.0  # that reading may take
 _ROOM = 2**29  # bytes for libraries
+_SHORT = (np.float16, np.float32)
 
 
 @dataclass(frozen=True)
@@ -139,7 +140,15 @@ class ArrayFile:
             if isinstance(cells, Stamps) and arrays[cells.column].dtype.kind == "M":
                 cells.zoned.add(self._form.zoned(self._path, cells.column))
         columns = {cells: self._values(cells, arrays[cells.column]) for cells in wanted}
-        return Table(self._path, np.arange(1, rows + 1, dtype=np.int32), columns)
+        clocks = [cells for cells in wanted if not isinstance(cells, Flags) and cells.key]
+        single = {cells: arrays[cells.column] for cells in clocks if arrays[cells.column].dtype in _SHORT}
+        apart: dict[Cells, float] = {cells: _apart(array) * self._counts(cells) for cells, array in single.items()}
+        return Table(self._path, np.arange(1, rows + 1, dtype=np.int32), columns, apart=apart)
+
+    def _counts(self, cells: Cells) -> int:
+        """How many nanoseconds its numbers count where they become dates; else 1."""
+        column = self._columns[cells.column]
+        return since(column.unit, column.calendar).unit if isinstance(cells, Stamps) and not cells.pattern else 1
 
     def _values(self, cells: Cells, array: np.ndarray) -> np.ndarray:
         kind = array.dtype.kind
@@ -194,6 +203,14 @@ class ArrayFile:
 
     def _error(self, message: str, row: int | None = None, column: str | None = None) -> ConfigError:
         return ConfigError(message, file=str(self._path), line=None if row is None else row + 1, key=column)
+
+
+def _apart(array: np.ndarray) -> float:
+    """How far apart the largest numbers of single precision are; 0 where all are whole and it holds all such."""
+    there = array[np.isfinite(array)]
+    largest = np.abs(there).max(initial=array.dtype.type(0))
+    whole = largest <= 2.0 ** (np.finfo(array.dtype).nmant + 1) and bool(np.all(there == np.floor(there)))
+    return 0.0 if whole else float(np.spacing(largest))
 
 
 def _in_digits(numbers: np.ndarray) -> np.ndarray:

@@ -9,11 +9,12 @@ import numpy as np
 
 from hgorun import pieces
 from hgorun.config.data import Faults
-from hgorun.data.clocks import EXACT, duration_shown, shown
+from hgorun.data.clocks import duration_shown, shown
 from hgorun.data.faults import clock_changes, faults, filled
 from hgorun.data.faults.one_stamp import one_ahead
 from hgorun.data.faults.periods import means, unwrapped
 from hgorun.data.faults.said_places import held_said, samples_said, where
+from hgorun.data.odd_clocks import EXACT
 from hgorun.data.recording import Note, Origin
 from hgorun.data.samples import Samples
 from hgorun.data.tags import NearRows, of_several
@@ -195,7 +196,7 @@ class Sorting:
         above = f"line {line}" if file == samples.place(k)[0] else f"line {line} of {file}"
         what = f"the time stamp {stamp} has come before, on {above}"
         if samples.coarse:
-            what += f", or is the same only as a double, which are {samples.coarse:.3g} apart here: {EXACT}"
+            what += f", or is the same only as it is rounded, to multiples of {samples.coarse:.3g} here: {EXACT}"
         hint = of_several(self._near, samples, (before, k), _IF_KNOWN)
         what, hint, noted = self._twice.told(samples.taken, what, hint)
         if told is None or told == "refuse":

@@ -13,6 +13,7 @@ from typing import TypeAlias, TypeVar
 import numpy as np
 
 from hgorun.data.times.dates import NAT
+from hgorun.pieces import median
 
 DAY = 86_400 * 10**9
 """In nanoseconds."""
@@ -22,6 +23,9 @@ WORKBOOKS = {"excel": -25_569 * DAY, "excel1904": -24_107 * DAY}
 _IN_DIGITS = {8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}
 _OF_SHORT_YEARS = {10: "%y%m%d%H%M", 12: "%y%m%d%H%M%S"}
 _LOOKED_AT = 1000
+_DECIMALS = range(2, 8)  # of days: fewer are hours at the least, and more are parts of a second
+_FINE = 100  # parts of which a step is one at the least where decimals are enough
+_MOST = 0.8  # of all steps
 _FEWEST = 3  # numbers that are dates by more than chance
 _OTHER = {"excel": "excel1904", "excel1904": "excel"}
 UNITS = {"s": 10**9, "ms": 10**6, "us": 10**3, "ns": 1, "min": 60 * 10**9, "h": 3600 * 10**9}
@@ -221,3 +225,32 @@ def dates_in_digits(values: np.ndarray, now: int) -> str | None:
     ):
         return None
     return f"{pattern}.%f" if fine else pattern
+
+
+def decimals_cut(days: np.ndarray) -> tuple[int, float] | None:
+    """Days of a workbook that have too few decimals for their steps, as a sheet shows them.
+
+    Their steps are few of the last decimal, and most are one more or less than others; or they are one or two.
+
+    Parameters
+    ----------
+    days : ndarray
+        None is missing.
+
+    Returns
+    -------
+    (int, float) or None
+        How many decimals they have, and their usual step.
+    """
+    some = days[:_LOOKED_AT]
+    if some.size < _FEWEST:
+        return None
+    for digits in _DECIMALS:
+        parts = some * 10.0**digits
+        if np.all(np.abs(parts - np.rint(parts)) < 1e-3):
+            steps = np.diff(np.rint(parts))
+            usual = median(steps)
+            beside = np.abs(steps - usual) == 1
+            uneven = beside.any() and np.mean(beside | (steps == usual)) > _MOST
+            return (digits, usual / 10.0**digits) if 0 < usual < _FINE and (usual <= 2 or uneven) else None
+    return None
