@@ -20,6 +20,7 @@ FORMATS = ("iso", "unix", "excel", "excel1904")
 """How time stamps may be written, beside plain numbers and patterns."""
 
 _WEEKDAYS = ("%a", "%A", "%w", "%u")
+_DATES = ("%d", "%j", "%x", "%c", "%Y", "%y")
 _TEXT_OR_BLOCK = "the name of a column, or a mapping with column and more"
 
 
@@ -131,7 +132,7 @@ def _clock(value: Any) -> Any:
 def has_date(form: str) -> bool:
     """Whether a format, or a pattern, says which day it is."""
     of_weeks = any(sign in form for sign in ("%U", "%W", "%V")) and any(sign in form for sign in _WEEKDAYS)
-    return "%" not in form or of_weeks or any(sign in form for sign in ("%d", "%j", "%x", "%c"))
+    return "%" not in form or of_weeks or any(sign in form for sign in _DATES)
 
 
 class Clock(Block):

@@ -15,6 +15,7 @@ from hgorun.data.table import Table
 from hgorun.data.times.date_hints import clock_key
 from hgorun.data.times.dates import NAT
 from hgorun.data.times.day_counts import (
+    DAY,
     OTHER_DAYS,
     WORKBOOKS,
     Span,
@@ -47,7 +48,7 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
     elif form == "unix":
         unit = column.clock.unit
         told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, time.time_ns(), said=unit is not None)
-    elif form is not None and not has_date(form) and not column.clock.next_day:
+    elif form is not None and not has_date(form) and not column.clock.next_day and span[1] - span[0] < DAY:
         told = f"the pattern {form} has no date: all times are taken to be of one day"
     else:
         return None

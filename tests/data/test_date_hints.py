@@ -192,7 +192,7 @@ MISTYPED = "; the others are dates in order, and this one alone is wrong: correc
         ),
         ("31.31.2024 13:45", NO_DATE),
         ("31.12.2024 25:61:00", NO_DATE),
-        ("31.12.2024 24:00:00", NO_DATE),
+        ("31.12.2024 25:00:00", NO_DATE),
         ("10 20 30", ""),
         ("Total 12:30", "; a line that is no sample, such as a total, is removed, or begins with #"),
         ("1:2:3:4:5:6:7:8:9:10:11:12:13:14:15:16:17 x", ""),
@@ -210,7 +210,7 @@ def test_of_other_texts_the_parts_are_said_that_are_known(tmp_path: Path, stamp:
         (["03/02/24", "04/02/24", "13/02/24", "32.5"], "is first, .* where the year is"),
         (["03/02/24", "04/02/24", "13/02/99"], 'such as time: {column: t, format: "%d/%m/%y"}'),
         (["01/02/2024", "Total", "01/13/2024"], "is first, .* where the month is"),
-        (["31.01.2024 23:59:59", "01.02.2024"], "%d.%m.%Y %H:%M:%S, and '01.02.2024' is not: a column has one form"),
+        (["31.01.2024 23:59:59", "01/02/2024"], "%d.%m.%Y %H:%M:%S, and '01/02/2024' is not: a column has one form"),
     ],
 )
 def test_what_stands_below_shows_what_is_meant(tmp_path: Path, stamps: list[str], told: str) -> None:
@@ -249,7 +249,7 @@ def test_a_pattern_that_is_said_reads_what_stands_above(tmp_path: Path) -> None:
         ("%d.%m.%y", ["02.10.16", "03.10.16", "02.16.13", "04.10.16"], f"found '02.16.13'{MISTYPED}"),
         ("%d.%m.%Y", ["05.02.2024", "06.02.2024", "05.03.2024", "03.31.2024"], MISTYPED),
         ("%d.%m.%Y", ["05.02.2024", "06.02.2024", "03.31.2024"], "found '03.31.2024'"),
-        ("%d.%m.%Y %H:%M:%S", ["31.12.2016 16:31:00", "31.12.2016 24:00:00"], NO_DATE),
+        ("%d.%m.%Y %H:%M:%S", ["31.12.2016 16:31:00", "31.12.2016 24:00:01"], NO_DATE),
         ("%Y%m%d%H%M%S", ["20160504223253", "20160509223263"], "found '20160509223263'"),  # 22:32:53 as a year
         ("%Y%m%d%H%M%S", ["20161231235959", "20161231236060"], "found '20161231236060'"),
     ],

@@ -11,6 +11,7 @@ from datetime import datetime, timedelta
 from hgorun.config.types import describe
 from hgorun.data.times.date_hints import may_be_date
 from hgorun.data.times.intervals import TWO_TIMES, ZONE_OFFSETS
+from hgorun.data.times.pattern_texts import lacks_digits
 from hgorun.data.times.zones import ZONES, date_of, names_zone, nanoseconds_beyond
 
 _ISO = re.compile(
@@ -110,6 +111,8 @@ def stamp_of(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, 
         if _has_leap_second(text, pattern):
             raise _leap_second(text) from None
         said = f"expected a date of the form {pattern}, found {describe(text)}"
+        if run := lacks_digits(text, pattern):
+            raise ValueError(f"{said}; digits side by side, {run}, need all of theirs, with zeros in front") from None
         if names_zone(pattern):
             raise ValueError(
                 f"{said}; %Z reads {ZONES}: of another zone write the offset, such as -05:00, and %z"

@@ -10,6 +10,8 @@ import re
 from contextlib import suppress
 from datetime import datetime
 
+from hgorun.data.times.pattern_texts import read
+
 _HOURS = {
     **dict.fromkeys(("UTC", "GMT", "Z", "WET"), 0),
     **dict.fromkeys(("WEST", "CET", "MEZ"), 1),
@@ -47,7 +49,9 @@ def nanoseconds_beyond(text: str, pattern: str) -> int:
 
 
 def date_of(text: str, pattern: str) -> datetime:
-    """What ``strptime`` reads, to the microsecond; the name of a zone is its offset, and beside an offset passed over.
+    """What :mod:`hgorun.data.times.pattern_texts` reads, to the microsecond.
+
+    The name of a zone is its offset, and beside an offset passed over.
 
     Raises
     ------
@@ -58,18 +62,11 @@ def date_of(text: str, pattern: str) -> datetime:
     if "%f" in pattern:
         text = _FINE.sub("", text)
     if not names_zone(pattern):
-        return _read(text, pattern)
+        return read(text, pattern)
     beside = "z" in _DIRECTIVE.findall(pattern)
     pattern = _DIRECTIVE.sub(lambda one: ("" if beside else "%z") if one[1] == "Z" else one[0], pattern)
     for name in _NAME.finditer(text):  # another one may stand in the pattern itself: GMT%z (%Z)
         offset = "" if beside else f"+{_HOURS[name[0].upper()]:02d}00"
         with suppress(ValueError):
-            return _read(f"{text[: name.start()]}{offset}{text[name.end() :]}", pattern)
+            return read(f"{text[: name.start()]}{offset}{text[name.end() :]}", pattern)
     raise ValueError
-
-
-def _read(text: str, pattern: str) -> datetime:
-    try:
-        return datetime.strptime(text, pattern)
-    except re.error:  # a part of a date stands there twice: %c has a day, too
-        raise ValueError from None
