@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 import numpy as np
 
 from hgorun.config.data import Data, has_date
-from hgorun.data.clock_texts import require_times
+from hgorun.data.clock_texts import odd_texts
 from hgorun.data.clocks import ClockColumn, origin, origin_stamp, stamps, times_since
 from hgorun.data.far_dates import require_near
 from hgorun.data.odd_clocks import odd_dates, odd_numbers
@@ -104,7 +104,9 @@ class OneClock:
         require_near({place: self._stamps[place] for place in absolute}, self._tables)
         self._require_one_day_0(dict.fromkeys(absolute))
         for file, clock in dict.fromkeys(absolute):
-            require_times(clock, self._tables[file])
+            for told in odd_texts(clock, self._tables[file]):
+                key = ".".join(map(str, clock.path))
+                self.notes.append(Note(kind="clock", signal=key, file=str(file.path), message=told))
             self._require_order(file, clock, signals)
         self._count_days(signals)
         if self._beside is not None and bool(absolute) != (self._beside.epoch is not None):
