@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 _TEETH = 60  # of a band in a panel: of more, tips are joined
-_MANY = 300  # samples in a band of samples
 _GAP = 3.0  # mean intervals between samples
 _FLAT = 1e-9  # of the largest width: smaller differences are roundings
 
@@ -27,7 +26,7 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
     """The band of every estimate that has one, with what it is of for the legend; the edges of those drawn.
 
     Beside samples that were held out, the band of a Kalman filter has a dotted one about it: that of samples, with
-    their noise, from the variance of the innovations.
+    their noise, whose variance is that of the innovations without that of the estimate.
     """
     edges: list[np.ndarray] = []
     kinds = _kinds(scene)
@@ -40,15 +39,14 @@ def draw_bands(ax: Axes, scene: Scene, state: str) -> list[np.ndarray]:
             if found is not None:
                 edges += _draw(ax, scene, actor, *found)
                 ax.plot([], [], color=scene.looks[actor.order].colour, label=label)
-    of_states = [actor for what in (_STATE, _STEADY) for actor in kinds.get(what, ())]
-    whose_samples = ", ".join(names[what] for what in kinds if what != _MEASURED)
-    for actor in of_states:
-        for output in actor.result.outputs_of(state):
-            found = _of_samples(actor, state, output)
-            if found is not None:
-                edges += _draw(ax, scene, actor, *found, dotted=True)
-                label = BAND + _MEASURED + (f" ({whose_samples})" if len(kinds) > 1 else "")
-                ax.plot([], [], color=scene.looks[actor.order].colour, label=label, **BAND_OF_SAMPLES)
+    for of_state, of_samples in ((_STATE, _MEASURED), (_STATE + _STEADY, _MEASURED + _STEADY)):
+        label = BAND + of_samples + whose.get(of_state, "")
+        for actor in kinds.get(of_state, ()):
+            for output in actor.result.outputs_of(state):
+                found = _of_samples(actor, state, output)
+                if found is not None:
+                    edges += _draw(ax, scene, actor, *found, dotted=True)
+                    ax.plot([], [], color=scene.looks[actor.order].colour, label=label, **BAND_OF_SAMPLES)
     return edges
 
 
@@ -58,7 +56,7 @@ def _name(scene: Scene, actor: Simulated) -> str:
 
 
 _STATE, _MEASURED = "the true state", "samples"
-_STEADY = f"{_STATE}, fewer in gaps"
+_STEADY = ", fewer in gaps"  # of bands that do not grow there as the errors do
 
 
 def _kinds(scene: Scene) -> dict[str, list[Simulated]]:
@@ -67,9 +65,9 @@ def _kinds(scene: Scene) -> dict[str, list[Simulated]]:
     for actor in scene.actors:
         assessed = actor.observer.assessed
         if assessed is not None and np.any(np.isfinite(assessed.lower)):
-            what = _MEASURED
-            if _of_covariance(actor.observer):
-                what = _STEADY if _is_continuous(actor.observer) and _has_gaps(actor) else _STATE
+            of_covariance = _of_covariance(actor.observer)
+            is_steady = not of_covariance or _is_continuous(actor.observer)
+            what = (_STATE if of_covariance else _MEASURED) + (_STEADY if is_steady and _has_gaps(actor) else "")
             found.setdefault(what, []).append(actor)
     return found
 
@@ -119,21 +117,27 @@ def _band(actor: Simulated, state: str) -> tuple[np.ndarray, np.ndarray, np.ndar
 
 
 def _of_samples(actor: Simulated, state: str, output: str) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """The band of samples, at those that came; None where none was held out, or the noise is not known."""
-    result, recorded = actor.result, actor.result.recorded
-    if recorded is None or output not in recorded.held_out:
+    """The band of samples about the estimate; None where none was held out, or the noise is not known.
+
+    Beside the variance of the estimate, which is known at all times, it has that of the noise: what the variance of
+    innovations has more than the estimate had just before.
+    """
+    result, recorded, of_state = actor.result, actor.result.recorded, _band(actor, state)
+    if recorded is None or output not in recorded.held_out or of_state is None:
         return None
     one, k = recorded.outputs[output], list(result.observers).index(actor.label)
     innovation, nis = one.innovation[:, k], one.nis[:, k]
     known = np.flatnonzero((nis > 0) & np.isfinite(nis))
-    if not known.size:
+    t, lower, upper = of_state
+    half = (upper - lower) / 2
+    before = half[np.maximum(np.searchsorted(t, one.taken[known]) - 1, 0)]
+    noise = (WIDE * innovation[known]) ** 2 / nis[known] - before**2
+    noise = noise[np.isfinite(noise)]
+    if not noise.size:
         return None
-    known = known[np.argsort(one.taken[known], kind="stable")]
-    half = WIDE * np.abs(innovation[known]) / np.sqrt(nis[known])
-    middle = one.y[known] - innovation[known]
-    if known.size > _MANY:  # the estimate itself is smoother than what was predicted, and not to be told from it
-        middle = np.interp(one.taken[known], result.time, actor.observer.xhat[:, result.states.index(state)])
-    return one.taken[known], middle - half, middle + half
+    half = np.sqrt(half**2 + max(float(np.median(noise)), 0.0))
+    middle = (lower + upper) / 2
+    return t, middle - half, middle + half
 
 
 def _draw(
