@@ -12,6 +12,7 @@ from hgorun.commands.inputs import configuration
 from hgorun.commands.kept import tell_what_runs_keep
 from hgorun.commands.outputs import RESULTS, refuse_other_kinds, refuse_unwritable
 from hgorun.commands.run_options import Export
+from hgorun.commands.stream_ignored import in_other_units
 from hgorun.config.nearest import refuse_other
 from hgorun.config.reading import read_source
 from hgorun.errors import ConfigError, SimulationError
@@ -24,6 +25,7 @@ from hgorun.export.c_source import Source
 from hgorun.export.fmu_templates import VERSIONS, Version
 from hgorun.export.observer import Exported
 from hgorun.export.prepared import Wanted, exported, exported_estimate, only
+from hgorun.export.said import starts
 from hgorun.files import remove_leftovers, written_whole
 from hgorun.process import say
 from hgorun.simulation.simulate import prepare
@@ -74,6 +76,8 @@ def _costs(observer: Exported, options: Export) -> Iterator[str]:
     source = _source(observer, options)
     if observer.flows:
         yield f"method: {observer.method.name}, no step longer than {observer.step:.6g} {observer.unit}"
+    if begun := starts(observer):
+        yield f"starts at {begun}"
     for name, cost in costs(source).items():
         yield f"{name}: at most {cost}"
     steps = f", of which {observer.pieces} steps of history take the most" if observer.pieces else ""
@@ -118,6 +122,9 @@ def _observers(options: Export, wanted: Wanted) -> tuple[str, list[Exported]]:
     with source.located():
         recording = log.read()
     experiment = only(completed(source, recording, name, ""), options.observers)
+    if wanted.steps:
+        for key, unit, of_model in in_other_units(log.block, experiment):
+            say(f"hgorun: {name}: {key}: exported observers convert no values from {unit}: send them in {of_model}")
     prepared = prepare_estimate(experiment, recording)
     if prepared.gated:
         say(f"hgorun: {name}: gates are not exported: the exported observers take every sample that they are told")

@@ -12,14 +12,8 @@ from hgorun.simulation.experiment.experiment import Experiment
 
 def ignored(block: Data, experiment: Experiment) -> Iterator[str]:
     """What would change the numbers of a file."""
-    units = {"time": experiment.blocks.time.unit, **experiment.plant.units}
-    said = {"data.time": ("time", None if block.time is None else block.time.unit)}
-    for group, columns in (("outputs", block.outputs), ("inputs", block.inputs)):
-        said |= {f"data.{group}.{name}": (name, column.unit) for name, column in columns.items()}
-    for key, (name, unit) in said.items():
-        wanted = units.get(name, "")
-        if unit is not None and wanted and not alike(unit, wanted):
-            yield f"{key}.unit: values of a stream are not converted from {unit}: send them in {wanted}"
+    for key, unit, wanted in in_other_units(block, experiment):
+        yield f"{key}: values of a stream are not converted from {unit}: send them in {wanted}"
     for name, given in block.inputs.items():
         if given.hold == "linear":
             held = "in a stream an input is held until its next value comes, and not linear"
@@ -39,6 +33,18 @@ def ignored(block: Data, experiment: Experiment) -> Iterator[str]:
         if states:
             begins = f"in a stream {', '.join(states)} starts at 0, and in a file at its first sample"
             yield f"{label}: {begins}: give observers.{label}.initial"
+
+
+def in_other_units(block: Data, experiment: Experiment) -> Iterator[tuple[str, str, str]]:
+    """What is converted in a file: the key that says its unit there, that unit, and the one of the model."""
+    units = {"time": experiment.blocks.time.unit, **experiment.plant.units}
+    said = {"data.time": ("time", None if block.time is None else block.time.unit)}
+    for group, columns in (("outputs", block.outputs), ("inputs", block.inputs)):
+        said |= {f"data.{group}.{name}": (name, column.unit) for name, column in columns.items()}
+    for key, (name, unit) in said.items():
+        wanted = units.get(name, "")
+        if unit is not None and wanted and not alike(unit, wanted):
+            yield f"{key}.unit", unit, wanted
 
 
 def _is_number(text: str) -> bool:

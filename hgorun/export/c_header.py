@@ -12,6 +12,7 @@ from hgorun.export.c_memory import bytes_of, members
 from hgorun.export.c_source import Source
 from hgorun.export.names import identifier, plain
 from hgorun.export.observer import Exported
+from hgorun.export.said import starts, units_said
 from hgorun.observers.capabilities import Switching
 from hgorun.version import __version__
 
@@ -41,6 +42,9 @@ def _described(source: Source) -> Iterator[str]:
     observer, found = source.observer, costs(source)
     clock = f"; t = 0 is {observer.origin:g} on the clock of the configuration" if observer.origin else ""
     yield f"Times are in {observer.unit}, counted from the start{clock}."
+    yield from units_said(observer)
+    if begun := starts(observer):
+        yield f"It starts at {begun}."
     if observer.flows:
         yield f"Integrated by {observer.method.name}, no step longer than {observer.step!r}."
         if observer.beside:
@@ -149,7 +153,8 @@ def _types(source: Source) -> Iterator[str]:
 
 def _prototypes(source: Source, real: str, p: str) -> Iterator[str]:
     observer = source.observer
-    yield f"/* At the start of the run. */\nvoid {p}init({p}observer *s);\n"
+    begun = starts(observer)
+    yield f"/* At the start of the run{plain(f': {begun}') if begun else ''}. */\nvoid {p}init({p}observer *s);\n"
     yield f"/* Go on to time t. */\nuint32_t {p}predict({p}observer *s, double t);\n"
     if observer.sampled:
         late = ("it may be earlier than now" if observer.remembered else "now") + "; a later one counts as now"

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from hgorun.export.observer import Exported
+from hgorun.export.said import start_of, unit_of
 
 Kind = Literal["time", "y", "new", "age", "u", "xhat"]
 
@@ -44,13 +45,23 @@ class Variable:
 
 def variables_of(observer: Exported) -> list[Variable]:
     """All variables, time first."""
-    found: list[tuple[str, Kind, int, str]] = [("time", "time", 0, "time of the simulation")]
+    unit = observer.unit
+    found: list[tuple[str, Kind, int, str]] = [("time", "time", 0, f"time of the simulation, in {unit}")]
     for i, output in enumerate(observer.outputs):
-        found.append((f"y.{output.name}", "y", i, "output of the plant, as measured"))
+        found.append((f"y.{output.name}", "y", i, "output of the plant, as measured" + _in(observer, output.name)))
         if output.sampled:
             found.append((f"new.{output.name}", "new", i, "whether a sample arrives at the start of a step"))
         if output.late:
-            found.append((f"age.{output.name}", "age", i, "how long ago the sample was taken"))
-    found += [(f"u.{name}", "u", i, "input of the plant") for i, name in enumerate(observer.inputs)]
-    found += [(f"xhat.{name}", "xhat", i, "estimate") for i, name in enumerate(observer.states)]
+            found.append((f"age.{output.name}", "age", i, f"how long ago the sample was taken, in {unit}"))
+    for i, name in enumerate(observer.inputs):
+        found.append((f"u.{name}", "u", i, "input of the plant" + _in(observer, name)))
+    for i, name in enumerate(observer.states):
+        begun = start_of(observer, name)
+        meaning = "estimate" + _in(observer, name) + (f"; starts {begun}" if begun else "")
+        found.append((f"xhat.{name}", "xhat", i, meaning))
     return [Variable(name, number, kind, i, meaning) for number, (name, kind, i, meaning) in enumerate(found)]
+
+
+def _in(observer: Exported, name: str) -> str:
+    unit = unit_of(observer, name)
+    return f", in {unit}" if unit else ""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -38,6 +38,8 @@ class Exported:
         The inputs that are told to it; others are the configuration's functions of time.
     start : ndarray, shape (size,)
         z at the start.
+    begun : mapping of str to str
+        By state, how its initial estimate was found in a log: ``sample`` or ``model``.
     method : Method
     step : float
         The longest step.
@@ -74,6 +76,7 @@ class Exported:
     outputs: tuple[Output, ...]
     told: tuple[int, ...]
     start: np.ndarray
+    begun: Mapping[str, str]
     method: Method
     step: float
     early: Early

@@ -184,6 +184,7 @@ def _exported(
         outputs=outputs,
         told=told,
         start=_start(run, label, found),
+        begun=experiment.begun.get(label, {}),
         method=method,
         step=step,
         early=NONE if steps is None or not flows else steps.early,

@@ -16,6 +16,7 @@ from hgorun.estimate.carrying import one_pass
 from hgorun.estimate.completed import completed
 from hgorun.estimate.log import log_of
 from hgorun.estimate.prepared import PreparedEstimate, prepare_estimate
+from hgorun.export.fmu_variables import variables_of
 from hgorun.export.prepared import exported_estimate
 from hgorun.measurement.schedule import nearest_event
 
@@ -105,6 +106,45 @@ def test_the_command(folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pyte
     assert Path("a/F.h").read_bytes() == Path("b/F.h").read_bytes()
     code, _, err = shell("export", "config.yaml", "--set", "solver.method=rodas5p")
     assert (code, "rodas5p solves linear equations" in err) == (2, True)
+
+
+def test_units_and_the_start_are_said(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nothing is converted in exported code, and its start is the log's."""
+    shell = Shell(folder, monkeypatch, capsys)
+    changes = ["plant.units={a: rad, b: rad/s, u: N}", "data.outputs.a={column: position, unit: deg}"]
+    given = [part for change in changes for part in ("--set", change)]
+    code, out, err = shell("export", "config.yaml", "--observer", "F", *given)
+    assert code == 0
+    assert err.splitlines() == [
+        "hgorun: config: data.outputs.a.unit: exported observers convert no values from deg: send them in rad"
+    ]
+    first = float((folder / "log.csv").read_text().splitlines()[1].split(",")[1])
+    begun = f"a = {np.deg2rad(first):.6g} from the first sample of the log"
+    header = Path("results/config/F.h").read_text()
+    for line in (
+        "Units of y: a in rad, b in rad/s; nothing is converted.",
+        "Units of u: u in N; nothing is converted.",
+        "Units of xhat: a in rad, b in rad/s; nothing is converted.",
+        f"It starts at {begun}.",
+    ):
+        assert f" * {line}\n" in header
+    assert f"/* At the start of the run: {begun}. */" in header
+    assert f"  starts at {begun}\n" in out
+
+
+def test_the_variables_of_a_unit_say_their_units_and_where_estimates_start(folder: Path) -> None:
+    config = folder / "config.yaml"
+    config.write_text(config.read_text().replace("plant:\n", "plant:\n  units: {a: rad, u: N}\n"))
+    meanings = {one.name: one.meaning for one in variables_of(exported_estimate(prepared_of(folder))[0])}
+    assert meanings["time"] == "time of the simulation, in s"
+    assert meanings["y.a"] == "output of the plant, as measured, in rad"
+    assert meanings["y.b"] == "output of the plant, as measured"
+    assert meanings["age.b"] == "how long ago the sample was taken, in s"
+    assert meanings["u.u"] == "input of the plant, in N"
+    assert meanings["xhat.a"] == "estimate, in rad; starts from the first sample of the log"
+    assert meanings["xhat.b"] == "estimate"
 
 
 def test_an_observer_that_goes_back_in_time_is_not_exported(folder: Path) -> None:
