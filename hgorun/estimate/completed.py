@@ -17,6 +17,7 @@ from hgorun.errors import ConfigError, HgorunError, Problem
 from hgorun.estimate.intervals import mean_intervals, offset_of, period_of
 from hgorun.estimate.prepared import prepare_estimate
 from hgorun.estimate.start.first_values import first_values, require_known
+from hgorun.estimate.start.guess import guessed
 from hgorun.estimate.stated_of_data import StatedOfData, noisy
 from hgorun.estimate.steps.output_step import FEWEST, output_step
 from hgorun.measurement.blocks import Measurement
@@ -67,7 +68,7 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
         _check_outputs(plant_of(source).output_names, recording)
     begin = float(start) if isinstance(start, (int, float)) else recording.span[0]
     changes["measurement"] = _measurement(given.get("measurement") or {}, recording, begin)
-    whole, states = _with_plant(_with(source, changes))
+    whole, guess = _with_plant(_with(source, changes))
     intervals = mean_intervals(recording, begin, float(end) if isinstance(end, (int, float)) else recording.span[1])
 
     def built(whole: Source) -> Experiment:
@@ -79,11 +80,11 @@ def completed(source: Source, recording: Recording, name: str, text: str) -> Exp
     measured, others = first_values(experiment, recording), dict[str, float]()
     changes = {}
     if not given["plant"].get("initial") and measured:
-        changes["plant.initial"] = {state: measured.get(state, 0.0) for state in states}
-    sought = set(states) if recording.start_is_fitted else set(measured)
+        changes["plant.initial"] = {**guess, **measured}
+    sought = set(guess) if recording.start_is_fitted else set(measured)
     judged = recording.start_is_fitted or any(one.gate is not None for one in recording.outputs.values())
     if judged and not all(sought <= set(one.initial) for one in experiment.observers.values()):
-        there = changes | _begin(experiment, measured)
+        there = changes | _begin(experiment, guess | measured if recording.start_is_fitted else measured)
         others = _start_in(built(_with(whole, there)), recording)
     first = others if others.keys() >= measured.keys() else measured | others
     changes |= _begin(experiment, first)
@@ -182,11 +183,10 @@ def with_inputs(source: Source, inputs: Iterable[str]) -> Source:
     return _with(source, {"plant.inputs": {**given, **names}}) if names and isinstance(given, dict) else source
 
 
-def _with_plant(source: Source) -> tuple[Source, tuple[str, ...]]:
-    """The configuration with all that a plant's block needs where nothing is simulated; and its states."""
-    states = plant_of(source).state_names
-    initial = dict.fromkeys(states, 0.0) | dict(source.data["plant"].get("initial") or {})
-    return _with(source, {"plant.initial": initial}), states
+def _with_plant(source: Source) -> tuple[Source, dict[str, Any]]:
+    """The configuration with all that a plant's block needs where nothing is simulated; and its initial state."""
+    initial = guessed(source.data, plant_of(source).state_names)
+    return _with(source, {"plant.initial": initial}), initial
 
 
 def _with(source: Source, changes: Mapping[str, Any]) -> Source:

@@ -51,9 +51,11 @@ def fitted_start(prepared: PreparedEstimate, count: FirstSamples) -> dict[str, f
     found = fit_of(prepared, count)
     if found is None:
         first = _FEWEST if count == AUTO else count
+        states, x = prepared.run.plant.model.states, _guess(prepared)
+        guess = ", ".join(f"{state} = {value:.4g}" for state, value in zip(states, x.tolist(), strict=True))
         message = (
             f"from the first of {first} samples the model leaves all bounds before the last of them, or the model or "
-            "its inputs change too fast"
+            f"its inputs change too fast; it is followed from near {guess}: plant.initial says another guess"
         )
         raise Problem(("data", "first_samples"), message)
     return rounded(prepared, found)

@@ -132,7 +132,10 @@ def _finder(
     return finder.chosen(observer.map, chains, noise)
 
 
-_AT = "that is by plant.initial, 0 where it has none, whatever observers begin with"
+_AT = (
+    "that is by plant.initial, whatever observers begin with; of recorded data, where it lacks a state, by the "
+    "one value that initial of observers has for it, otherwise 0"
+)
 
 
 def _refuse_undefined(plant: BuiltPlant) -> None:
