@@ -16,6 +16,9 @@ from hgorun.observers.nested import clipped
 from hgorun.symbolic.derivatives import DerivativeCopy, DerivativeForm, derivative_form
 from hgorun.symbolic.symbols import Symbols
 
+_ROUNDED = 16 * np.finfo(float).eps  # of each of the two summands of q_i: three roundings of start, and two of q
+_MAPPED = 1e-9  # relative: rounding of a map into the plant's states and back, far below what runs tell apart
+
 
 @observer("cascade")
 class CascadeObserver(Differentiator, LocallyLinear, HighGain, ContinuousObserver[DerivativeForm, DerivativeCopy]):
@@ -72,7 +75,10 @@ class CascadeObserver(Differentiator, LocallyLinear, HighGain, ContinuousObserve
         return "a saturation is active while an estimate is at its bound M"
 
     def beyond(self, plant: DerivativeCopy, s: Symbols, e: ca.SX, k: Symbols) -> ca.SX:
-        return ca.fabs(ca.vertcat(*self._derivatives(s, k)[0])) >= k.M
+        # s is rebuilt from the estimate, and with it what a bound has cut off: each q comes out at the bound, rounded
+        q, xhat = self._derivatives(s, k)
+        parts = [ca.SX(0), *[k.alpha[i] * k.theta * ca.fabs(xhat[i - 2]) for i in range(2, s.xhat.numel())]]
+        return ca.fabs(ca.vertcat(*q)) + _ROUNDED * ca.vertcat(*parts) >= (1 - _MAPPED) * k.M
 
     def start(self, xhat: np.ndarray, k: Mapping[str, np.ndarray]) -> np.ndarray:
         """(xhat_1, w, z_3, ..., z_n), the state that is called xhat."""
