@@ -103,16 +103,27 @@ def first_of(*functions: Callable[[], T]) -> T:
     return last()
 
 
-def require_innovation(run: PreparedRun, label: str) -> None:
+def require_innovation(run: PreparedRun, label: str, *, even_if_none_are_late: bool = False) -> None:
     """Late samples must enter the common innovation, which linear theory with a delay is about.
+
+    Parameters
+    ----------
+    run : PreparedRun
+    label : str
+        Of the observer.
+    even_if_none_are_late : bool
+        Whether also in a run without late samples, for what is said of other delays than that of the run.
 
     Raises
     ------
     NoValue
     """
     treatment = treatment_of(run.experiment.observers[label])
-    if treatment in run.treatments:
-        raise NoValue(f"late samples do not enter the innovation (late: {treatment}), which theory reckons with")
+    if treatment not in run.treatments and not (even_if_none_are_late and treatment in ("replay", "drop")):
+        return
+    if treatment == "received":
+        raise NoValue(RECALLS)
+    raise NoValue(f"late samples do not enter the innovation (late: {treatment}), which theory reckons with")
 
 
 def why_no_flow(observer: AnyObserver) -> str:

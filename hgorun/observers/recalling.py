@@ -24,7 +24,7 @@ class RecallingObserver(ContinuousObserver[FormT, CopyT]):
 
     @abstractmethod
     def longest_delay(self, form: FormT) -> PeriodLimit:
-        """The longest delay of the outputs at which the error decays."""
+        """The longest delay of the outputs at which the error decays on chains of integrators, phi = 0."""
 
     @abstractmethod
     def signals(self, plant: CopyT, s: Symbols, k: Symbols) -> ca.SX:

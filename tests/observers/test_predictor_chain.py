@@ -174,9 +174,9 @@ def test_analysis() -> None:
     blocks = {"K": of(2), "S": {"type": "shgo", "theta": 2}}
     run = experiment(chain(3), blocks, end=3, step=0.01, measurement={"delay": 0.3})
     found = hgorun.analyze(run, findings("stability", "decay", "noise", "convergence")).observers
-    assert found["K"].values["delay_critical"] == pytest.approx(2 * 0.9273 / 2, rel=1e-4)
+    assert found["K"].values["delay_critical_chain"] == pytest.approx(2 * 0.9273 / 2, rel=1e-4)
     assert found["S"].values["delay_critical"] == pytest.approx(0.9273 / 2, rel=1e-3)
-    for name in ("poles", "h2", "period_critical", "theta_bound"):
+    for name in ("poles", "h2", "period_critical", "delay_critical", "theta_bound"):
         assert "looks back" in found["K"].reasons[name]
 
 

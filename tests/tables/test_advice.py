@@ -159,7 +159,7 @@ def test_of_an_observer_corrected_by_samples_no_limit_is_said_once() -> None:
 
 @pytest.mark.parametrize("recalls", [False, True])
 def test_outputs_of_different_periods_have_a_limit_only_where_the_observer_knows_one(recalls: bool) -> None:
-    """Of q nothing is known, and no limit is referred to; p declares the delay that it stands."""
+    """Of q nothing is known, and no limit is referred to; p declares the delay that it stands on chains."""
     observers = {"q": {"type": "shgo", "theta": 2}, "p": {"type": "predictor_chain", "theta": 2, "m": 1}}
     analysis = hgorun.analyze(
         Experiment(
@@ -185,10 +185,11 @@ def test_outputs_of_different_periods_have_a_limit_only_where_the_observer_knows
     assert "no limit of the period or the delay is computed, since the outputs differ in their sampling" in together
     assert together.endswith("the limits above are those of the linear error" if recalls else "more than is needed")
     if recalls:
-        declared = analysis.observers["p"].values["delay_critical"]
+        declared = analysis.observers["p"].values["delay_critical_chain"]
         assert isinstance(declared, float)
-        assert "period: late samples do not enter the innovation" in together
-        assert f"delay: the linear error loses stability at {number(declared)} s" in together
+        assert "period: the observer looks back at its own past" in together
+        assert "delay: the observer looks back at its own past" in together
+        assert f"on a chain without nonlinearity up to {number(declared)} s" in together
 
 
 def test_no_larger_gain_is_recommended_to_an_observer_that_is_lost() -> None:

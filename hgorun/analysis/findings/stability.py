@@ -54,7 +54,9 @@ def _limit(
     limit: Callable[[Timing, ErrorSystem], Limit],
     system: Callable[[Subject], ErrorSystem],
 ) -> Remarked:
-    require_innovation(observer.run, observer.label)
+    # a limit of the delay is about late samples also where the run has none
+    of_delays = limit is critical_delay and not isinstance(observer.observer, CorrectedObserver)
+    require_innovation(observer.run, observer.label, even_if_none_are_late=of_delays)
     return _remarked(name, limit(timing_of(observer.run), system(observer)))
 
 
@@ -87,8 +89,6 @@ def period_critical(observer: Subject) -> Remarked:
 def delay_critical(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(_UNDELAYED)
-    if isinstance(observer.observer, RecallingObserver) and observer.block.recalled:
-        return _remarked("delay_critical", declared_limit(observer.observer.longest_delay(observer.form)))
     return _limit(observer, "delay_critical", critical_delay, _along_run)
 
 
@@ -103,4 +103,6 @@ def period_critical_chain(observer: Subject) -> Remarked:
 def delay_critical_chain(observer: Subject) -> Remarked:
     if isinstance(observer.observer, SampledObserver):
         raise NoValue(_UNDELAYED)
+    if isinstance(observer.observer, RecallingObserver) and observer.block.recalled:
+        return _remarked("delay_critical_chain", declared_limit(observer.observer.longest_delay(observer.form)))
     return _limit(observer, "delay_critical_chain", critical_delay, on_chain)
