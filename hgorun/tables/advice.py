@@ -16,6 +16,7 @@ from hgorun.analysis.subject import Subject
 from hgorun.observers.base import AnyObserver, CorrectedObserver, SampledObserver
 from hgorun.observers.capabilities import FilterOrder, HighGain, Punctual
 from hgorun.observers.eso import LinearExtendedStateObserver
+from hgorun.observers.hold import Shrinking
 from hgorun.observers.kalman import KalmanFilter
 from hgorun.simulation.outcome.left_out import uncorrected
 from hgorun.tables.layout import number, wrapped
@@ -213,8 +214,12 @@ def _room(subject: Subject, found: Findings, timing: Timing | None) -> float | N
     pairs = ((timing.period, "period_critical_chain"), (timing.delay, "delay_critical_chain"))
     limits = ((now, found.values.get(key)) for now, key in pairs)
     rooms = [limit / now for now, limit in limits if now and isinstance(limit, (int, float))]
-    if rooms and timing.period and timing.delay:  # each of the two limits is that beside the other time as it is
-        together = outcome(lambda: critical_together(timing, on_chain(subject))).found
+    if subject.block.recalled:  # with a larger theta it may take more copies
+        return None
+    shrinks = isinstance(subject.observer.hold, Shrinking)
+    # each of the two limits is that beside the other time, and beside a rate of the hold, as they are
+    if rooms and timing.period and (timing.delay or shrinks):
+        together = outcome(lambda: critical_together(timing, on_chain(subject), shrinks=shrinks)).found
         return None if together is None else together.value / timing.period
     return min(rooms, default=None)
 

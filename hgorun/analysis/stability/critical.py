@@ -194,19 +194,27 @@ def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
     return _search(sought, system, lambda d: growth(system, period, d))
 
 
-def critical_together(timing: Timing, system: ErrorSystem) -> Limit:
+def critical_together(timing: Timing, system: ErrorSystem, *, shrinks: bool = False) -> Limit:
     """The shortest period at which the error no longer decays, of samples with a delay in proportion to their period.
 
     Of chains of integrators that is what a larger theta comes to: times count in units of 1/theta.
 
     Parameters and errors as for :func:`critical_period`; the timing has a period, and the system is constant.
+    ``shrinks``: the innovation shrinks between samples, with a rate that does not grow with theta: in units of 1/theta
+    it is the smaller, the larger theta is.
     """
     assert timing.period is not None
     _must_move(system)
     waiting = timing.delay / timing.period
     shortest, longest = _SHORTEST / system.rate / max(1.0, waiting), _LONGEST / system.rate
     sought = _Sought("period", timing, shortest, longest, system.where)
-    return _search(sought, system, lambda T: growth(system, T, waiting * T))
+    now = timing.period
+
+    def rate(period: float) -> float:
+        scaled = replace(system, K=system.K * (now / period)) if shrinks else system
+        return growth(scaled, period, waiting * period)
+
+    return _search(sought, system, rate)
 
 
 def _told(*remarks: str) -> str:
