@@ -40,7 +40,10 @@ def analyze(options: Analyze) -> int:
     target = _target(stem if options.run is None else f"{stem}-{options.run}", options.output)
     text, source = read_source(options.config, options.overrides, seed=options.seed)
     _refuse_recording(options.config, source.data)
-    run = prepare(experiment_of(text, source, options.config, options.run))
+    try:
+        run = prepare(experiment_of(text, source, options.config, options.run))
+    except ConfigError as error:
+        raise _told_of_the_log(error, source.data) from error
     tell_what_runs_keep(options.config, options)
     result = run_with_progress(run, show=options.text)
     warn(result)
@@ -77,14 +80,14 @@ def _refuse_recording(path: Path, data: object) -> None:
         return
     plant, time, log = (_mapping(data, key) for key in ("plant", "time", "data"))
     inputs, outputs = _mapping(log, "inputs"), _mapping(log, "outputs")
-    noise = next((one["std"] for one in outputs.values() if isinstance(one, dict) and "std" in one), None)
+    noise = _noise_of_log(log)
     examples: dict[tuple[str, ...], object] = {
         ("data",): "null",
         ("tune",): "null" if "tune" in data else None,
         ("time", "end"): None if "end" in time else 10,
         ("time", "output_step"): None if "output_step" in time else 0.01,
         ("measurement", "sampling", "period"): log.get("period", time.get("output_step", 0.01)),
-        ("measurement", "noise"): None if noise is None else f"[{{type: gaussian, std: {noise}}}]",
+        ("measurement", "noise"): noise,
         ("plant", "inputs"): _ones(inputs) if inputs and "inputs" not in plant else None,
         ("plant", "initial"): _ones(states_of(plant)) if "initial" not in plant else None,
         **_first_samples(data, plant, outputs),
@@ -98,6 +101,25 @@ def _refuse_recording(path: Path, data: object) -> None:
         "its theta is too large for the period",
         file=str(path),
     )
+
+
+def _noise_of_log(log: Mapping[str, Any]) -> str | None:
+    """Noise as strong as the first ``std`` of the outputs of a log; None where no output has one."""
+    outputs = _mapping(log, "outputs").values()
+    std = next((one["std"] for one in outputs if isinstance(one, dict) and "std" in one), None)
+    return None if std is None else f"[{{type: gaussian, std: {std}}}]"
+
+
+def _told_of_the_log(error: ConfigError, data: object) -> ConfigError:
+    """Where an R is missing beside the std of a log, which is no noise of a run: the same error, with that noise."""
+    noise = _noise_of_log(_mapping(data, "data")) if isinstance(data, dict) else None
+    if noise is None or error.key is None or not error.key.endswith(".R"):
+        return error
+    words = assigned(("measurement", "noise"), noise)
+    message = f"{error.message}, or noise: this is a run of the plant, and the std in data is of the log; add {words}"
+    told = ConfigError(message, file=error.file, line=error.line, key=error.key)
+    told.add_others(error.others)
+    return told
 
 
 def _first_samples(

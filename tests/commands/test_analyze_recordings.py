@@ -88,3 +88,19 @@ def test_the_file_is_read_once(shell: Shell, monkeypatch: pytest.MonkeyPatch) ->
     code, _, err = shell("analyze", "a.yaml", "--seed", "3")
     assert code == 2, err
     assert read == ["a.yaml"]
+
+
+@pytest.mark.parametrize("noise", ["", ", std: 0.02"])
+def test_the_std_of_a_log_is_told_to_be_no_noise_of_a_run(shell: Shell, noise: str) -> None:
+    """The configuration is one of a run, too: an R that is missing there may follow from noise of the log's size."""
+    text = (
+        "time: {end: 1, output_step: 0.1}\n"
+        "plant: {states: [x1, x2], dynamics: {x1: x2, x2: -x1}, output: x1, initial: {x1: 1, x2: 0}}\n"
+        "measurement: {sampling: {period: 0.1}}\n"
+        f"data: {{file: log.csv, time: t, outputs: {{x1: {{column: y{noise}}}}}}}\n"
+        "observers: {E: {type: ekf, q: 1}}\n"
+    )
+    (shell.folder / "a.yaml").write_text(text)
+    code, _, err = shell("analyze", "a.yaml")
+    assert (code, "observers.E.R: R of output x1 does not follow" in err) == (2, True), err
+    assert ("--set 'measurement.noise=[{type: gaussian, std: 0.02}]'" in err) == bool(noise)
