@@ -35,6 +35,7 @@ RUN = (
     "native",
     "noise",
     "observers",
+    "patterns.py",
     "pieces.py",
     "plants",
     "result",
