@@ -134,7 +134,7 @@ def recorded_inputs(
     if not signals:
         return None
     # all are compared as they count from the start: there and back, rounding would put a change before its own time
-    since = [one.times - origin for one in signals]
+    since = [one.times - origin if origin else one.times for one in signals]
     later = [own[np.searchsorted(own, start, "right") :] for own in since]
     changes = distinct(np.concatenate([[start], *later]))
     changes = changes[: np.searchsorted(changes, end, "right" if last else "left")]

@@ -99,7 +99,8 @@ def planned(
 
 
 def _set_of(steps: np.ndarray) -> set[int]:
-    fewest, most = int(steps.min()), int(steps.max())
+    some = steps if any(steps.strides) else steps[:1]  # of one in memory
+    fewest, most = int(some.min()), int(some.max())
     return {fewest} if fewest == most else set(distinct(steps).tolist())
 
 

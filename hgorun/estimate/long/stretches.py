@@ -131,15 +131,16 @@ class Stretches:
         schedule = self._at_samples(channels, time, kinks, changes)
         if schedule is None:
             schedule = build_schedule(channels, time, kinks, first.run.step, changes)
-        old = first.run.structure
-        structure = structure_of(
-            [group.truth for group in old.groups],
-            [list(experiment.designs.values())],
-            experiment.stretches,
-            schedule.variants,
-            experiment.plant.everything,
-            innovations=True,
-        )
+        structure = first.run.structure
+        if schedule.variants != first.run.schedule.variants:
+            structure = structure_of(
+                [group.truth for group in structure.groups],
+                [list(experiment.designs.values())],
+                experiment.stretches,
+                schedule.variants,
+                experiment.plant.everything,
+                innovations=True,
+            )
         run = replace(first.run, structure=structure, channels=channels, schedule=schedule)
         prepared = PreparedEstimate(run=run, samples=tuple(samples), inputs=inputs)
         return Stretch(start=start, end=end, until=np.inf if last else end, prepared=prepared)

@@ -63,7 +63,7 @@ class RecordedInputs:
         tolerance : float
             How much before an event a point counts as one at it.
         """
-        moments = np.maximum(self.times, events[0])
+        moments = self.times if self.times[0] >= events[0] else np.maximum(self.times, events[0])
         if first_of(moments, events) is None:
             moments = events[nearest_event(events, moments)]
         return replace(self, shown=moments - tolerance)

@@ -69,7 +69,7 @@ def counted_steps(schedule: AnySchedule, longest: float, key: str = "step") -> S
 
 def _alike_together(steps: np.ndarray) -> StepCounts:
     """All gaps at once where they take as many steps, else each of them."""
-    if steps.size and steps.min() == steps.max():
+    if steps.size and (not any(steps.strides) or steps.min() == steps.max()):  # one in memory, or as large
         return StepCounts(steps[:1], np.array([steps.size]))
     return StepCounts(steps, np.ones_like(steps))
 
@@ -106,7 +106,7 @@ def count_steps(gaps: np.ndarray, longest: float, key: str = "step") -> np.ndarr
         For more steps than a run can make.
     """
     if gaps.size and steps_needed(gaps.max(), longest) == 1:
-        return np.ones(gaps.size, dtype=np.int64)
+        return np.broadcast_to(np.int64(1), gaps.shape)
     steps = steps_needed(gaps, longest)
     _require_possible(float(np.sum(steps)), longest, key)
     return np.asarray(steps.astype(np.int64))
