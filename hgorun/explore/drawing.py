@@ -29,10 +29,11 @@ from hgorun.ensemble.collected.collected import Collected, Floats, levels, shown
 from hgorun.ensemble.statistics.fronts import non_dominated
 from hgorun.ensemble.statistics.never import is_time
 from hgorun.ensemble.statistics.points import points, thinned
-from hgorun.ensemble.statistics.statistics import QUANTILES, quantiles
+from hgorun.ensemble.statistics.statistics import QUANTILES
 from hgorun.explore.marks import MARKERS, dash, draw_band
 from hgorun.figures.data import magnitude_limits, state_limits
 from hgorun.figures.ensemble import Cast, drawable, limits, places, spans_much
+from hgorun.figures.fronts import medians_of_points
 from hgorun.figures.lost import ends, first_lost, largest_of, mostly_lost, spread, within_sound
 from hgorun.figures.maps import cell_medians, scale_of
 from hgorun.figures.spread import at_places, told_of_lost
@@ -123,10 +124,7 @@ def trade_off(cast: Cast, metrics: tuple[str, str], state: str) -> Plot:
     level = np.array([", ".join(shown(at[axis]) for axis in members.surroundings) for at, _ in parts], dtype=object)
     of_axes = {axis: unit_of_axis(axis, members.units) for axis in members.grid}
     texts = [", ".join(f"{a} = {shown(value)} {of_axes[a]}".rstrip() for a, value in at.items()) for at, _ in parts]
-    found = {}
-    for label in cast.looks:
-        columns = [[Cast(part).column(metric, label, state) for metric in metrics] for _, part in parts]
-        found[label] = drawable(np.array([[float(quantiles(*one, [0.5])[0]) for one in row] for row in columns]))
+    found = {label: medians_of_points(parts, metrics, label, state) for label in cast.looks}
     ends = np.concatenate(list(found.values()))
     ends = ends[np.all(np.isfinite(ends), axis=1)]
     plot = _plot(

@@ -51,10 +51,7 @@ def front(members: Collected, x: str, y: str, *, width: float = WIDTH) -> Figure
         rows = -(-len(cast.states) // columns)
         figure, axes = grid(len(cast.states), columns, cast.width_of_states, _ROW * rows + TOP, share=False)
         for ax, state in zip(axes, cast.states, strict=True):
-            found = {}
-            for label in cast.looks:
-                pairs = [[_median(Cast(part), metric, label, state) for metric in (x, y)] for _, part in parts]
-                found[label] = drawable(np.array(pairs))
+            found = {label: medians_of_points(parts, (x, y), label, state) for label in cast.looks}
             ax.set_xlabel(cast.quantity(x, state))
             ax.set_ylabel(cast.quantity(y, state))
             _draw(ax, cast, found, [level == one for one in joined])
@@ -95,8 +92,12 @@ def _fronts(members: Collected, joined: Sequence[str]) -> str:
     return f"fronts at {names} = {'; '.join(joined)} (light to dark)"
 
 
-def _median(cast: Cast, metric: str, label: str, state: str) -> float:
-    return float(quantiles(*cast.column(metric, label, state), [0.5])[0])
+def medians_of_points(
+    parts: Sequence[tuple[Mapping[str, Any], Collected]], metrics: Sequence[str], label: str, state: str
+) -> Floats:
+    """The medians of metrics over the members of each point, shape (points, metrics); NaN where there is none."""
+    columns = [[Cast(part).column(metric, label, state) for metric in metrics] for _, part in parts]
+    return drawable(np.array([[float(quantiles(*one, [0.5])[0]) for one in row] for row in columns]))
 
 
 def _draw(ax: Axes, cast: Cast, found: dict[str, Floats], groups: Sequence[NDArray[np.bool_]]) -> None:
