@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -48,14 +48,13 @@ class Cast:
 
     members: Collected
     page: float = WIDTH
-    _unknown: tuple[str, None] = field(default=("", None), repr=False)
 
     @cached_property
     def looks(self) -> dict[str, Look]:
         """The look of each observer, by its label."""
         members = self.members
         actors = [
-            Actor(i, members.name, label, *members.families.get(label, self._unknown))
+            Actor(i, members.name, label, *members.families.get(label, ("", None)))
             for i, label in enumerate(members.observers)
         ]
         found = looks([actors], texts(actors, {}))
