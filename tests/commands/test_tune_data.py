@@ -13,7 +13,8 @@ import yaml
 from shell import Shell
 
 from hgorun.commands import tune_data
-from hgorun.estimate.gains.goal import Goal
+from hgorun.errors import Problem
+from hgorun.estimate.gains.goal import Goal, read_goal
 
 CONFIG = """
 plant:
@@ -222,6 +223,28 @@ def test_gains_by_which_every_estimate_is_lost(shell: Shell) -> None:
     code, _, err = shell("tune", "tuned.yaml")
     assert code == 1
     assert "the observer diverges with all of them" in err
+
+
+@pytest.mark.parametrize(
+    ("text", "label"),
+    [
+        ("holdout_rmse(FHGO r=2, a)", "FHGO r=2"),
+        ("holdout_rmse( *,a )", "*"),
+        ("""holdout_rmse('FHGO (r=2)', "a")""", "FHGO (r=2)"),
+        ("""holdout_rmse("theta's, both", a)""", "theta's, both"),
+    ],
+)
+def test_a_label_may_have_what_a_call_has(text: str, label: str) -> None:
+    """In quotes, as in claims."""
+    assert read_goal(text, ()) == Goal("holdout_rmse", label, "a")
+
+
+@pytest.mark.parametrize(
+    "text", ["holdout_rmse(FHGO (r=2), a)", "holdout_rmse('o, a)", "holdout_rmse(o, a", "rmse(o, a)"]
+)
+def test_a_call_that_is_none_is_refused(text: str) -> None:
+    with pytest.raises(Problem, match="can be minimised, as in"):
+        read_goal(text, ())
 
 
 def test_gains_stand_in_the_table_as_in_the_file() -> None:

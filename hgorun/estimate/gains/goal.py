@@ -14,7 +14,8 @@ from hgorun.errors import Problem
 from hgorun.estimate.holdout import given_of, part
 
 SCORES = ("holdout_rmse", "innovation_rms", "reference_rmse")
-_CALL = re.compile(r"\s*(\w+)\s*\(\s*['\"]?([^'\",()]+?)['\"]?\s*,\s*['\"]?([^'\",()]+?)['\"]?\s*\)\s*")
+_NAME = r"""(?:'([^']+)'|"([^"]+)"|([^'",()]+?))"""  # in quotes it may have brackets
+_CALL = re.compile(rf"\s*(\w+)\s*\(\s*{_NAME}\s*,\s*{_NAME}\s*\)\s*")
 _EVERY = 5  # samples: one of them is for the search, another for the report
 ALL = "*"  # outputs
 
@@ -49,7 +50,7 @@ class Split:
 
 
 def read_goal(text: str, place: tuple[str | int, ...]) -> Goal:
-    """``holdout_rmse(LABEL, OUTPUT)``.
+    """``holdout_rmse(LABEL, OUTPUT)``; names may be in quotes.
 
     Raises
     ------
@@ -59,7 +60,8 @@ def read_goal(text: str, place: tuple[str | int, ...]) -> Goal:
     if found is None or found[1] not in SCORES:
         message = f"of recorded data {', '.join(SCORES)} can be minimised, as in holdout_rmse(LABEL, OUTPUT)"
         raise Problem(place, f"{message}; found {text!r:.80}")
-    return Goal(found[1], found[2], found[3])
+    score, *names = (one for one in found.groups() if one is not None)
+    return Goal(score, *names)
 
 
 def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None = None) -> Split:
