@@ -26,7 +26,8 @@ from hgorun.data.times.day_counts import (
     odd_seconds,
     other_starts,
 )
-from hgorun.data.times.undeclared_dates import first_day, is_too_long, unix_unit
+from hgorun.data.times.number_clocks import clock_in_digits
+from hgorun.data.times.undeclared_dates import first_day, is_too_long, millionths_of_days, unix_unit
 from hgorun.data.units.units import seconds
 from hgorun.pieces import median, present
 
@@ -78,6 +79,20 @@ def _as_numbers(column: ClockColumn, table: Table, unit: str) -> Iterator[str]:
         yield (
             f"column {name!r}: its numbers look like dates, and are taken as numbers: if they are dates, "
             f"{clock_key(str(column.path[-1]), name, pattern)}"
+        )
+    elif not column.absolute and column.clock.unit is None and (found := clock_in_digits(values)) is not None:
+        keys = (
+            f"{clock_key(str(column.path[-1]), name, form)} if they are {of}" for of, form in found.patterns.items()
+        )
+        yield (
+            f"column {name!r}: its numbers look like times, since {found.before:.10g} is followed by "
+            f"{found.behind:.10g}, and are taken as numbers: {', '.join(keys)}"
+        )
+    elif not column.absolute and column.clock.unit is None and (day := millionths_of_days(values, time.time_ns())):
+        yield (
+            f"column {name!r}: its numbers look like millionths of days from 1899-12-30 on, as WinCC counts, and would "
+            f"begin on {day}: if they are dates, write n / 1000000 in place of each number n into the file, with "
+            f"{clock_key(str(column.path[-1]), name, 'excel')}"
         )
     elif not column.absolute:
         yield from _undeclared(column, values, unit)

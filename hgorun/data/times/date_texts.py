@@ -111,8 +111,8 @@ def stamp_of(text: str, pattern: str, hint: Callable[[str], str]) -> tuple[int, 
         if _has_leap_second(text, pattern):
             raise _leap_second(text) from None
         said = f"expected a date of the form {pattern}, found {describe(text)}"
-        if run := lacks_digits(text, pattern):
-            raise ValueError(f"{said}; digits side by side, {run}, need all of theirs, with zeros in front") from None
+        if lacking := lacks_digits(text, pattern):
+            raise ValueError(said + lacking) from None
         if names_zone(pattern):
             raise ValueError(
                 f"{said}; %Z reads {ZONES}: of another zone write the offset, such as -05:00, and %z"

@@ -20,8 +20,9 @@ DAY = 86_400 * 10**9
 WORKBOOKS = {"excel": -25_569 * DAY, "excel1904": -24_107 * DAY}
 """Day 0 of each format, in nanoseconds since 1970."""
 
-_IN_DIGITS = {8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S"}
-_OF_SHORT_YEARS = {10: "%y%m%d%H%M", 12: "%y%m%d%H%M%S"}
+_IN_DIGITS = {7: "%Y%j", 8: "%Y%m%d", 10: "%Y%m%d%H", 12: "%Y%m%d%H%M", 14: "%Y%m%d%H%M%S", 17: "%Y%m%d%H%M%S%f"}
+_OF_SHORT_YEARS = {9: "%y%j%H%M", 10: "%y%m%d%H%M", 11: "%y%j%H%M%S", 12: "%y%m%d%H%M%S"}
+_OF_FEW = ("%Y%j", "%y%j%H%M")  # digits, which are no seconds since 1970 of our days
 _LOOKED_AT = 1000
 _DECIMALS = range(2, 8)  # of days: fewer are hours at the least, and more are parts of a second
 _FINE = 100  # parts of which a step is one at the least where decimals are enough
@@ -202,10 +203,11 @@ def dates_in_digits(values: np.ndarray, now: int) -> str | None:
     """The pattern of numbers whose digits are dates, as 20240131 and 240131235959 are; None of others.
 
     Of long columns, in which none is missing, some are looked at. A counter comes to a number that is no date after a
-    few steps. Years of two digits are those from 2000 to now, of numbers that rise and are no seconds since 1970.
+    few steps. Years of two digits, or of few digits in all, are those from 2000 to now, of numbers that rise and are no
+    seconds since 1970.
     """
     some = values[:: max(1, values.size // _LOOKED_AT)]
-    if some.size < _FEWEST or not np.all((some > 0) & (some < 1e14)):
+    if some.size < _FEWEST or not np.all((some > 0) & (some < 1e17)):
         return None
     texts = [f"{value:.0f}" for value in np.floor(some).tolist()]
     short = not all(text[:2] in ("19", "20") for text in texts)
@@ -213,15 +215,18 @@ def dates_in_digits(values: np.ndarray, now: int) -> str | None:
     fine = bool(np.any(some != np.floor(some)))
     if pattern is None or {*map(len, texts)} != {len(texts[0])} or (fine and not pattern.endswith("%S")):
         return None
+    whole = pattern.removesuffix("%f")
+    if whole != pattern:  # doubles of 17 digits are rounded, so that the last millisecond may be of the next second
+        texts = [text[:12] + min(text[12:14], "59") for text in texts]
     try:
-        dates = [datetime.strptime(text, pattern) for text in texts]
+        dates = [datetime.strptime(text, whole) for text in texts]
     except ValueError:
         return None
-    if short and not (
+    if (short or pattern in _OF_FEW) and not (
         _stamp(dates[0]) >= _SINCE
         and _stamp(dates[-1]) <= now + 2 * DAY
         and np.all(np.diff(some) > 0)
-        and some[0] * UNITS["s"] > now
+        and (some[0] * UNITS["s"] > now or pattern in _OF_FEW)
     ):
         return None
     return f"{pattern}.%f" if fine else pattern

@@ -23,6 +23,7 @@ _TOKEN = re.compile(r"%(.)|([^%]+)", re.DOTALL)
 _DATE = frozenset("YyGmbBdjUWVaAuwcx")
 _TIME = frozenset("HIMSfp")
 _ANY = {"z": r"Z|[-+]\d\d:?\d\d(?::?\d\d)?", "%": "%", "f": "[0-9]+"}
+_POINTED = re.compile(r"%[HIM]\.%[MS]")
 _SPACES = re.compile(r"^\s+|(?<=[./:,\s-])\s+(?=\d)")
 _FRACTION = re.compile(r"(?<=%S)[.,:]?%f")
 
@@ -39,16 +40,19 @@ class _Form:
         The signs of each group.
     signs : str
         All of them.
+    pointed : bool
+        Whether minutes or seconds stand behind a point, as decimals do.
     """
 
     text: re.Pattern[str]
     runs: tuple[str, ...]
     signs: str
+    pointed: bool
 
     @property
     def joined(self) -> bool:
-        """Whether parts stand side by side."""
-        return any(len(run) > 1 for run in self.runs)
+        """Whether what strptime reads has to be of full width."""
+        return self.pointed or any(len(run) > 1 for run in self.runs)
 
 
 @lru_cache(64)
@@ -70,7 +74,7 @@ def form_of(pattern: str) -> _Form:
         else:
             found.append(f"(?:{_ANY.get(sign, r'.*?')})")
         open_ = number
-    return _Form(re.compile("".join(found), re.IGNORECASE), tuple(runs), signs)
+    return _Form(re.compile("".join(found), re.IGNORECASE), tuple(runs), signs, _POINTED.search(pattern) is not None)
 
 
 def has_time_only(pattern: str) -> bool:
@@ -100,13 +104,24 @@ def read(text: str, pattern: str) -> datetime:
 
 
 def lacks_digits(text: str, pattern: str) -> str:
-    """The parts side by side for which a text has too few digits; empty where it has them."""
+    """What is said of a text that has too few digits for parts side by side, or behind a point; empty of others."""
     form = form_of(pattern)
-    match = form.text.fullmatch(text)
-    for run, digits in zip(form.runs, match.groups() if match and form.joined else (), strict=False):
-        if len(run) > 1 and len(digits) < _width(run) + 3 * ("f" in run):
-            return "".join(f"%{sign}" for sign in run)
+    match = form.text.fullmatch(text) if form.joined else None
+    if match is None:
+        return ""
+    for k, run in enumerate(form.runs, 1):
+        if len(run) > 1 and len(match[k]) < _width(run) + 3 * ("f" in run):
+            signs = "".join(f"%{sign}" for sign in run)
+            return f"; digits side by side, {signs}, need all of theirs, with zeros in front"
+        if _is_cut(form, match, k):
+            return f"; behind a point %{run} has two digits: a number has lost the zeros at its end"
     return ""
+
+
+def _is_cut(form: _Form, match: re.Match[str], k: int) -> bool:
+    """Whether minutes or seconds behind hours or minutes and a point have one digit: 13.5 may be 13:05 or 13:50."""
+    before = match.string[match.end(k - 1) : match.start(k)] if k > 1 else ""
+    return before == "." and form.runs[k - 2] in "HIM" and form.runs[k - 1] in "MS" and len(match[k]) == 1
 
 
 def _plain(text: str, pattern: str) -> datetime:
@@ -180,6 +195,8 @@ def _filled(text: str, pattern: str) -> str:
     found, end = [], 0
     for k, run in enumerate(form.runs, 1):
         begin = match.start(k)
+        if _is_cut(form, match, k):
+            raise ValueError
         behind_sign = begin > 0 and text[begin - 1] in ".,"
         digits = match[k] if len(run) == 1 else _of_full_width(match[k], run, losing=not behind_sign)
         found += [text[end:begin], digits]

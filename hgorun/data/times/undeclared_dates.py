@@ -72,5 +72,28 @@ def first_day(values: np.ndarray, unit: float, now: int, before: float = 0.0) ->
     return None
 
 
+def millionths_of_days(values: np.ndarray, now: int) -> str | None:
+    """The first date of whole numbers that are millionths of days of a workbook by all signs; None of others.
+
+    All are whole seconds between 2000 and now, and the steps are not all equal, as those of whole seconds are not in
+    millionths of days: what counts evenly counts something else.
+
+    Parameters
+    ----------
+    values : ndarray
+        None is missing.
+    now : int
+        In nanoseconds since 1970.
+    """
+    some = values[:_LOOKED_AT]
+    steps = np.diff(some)
+    if some.size < _FEWEST_SECONDS or not np.all(some == np.floor(some)) or not steps.max() > steps.min() >= 0:
+        return None
+    first, last = (float(end) * DAY / 1e6 + WORKBOOKS["excel"] for end in (some[0], some[-1]))
+    if not (first >= _SINCE and last <= now + 2 * DAY) or not _whole(some * 0.0864, _OF_A_SECOND):
+        return None
+    return day_of(first)
+
+
 def _whole(values: np.ndarray, apart: float) -> bool:
     return bool(np.all(np.abs(values - np.rint(values)) < apart))
