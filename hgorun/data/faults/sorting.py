@@ -11,6 +11,7 @@ from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data.clocks import duration_shown, shown
 from hgorun.data.faults import clock_changes, faults, filled
+from hgorun.data.faults.begun_again import begun_again, beside_time
 from hgorun.data.faults.one_stamp import one_ahead
 from hgorun.data.faults.periods import means, unwrapped
 from hgorun.data.faults.said_places import held_said, samples_said, where
@@ -165,7 +166,7 @@ class Sorting:
             return self._by_arrival(samples)
         k, told = int(back[0]), self._told.backwards
         what = f"the time stamp {shown(samples.taken[k], self._origin, samples.time_unit)} lies before one above it"
-        hint = of_several(self._near, samples, (k - 1, k), _IF_SORTED)
+        hint = begun_again(samples, k, self._origin) or of_several(self._near, samples, (k - 1, k), _IF_SORTED)
         what, hint, noted = self._twice.told(samples.taken, what, hint)
         if told == "drop":
             wrong = np.zeros(samples.values.size, dtype=bool)
@@ -197,7 +198,7 @@ class Sorting:
         what = f"the time stamp {stamp} has come before, on {above}"
         if samples.coarse:
             what += f", or is the same only as it is rounded, to multiples of {samples.coarse:.3g} here: {EXACT}"
-        hint = of_several(self._near, samples, (before, k), _IF_KNOWN)
+        hint = beside_time(self._near, samples, (before, k)) or of_several(self._near, samples, (before, k), _IF_KNOWN)
         what, hint, noted = self._twice.told(samples.taken, what, hint)
         if told is None or told == "refuse":
             raise self._refused(samples, k, what, hint)
