@@ -16,7 +16,7 @@ from hgorun.data.csv.missing import leave_out, missing_numbers, missing_texts
 from hgorun.data.table import Table, Texts, too_large
 from hgorun.data.times.date_hints import as_yaml
 from hgorun.data.times.dates import NAT, counted
-from hgorun.data.times.since import counts_from_a_date, since
+from hgorun.data.times.since import counts_from_a_date, own_unit, since
 from hgorun.errors import ConfigError, printable
 from hgorun.result.hdf5.guarded import Failed, guarded
 
@@ -178,8 +178,9 @@ class ArrayFile:
         try:
             told = since(column.unit, column.calendar)
         except ValueError as error:
-            own = f"{cells.key}: {{column: {as_yaml(cells.column)}, unit: d}}"
-            hint = f"with unit: the numbers are times of their own, as in {own}"
+            keys = own_unit(column.unit)
+            key = f": {cells.key}: {{column: {as_yaml(cells.column)}, {keys}}}" if keys else ""
+            hint = f"with unit or format the numbers are read as these say{key}"
             raise self._error(f"{error}; {hint}", None, cells.column) from None
         found, wrong = counted(array, told.unit, told.start)
         if wrong is not None:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 from hgorun.config.types import describe
 
-_FORM = re.compile(r"\s*(\S+)\s+since\s+(.*?)\s*", re.IGNORECASE)
+_FORM = re.compile(r"\s*[\[({]?(\S+)\s+since\s+(.*?)\s*[\])}]?\s*", re.IGNORECASE)
 _DATE = re.compile(
     r"(\d{1,4})-(\d{1,2})-(\d{1,2})"
     r"(?:(?:\s+|T)(\d{1,2})(?::(\d{1,2})(?::(\d{1,2})(?:\.(\d{1,9})\d*)?)?)?)?"
@@ -17,18 +18,23 @@ _DATE = re.compile(
 )
 _UNITS: dict[str, tuple[int, tuple[str, ...]]] = {
     "ns": (1, ("nanosecond", "nanosec", "nsec")),
-    "us": (10**3, ("microsecond", "microsec", "usec")),
+    "us": (10**3, ("microsecond", "microsec", "usec", "\u00b5s", "\u03bcs")),
     "ms": (10**6, ("millisecond", "millisec", "msec")),
     "s": (10**9, ("second", "sec")),
     "min": (60 * 10**9, ("minute", "min")),
     "h": (3600 * 10**9, ("hour", "hr")),
     "d": (86400 * 10**9, ("day",)),
+    "week": (7 * 86400 * 10**9, ("week",)),
 }
-_NANOSECONDS = {
-    spelt: size
-    for unit, (size, names) in _UNITS.items()
-    for spelt in (unit, *(name + end for name in names for end in ("", "s")))
-}
+
+
+def _spelt(unit: str, names: Sequence[str]) -> set[str]:
+    """How a unit may be written."""
+    return {unit, *(name + end for name in names for end in ("", "s"))}
+
+
+_NANOSECONDS = {spelt: size for unit, (size, names) in _UNITS.items() for spelt in _spelt(unit, names)}
+_OF_UNIX = ("epoch", "unix epoch", "the epoch", "1970")
 _CALENDARS = ("standard", "gregorian", "proleptic_gregorian")
 _EPOCH = datetime(1970, 1, 1)
 _REFORM = datetime(1582, 10, 15)
@@ -56,6 +62,22 @@ class Since:
 def counts_from_a_date(unit: str) -> bool:
     """Whether the unit of a column has the form ``... since ...``."""
     return _FORM.fullmatch(unit) is not None
+
+
+def own_unit(unit: str) -> str:
+    """What makes times of their own of numbers that count from a date: their unit, or the format of Unix.
+
+    Returns
+    -------
+    str
+        Keys, such as ``unit: h``; empty where the unit is not known.
+    """
+    match = _FORM.fullmatch(unit)
+    said, date = ("", "") if match is None else match.groups()
+    found = next((key for key, (_, names) in _UNITS.items() if said.lower() in _spelt(key, names)), "")
+    if found and date.lower() in _OF_UNIX:
+        return "format: unix" if found == "s" else f"format: unix, unit: {found}"
+    return found and f"unit: {found}"
 
 
 def since(unit: str, calendar: str) -> Since:
