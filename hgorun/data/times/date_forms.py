@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 
-from hgorun.data.times.zones import date_of, without_halves, without_zone
+from hgorun.data.times.pattern_texts import without_fill
+from hgorun.data.times.zones import ZONES, date_of, without_halves, without_zone
 
 _DATES = ("Ymd", "Ydm", "dmY", "mdY", "dmy", "mdy", "ymd", "dbY", "bdY", "Ybd", "dby", "Yj", "GVu")
 _TIMES = ("HMSf", "HMS", "HM")
+_FEW_PARTS = {"": "MSf", "Ymd": "H", "dmY": "H"}  # times that stand alone, or behind such dates
 _WITHOUT_YEAR = ("bd", "db")
 _WIDTHS = {
     **dict.fromkeys("YG", (4, 4)),
@@ -33,13 +35,15 @@ _AS_THEY_ARE = frozenset(("t", "w", "h", "m", "s", "uhr", "um", "at", "de", *"�
 _PART = re.compile(r"[0-9]+|[^\W\d_]+|.")
 _MANY, _FEW = 30, 12  # parts of a date at most, and those but signs where some of them may be one
 _WORDS = 3  # that may be names in another language
+_INSIDE = re.compile(rf"(.*[0-9]) ({'|'.join(ZONES.split(', '))}) ([0-9]{{4}})", re.IGNORECASE)
 _OFFSET = re.compile(r"(\s?(?:UTC|GMT)?)[+-][0-9]{2}:?[0-9]{2}$")
-_ALONE = re.compile(r"%[HI]:%M(?::%S(?:[.,:]%f)?)?\s?(?:%p|uhr)?", re.IGNORECASE)  # a time without a date
+_ALONE = re.compile(r"%[HI]:%M(?::%S(?:[.,:]%f)?)?\s?(?:%p|uhr)?|%M:%S[.,]%f", re.IGNORECASE)  # a time without a date
 _SAME_SIGNS = re.compile(
-    r"%[dmY](?P<sign>[./_ -]?)%[dmY](?P=sign)%[dmY]|%[dmy](?P<short>[./-]?)%[dmy](?P=short)%[dmy]|%Y年%m月%d|%[bBjV]"
+    r"%[dmY](?P<sign>[./_ -]?\s?)%[dmY](?P=sign)%[dmY]|%[dmy](?P<short>[./-]?)%[dmy](?P=short)%[dmy]|%Y年%m月%d|%[bBjV]"
 )
 # 31.12.2016 as a short year and an hour, and 11:15-05:00 with seconds
 _JOINED = re.compile(r"[./:-]%[bBdjmuyMS]%[^pf]|%[HI]:%M[^:%\w]+%S")
+_HOUR = re.compile(r"[ T]%H$")
 _LARGEST = {"m": 12, "d": 31, "j": 366, "H": 23, "I": 12, "M": 59, "S": 59}
 _YEARS = range(1800, 2300)
 _OF_SECONDS = (3, 6, 9)  # digits of a fraction that follow seconds without a sign
@@ -58,14 +62,23 @@ def patterns_of(text: str) -> dict[str, str]:
     dict of str to str
         By the order of year, month and day; empty of a time.
     """
-    if found := _patterns(text):
+    if found := _patterns(text) or _patterns(without_fill(text)):
         return found
     if (bare := without_zone(text)) != text:
         between = " " if text[len(bare)] == " " else ""
         return {order: f"{pattern}{between}%Z" for order, pattern in _patterns(bare).items()}
+    if match := _INSIDE.fullmatch(text):  # as date of Unix has it
+        return {order: f"{pattern} %Z %Y" for order, pattern in _without_year(match[1], match[3])}
     if match := _OFFSET.search(text):
         return {order: f"{pattern}{match[1]}%z" for order, pattern in _patterns(text[: match.start()]).items()}
     return {}
+
+
+def _without_year(text: str, year: str) -> Iterator[tuple[str, str]]:
+    """The patterns of a text behind which a year stands, without it."""
+    for order, pattern in _patterns(f"{text} {year}").items():
+        if pattern.endswith(" %Y"):
+            yield order, pattern.removesuffix(" %Y")
 
 
 def lacks_year(text: str) -> bool:
@@ -126,6 +139,8 @@ def _orders(date: str) -> Iterator[list[str]]:
     """The parts of a date with those of a time behind or before it."""
     if date:
         yield [*date]
+    if date in _FEW_PARTS:
+        yield [*date, *_FEW_PARTS[date]]
     for time in _TIMES:
         yield [*date, *time]
         if date:
@@ -183,7 +198,10 @@ def _filled(digits: str, signs: Sequence[str]) -> int:
 def _is_usual(pattern: str, date: str) -> bool:
     """Whether signs stand between the parts as people write them: a time by its colons, a date by the same one."""
     found = _SAME_SIGNS.search(pattern) if date else _ALONE.fullmatch(pattern)
-    return found is not None and _has_fraction(pattern) and not _JOINED.search(pattern)
+    hour_alone = "%H" in pattern and "%M" not in pattern
+    if found is None or (hour_alone and not _HOUR.search(pattern)):
+        return False
+    return _has_fraction(pattern) and not _JOINED.search(pattern)
 
 
 def _has_fraction(pattern: str) -> bool:

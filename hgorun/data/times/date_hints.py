@@ -30,6 +30,11 @@ _FIRST = {"d": "day", "m": "month", "y": "year"}
 _LIKE_DATES = re.compile(
     r"[0-9]{1,4}([./-])[0-9]{1,2}\1[0-9]{1,4}(?:[ T].*)?|[0-9]{1,2}:[0-9]{2}(?::[0-9]{2})?.*|[0-9]{8}T[0-9]{4,6}.*"
 )
+_FOUR = re.compile(r"(?<![0-9])[0-9]{1,3}:[0-9]{2}:[0-9]{2}:[0-9]{1,2}$")
+_FOUR_NUMBERS = (
+    "four numbers between colons may be days to seconds, or hours to seconds with the frames of a video or parts of a "
+    "second behind: write seconds into the file, or a fraction of a second with all of its digits"
+)
 _LETTERS = re.compile(r"\s?[A-Z]{2,5}")
 _PLAIN = re.compile(r"[^\W\d]\w*")
 
@@ -64,12 +69,17 @@ def form_hint(text: str, key: str, column: str, beside: Sequence[str], taken: Ca
     """
     if is_interval(text, beside):
         return f"; {TWO_TIMES}"
+    if all(_FOUR.search(one) for one in (text, *beside) if one):
+        return f"; {_FOUR_NUMBERS}"
     found = patterns_of(text)
     others = [other for other in beside if other not in ("", text)] if found else []
     if _is_mistyped(text, others, beside, taken, list(found.values())):
         return _MISTYPED
     for other in others:
         both = {order: form for order, form in found.items() if may_read(other, form)}
+        if not both and "may" in text.lower():  # which is a month in full, too
+            whole = {order: form.replace("%b", "%B") for order, form in found.items()}
+            both = {order: form for order, form in whole.items() if may_read(other, form)}
         if not both and (patterns_of(other) or (other is others[0] and times_in([other], taken))):
             one = next(iter(found.values()))
             return f"; this one is of the form {one}, and {other!r} is not: a column has one form"
@@ -86,8 +96,18 @@ def form_hint(text: str, key: str, column: str, beside: Sequence[str], taken: Ca
         )
         return f"; a date of another form needs its pattern, {first} first, {', '.join(others)}"
     for form in found.values():
+        if form == "%H:%M" and not _passes_midnight(beside):
+            keys = clock_key(key, column, form), clock_key(key, column, "%M:%S")
+            both_of = "{} where these are hours and minutes, {} where they are minutes and seconds".format(*keys)
+            return f"; a date of another form needs its pattern, {both_of}"
         return f"; a date of another form needs its pattern, such as {clock_key(key, column, form)}"
     return _hint_of_parts(text) if key else ""  # without one it is most likely no date
+
+
+def _passes_midnight(texts: Sequence[str]) -> bool:
+    """Whether texts of two numbers go on from 23 to 0, as hours do."""
+    hours = [text.partition(":")[0].strip() for text in texts if text]
+    return any(before == "23" and int(behind or 1) == 0 for before, behind in pairwise(hours) if behind.isdigit())
 
 
 def _is_mistyped(
@@ -160,7 +180,11 @@ def _hint_of_parts(text: str) -> str:
         return ""
     forms = " or ".join(patterns_of(part).values())
     rest = " and ".join(repr(one) for one in (before, behind) if one)
-    zone = "; of a zone write the offset, such as -05:00, and %z" if _LETTERS.fullmatch(behind) else ""
+    zone = (
+        "; of a zone write the offset, such as -05:00, and %z"
+        if _LETTERS.fullmatch(behind) and behind.strip() not in ("AM", "PM")
+        else ""
+    )
     as_it_is = "what is the same in all stands as it is"
     return f"; {part!r} in it is {forms}, and no pattern is known for {rest}: {as_it_is}{zone}"
 

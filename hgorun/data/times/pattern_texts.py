@@ -103,6 +103,11 @@ def read(text: str, pattern: str) -> datetime:
     raise ValueError
 
 
+def without_fill(text: str) -> str:
+    """A text without the spaces that fill numbers: ``3. 5.2024  1:00`` is 3.5.2024 1:00."""
+    return _SPACES.sub("", text)
+
+
 def lacks_digits(text: str, pattern: str) -> str:
     """What is said of a text that has too few digits for parts side by side, or behind a point; empty of others."""
     form = form_of(pattern)
@@ -133,7 +138,7 @@ def _plain(text: str, pattern: str) -> datetime:
 
 def _others(text: str, pattern: str) -> Iterator[tuple[str, str, timedelta]]:
     """A text, and what it may mean where it is none of a pattern: what strptime reads, and what is to be added."""
-    text = _SPACES.sub("", text)
+    text = without_fill(text)
     yield text, pattern, timedelta()
     yield from _hours(text, pattern)
     without = _FRACTION.sub("", pattern)
