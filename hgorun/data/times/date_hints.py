@@ -30,7 +30,7 @@ _FIRST = {"d": "day", "m": "month", "y": "year"}
 _LIKE_DATES = re.compile(
     r"[0-9]{1,4}([./-])[0-9]{1,2}\1[0-9]{1,4}(?:[ T].*)?|[0-9]{1,2}:[0-9]{2}(?::[0-9]{2})?.*|[0-9]{8}T[0-9]{4,6}.*"
 )
-_FOUR = re.compile(r"(?<![0-9])[0-9]{1,3}:[0-9]{2}:[0-9]{2}:[0-9]{1,2}$")
+_FOUR = re.compile(r"(?<![0-9:])[0-9]{1,3}:[0-9]{2}:[0-9]{2}:[0-9]{1,2}$")
 _FOUR_NUMBERS = (
     "four numbers between colons may be days to seconds, or hours to seconds with the frames of a video or parts of a "
     "second behind: write seconds into the file, or a fraction of a second with all of its digits"
