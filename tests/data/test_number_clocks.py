@@ -76,6 +76,8 @@ def test_two_that_follow_each_other_show_it(tmp_path: Path) -> None:
         K % 60 + 100.0,
         0.25 * K + 11,
         0.05 * K + 12,
+        np.maximum(K - 0.5, 0),
+        np.r_[0, 0.2, 0.5, 1.5 + np.arange(6)],
         np.cumsum(np.random.default_rng(0).integers(1, 20, 40)),
         1000 * K + 2_000_100,
         60 * K + 7200,

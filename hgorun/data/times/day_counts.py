@@ -223,7 +223,7 @@ def dates_in_digits(values: np.ndarray, now: int) -> str | None:
     except ValueError:
         return None
     if (short or pattern in _OF_FEW) and not (
-        _stamp(dates[0]) >= _SINCE
+        _stamp(dates[0]) >= _SINCE + (366 * DAY if pattern == "%Y%j" else 0)  # two million of something are usual
         and _stamp(dates[-1]) <= now + 2 * DAY
         and np.all(np.diff(some) > 0)
         and (some[0] * UNITS["s"] > now or pattern in _OF_FEW)

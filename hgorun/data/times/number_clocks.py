@@ -10,7 +10,8 @@ from hgorun.data.times.time_steps import unevenness
 
 _LOOKED_AT = 1000
 _FEWEST = 8  # numbers of which none is 60 to 99 by more than chance
-_CLEARLY = 2.0  # times as evenly
+_CLEARLY = 4.0  # times as evenly
+_WITHIN = 4  # steps from one hour to the next, at the most, for each one within an hour
 _EXACT = 1e-6  # of a hundredth
 _MOST = 60  # minutes, or hours of fewer
 _POINTED = {"hours and minutes": "%H.%M", "minutes and seconds": "%M.%S"}
@@ -55,14 +56,14 @@ def clock_in_digits(values: np.ndarray) -> ClockInDigits | None:
         return _found(hundredths, some, _POINTED)
     if not fine and some[-1] < 100 * _MOST:
         return _found(whole, some, _SHORT)
-    return _found(whole, some, {"hours, minutes and seconds": "%H%M%S.%f" if fine else "%H%M%S"})
+    return _found(some, some, {"hours, minutes and seconds": "%H%M%S.%f" if fine else "%H%M%S"})
 
 
 def _found(digits: np.ndarray, some: np.ndarray, patterns: dict[str, str]) -> ClockInDigits | None:
     """What numbers with two digits of a last part are; None where these are not parts of 60, or nothing is carried."""
     last, above = digits % 100, digits // 100
     carries = np.flatnonzero(np.diff(above) > 0)
-    if np.any(last >= 60) or not carries.size:
+    if np.any(last >= 60) or not carries.size or _WITHIN * (some.size - 1 - carries.size) < carries.size:
         return None
     if len(patterns) == 1:
         if np.any(above % 100 >= 60):
