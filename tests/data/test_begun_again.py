@@ -11,10 +11,9 @@ from logs import recorded
 from hgorun.errors import ConfigError
 
 K = np.arange(40)
-SORT = "faults: {backwards: sort} or {backwards: drop} if this is known"
 
 
-def message_of(folder: Path, content: str, clock: object = "t", separator: str | None = None) -> str:
+def message_of(folder: Path, content: str, clock: object = "t") -> str:
     with pytest.raises(ConfigError) as found:
         recorded(folder, content, {"time": clock})
     return found.value.message
@@ -49,7 +48,9 @@ def test_a_unit_of_the_column_is_that_of_the_counter(tmp_path: Path) -> None:
 def test_points_between_thousands_are_named(tmp_path: Path) -> None:
     stamps = [f"{60 * k:,}".replace(",", ".") for k in K.tolist()]
     message = message_of(tmp_path, log(stamps, "\t"))
-    assert message.endswith('if the point in 1.020 stands between thousands: csv: {thousands: "."}')
+    assert message.endswith(
+        'if the point in 1.020 stands between thousands: csv: {thousands: "."}; csv goes below data'
+    )
 
 
 def test_times_of_day_as_numbers_are_named_at_midnight(tmp_path: Path) -> None:
@@ -82,4 +83,6 @@ def test_times_in_two_columns_are_named(tmp_path: Path, content: str, clock: str
 
 def test_other_columns_are_none_of_time(tmp_path: Path) -> None:
     content = "t;ms;glucose\n2024-05-31 22:45:10;a;1\n2024-05-31 22:45:10;b;2\n"
-    assert message_of(tmp_path, content).endswith("faults: {repeated: first}, last, mean or keep if this is known")
+    assert message_of(tmp_path, content).endswith(
+        "faults: {repeated: first}, last, mean or keep if this is known; faults goes below data"
+    )

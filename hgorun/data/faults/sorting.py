@@ -89,7 +89,7 @@ class Sorting:
 
     def _refused(self, samples: Samples, k: int, message: str, hint: str) -> ConfigError:
         file, line = samples.place(k)
-        below = "; faults goes below data" if "faults: {" in hint else ""
+        below = next((f"; {key} goes below data" for key in ("faults", "csv") if f"{key}: {{" in hint), "")
         return ConfigError(f"{message}; {hint}{below}", file=file, line=line, key=samples.key)
 
     def _kept(self, samples: Samples, wrong: np.ndarray, kind: str, what: str, refuse: str | None) -> Samples:
@@ -193,8 +193,8 @@ class Sorting:
         pair = [int(again[0]) - 1, int(again[0])]
         before, k = sorted(pair, key=lambda i: (int(samples.part[i]) if samples.part.size else 0, samples.lines[i]))
         file, line = samples.place(before)
-        stamp = shown(float(samples.taken[k]), self._origin, samples.time_unit)
         above = f"line {line}" if file == samples.place(k)[0] else f"line {line} of {file}"
+        stamp = shown(float(samples.taken[k]), self._origin, samples.time_unit)
         what = f"the time stamp {stamp} has come before, on {above}"
         if samples.coarse:
             what += f", or is the same only as it is rounded, to multiples of {samples.coarse:.3g} here: {EXACT}"
@@ -205,9 +205,7 @@ class Sorting:
         self._note("repeated", samples, k, again.size, f"{samples_said(again.size)} ({told}): {noted}")
         if told == "keep":
             return samples
-        first = np.ones(samples.values.size, dtype=bool)
-        first[again] = False
-        starts = np.flatnonzero(first)
+        starts = np.delete(np.arange(samples.values.size), again)
         if told == "first":
             return samples.at(starts)
         last = np.append(starts[1:], samples.values.size) - 1
