@@ -7,7 +7,8 @@ import re
 from hgorun.data.units.factored_units import has_factor
 from hgorun.data.units.meant_units import meant_by
 from hgorun.data.units.named_units import convertible, of_another_kind_in_name, unit_in_name
-from hgorun.data.units.units import alike, are_usual, foreign, is_unit
+from hgorun.data.units.turns import is_counted
+from hgorun.data.units.units import NO_UNIT, alike, are_usual, foreign, is_unit, meant_for
 from hgorun.data.units.written_units import without_reference
 
 _BETWEEN = re.compile(r"\s*[\s/,_]\s*")
@@ -25,6 +26,9 @@ _FACTORS = 4  # of a unit without brackets, with powers: kg/m^2/s
 
 def remark_on_name(name: str, wanted: str) -> str:
     """What is told of a unit in the name of a column that may be none, or of something else; empty of others."""
+    if counted := _counted_in_name(name, wanted):
+        how = meant_for(counted, wanted)
+        return f"column {name!r}: its name says {counted}, the model has {wanted}: taken as they are.{how}"
     if other := of_another_kind_in_name(name, wanted):
         return f"column {name!r}: its name says {other}, the model has {wanted}, of another kind: taken as they are"
     if other := loose_in_name(name, wanted):
@@ -32,6 +36,14 @@ def remark_on_name(name: str, wanted: str) -> str:
     if other := loose_of_another_kind(name, wanted):
         return f"column {name!r}: its name may say {other}, the model has {wanted}, of another kind: taken as they are"
     return ""
+
+
+def _counted_in_name(name: str, wanted: str) -> str:
+    """What the name of a column says is counted, beside a unit; ``[raw]`` is a remark but for angles, of encoders."""
+    said = unit_in_name(name)
+    if not is_counted(said) or wanted in NO_UNIT or not is_unit(wanted) or alike(said, wanted):
+        return ""
+    return said if said != "raw" or convertible("turn", wanted) else ""
 
 
 def loose_in_name(name: str, wanted: str) -> str:

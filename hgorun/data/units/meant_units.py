@@ -42,6 +42,13 @@ _IN_ANY_LETTERS = {
     **dict.fromkeys(("u/min", "r/min", "upm", "tr/min"), "rpm"),
 }
 _FACTORS = {"kp": "kgf", "lbm": "lb", "PS": "metric_horsepower", "mho": "S", "bbl": "oil_barrel", "cbm": "m^3"}
+_GERMAN = {
+    **{"gramm": "g", "kilogramm": "kg", "milligramm": "mg", "prozent": "percent"},
+    **dict.fromkeys(("sekunde", "sekunden"), "s"),
+    **dict.fromkeys(("minute", "minuten"), "min"),
+    **dict.fromkeys(("stunde", "stunden"), "h"),
+    **dict.fromkeys(("umdrehung", "umdrehungen"), "turn"),
+}
 _BETWEEN = re.compile(r"([\s*·/()]+)")
 _PLAIN = str.maketrans({"²": "2", "³": "3", "^": "", ".": "", " ": "", "_": ""})
 _OF_PERCENT = r"(?:r\.?\s?[hf]\.?|rel\.?|vol\.?|v/v|wt\.?|w/w|m/m|ma(?:ss)?\.?|mole?|gew\.?|sat\.?|open)"
@@ -71,6 +78,9 @@ def meant_by(text: str) -> str | None:
     factors = _BETWEEN.split(text)
     if len(factors) > 1 and _FACTORS.keys() & {*factors}:
         return "".join(_FACTORS.get(one, one) for one in factors)  # kp m
+    german = "".join(_GERMAN.get(one.lower(), one) for one in factors)
+    if german != text:
+        return german
     return text.replace(".", " ") if _PRODUCT.fullmatch(text) else None
 
 

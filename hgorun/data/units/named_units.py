@@ -12,6 +12,7 @@ import yaml
 from hgorun.data.recording import Note
 from hgorun.data.units.factored_units import has_factor, is_factor, parted, without_number
 from hgorun.data.units.meant_units import meant_by
+from hgorun.data.units.turns import is_counted
 from hgorun.data.units.units import (
     NO_UNIT,
     alike,
@@ -215,7 +216,7 @@ class AnotherUnit:
             none = f"{found} is not among the units that are converted; {as_they_are}.{meant_for(found, wanted)}"
             raise ValueError(f"{says} in {self.file}, {self.who} {wanted}: {none}")
         if not is_unit(found):
-            return f"{says}, which is not a known unit, {self.who} {wanted}: taken as they are"
+            return f"{says}, which is not a known unit, {self.who} {wanted}: taken as they are{self._counted}"
         meant = convertible(found, wanted)
         if not is_unit(wanted):
             converts = "which cannot be converted to a unit that is not known"
@@ -223,7 +224,13 @@ class AnotherUnit:
             converts = "which is of another kind"
         else:
             converts = f"{self._key(meant)} converts"
-        raise ValueError(f"{says} in {self.file}, {self.who} {wanted}: {converts}, {as_they_are}")
+        raise ValueError(f"{says} in {self.file}, {self.who} {wanted}: {converts}, {as_they_are}{self._counted}")
+
+    @property
+    def _counted(self) -> str:
+        """How counts are converted; empty of others."""
+        how = meant_for(self.found, self.wanted) if is_counted(self.found) else ""
+        return how and f".{how}"
 
     def _key(self, unit: str) -> str:
         """What is written for numbers in a unit."""

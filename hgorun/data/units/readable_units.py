@@ -1,4 +1,4 @@
-"""Whether the library of units may read a text, told from the words in its lists: to import it takes a second.
+"""The library of units, and whether it may read a text, told from the words in its lists: to import it takes a second.
 
 What stands in brackets behind the name of a column is often no unit at all: a tag, a place, a remark.
 """
@@ -9,6 +9,10 @@ import re
 from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    import pint
 
 _WORD = re.compile(r"[^\W\d]\w*")
 _LISTS = ("default_en.txt", "constants_en.txt")
@@ -32,6 +36,17 @@ DEFINED = (
 
 Beside another factor it takes a level for a difference of levels, as a temperature, but has no such unit.
 """
+
+
+@cache
+def registry() -> pint.UnitRegistry[float]:
+    """The library with all units."""
+    import pint
+
+    found: pint.UnitRegistry[float] = pint.UnitRegistry(autoconvert_offset_to_baseunit=True, on_redefinition="ignore")
+    for definition in DEFINED:
+        found.define(definition)
+    return found
 
 
 def may_be_read(text: str) -> bool:

@@ -6,7 +6,6 @@ import re
 from collections.abc import Iterator
 from contextlib import suppress
 from fractions import Fraction
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,8 +14,9 @@ from hgorun.config.expressions import nearest
 from hgorun.config.time_units import SECONDS, SHORT, meant_unit, without_length
 from hgorun.data.units.factored_units import asked, has_number, joined, parted
 from hgorun.data.units.meant_units import german_degrees, meant_by
-from hgorun.data.units.readable_units import DEFINED, may_be_read
-from hgorun.data.units.turns import counted_by, exponents, turns_alone
+from hgorun.data.units.readable_units import may_be_read
+from hgorun.data.units.readable_units import registry as _registry
+from hgorun.data.units.turns import counted_by, counts_of, exponents, is_counted, part_of_turn, turns_alone
 from hgorun.data.units.usual_units import in_other_letters, is_usual, unusual
 from hgorun.data.units.written_units import (
     in_usual_notation,
@@ -99,7 +99,8 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     found = _parsed(registry, unit, path, target)
     if turns_alone(found, target):
         message = f"{unit} cannot be converted to the model's {wanted}: one counts turns or angles, and the other does"
-        hint = f". {said}" if (said := counted_by(found)) else _meant(unit, target, ".") if meant_by(unit) else ""
+        asks = meant_by(unit) or is_counted(unit)
+        hint = f". {said}" if (said := counted_by(found)) else _meant(unit, target, ".") if asks else ""
         raise Problem(path, f"{message} not say what it counts; {wanted} takes the numbers as they are{hint}")
     another = f"{unit} cannot be converted to the model's {wanted}: it is of another kind."
     if exponents(found, _BITS) != exponents(target, _BITS):  # a byte is no bel, and to pint 8
@@ -135,7 +136,10 @@ def not_known(unit: str) -> str:
     try:
         _parsed(_registry(), unit, ())
     except Problem:
-        return f"{unit!r} is not a known unit.{_nearest(unit, _COMMON.split())}"
+        meant = _meant_alone(unit)
+        is_one = meant != unit and is_unit(meant)
+        hint = f" Did you mean `{meant}`?" if is_one else _nearest(unit, _COMMON.split())
+        return f"{unit!r} is not a known unit.{hint}"
     return ""
 
 
@@ -191,6 +195,8 @@ def _meant_alone(unit: str, wanted: str = "") -> str:
 
     What it is beside may say so of degrees.
     """
+    if turned := part_of_turn(unit):
+        return turned
     factor, plain = parted(unit)
     german = german_degrees(plain, wanted) if wanted else ""
     without = without_reference(plain)
@@ -220,18 +226,6 @@ def meant_for(unit: str, wanted: str) -> str:
     return ""
 
 
-@cache
-def _registry() -> pint.UnitRegistry[float]:
-    import pint
-
-    registry: pint.UnitRegistry[float] = pint.UnitRegistry(
-        autoconvert_offset_to_baseunit=True, on_redefinition="ignore"
-    )
-    for definition in DEFINED:
-        registry.define(definition)
-    return registry
-
-
 def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted: pint.Unit | None = None) -> pint.Unit:
     """A unit; of one that is not known it is said what may be meant, if the kind that is wanted is known."""
     if text in NO_UNIT:
@@ -255,6 +249,8 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     if wanted is None:
         return ""
     factor, plain = parted(text)
+    if is_counted(plain):
+        return f"{before} {counts_of(wanted)}"
     meant = german_degrees(plain, str(wanted)) or temperature_in(plain)
     if meant:
         return f"{before} Did you mean `{joined(factor, meant)}`?"
@@ -268,6 +264,8 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     for those in ([meant] if meant != text else [], letters, map(_meant_alone, asked(text))):
         if fitting := [one for one in those if _fits(one, wanted)]:
             return f"{before} Did you mean {' or '.join(f'`{one}`' for one in fitting)}?"
+    if is_unit(text) and "[substance]" in _parsed(_registry(), text, ()).dimensionality:
+        return ""  # mmol/L may look like mg/L, and is none
     close = _nearest(text, [unit for unit in _COMMON.split() if unit != text and _fits(unit, wanted)])
     return before + close if close else ""
 
