@@ -14,6 +14,7 @@ from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Flags
 from hgorun.data.faults import sentinels
 from hgorun.data.faults.sorting import Sorting
+from hgorun.data.faults.wraps import wrapped
 from hgorun.data.in_turn import in_turn
 from hgorun.data.input_ends import inputs_beyond
 from hgorun.data.model_units import ModelUnits
@@ -203,6 +204,8 @@ class _Making:
         sorting = Sorting(told, measured, self.clock.origin, period, near)
         plausible = block.plausible if isinstance(block, Judged) else None
         sorted_out = sorting.sorted_out(samples, plausible)
+        if isinstance(block, Measured) and period is None:
+            found += wrapped(samples, signal.name, self.units.of.get(signal.name, ""))
         return sorted_out, [*found, *sorting.notes, *self._of_several(signal, samples)]
 
     def _of_several(self, signal: Wanted, samples: Samples) -> Iterator[Note]:

@@ -135,7 +135,8 @@ class Note:
     ----------
     kind : str
         ``missing``, ``unknown``, ``implausible``, ``quality``, ``repeated``, ``backwards``, ``gaps``, ``filled``,
-        ``stuck``, ``slips``, ``units``, ``clock``, ``format``, ``used``, ``sentinel``, ``tags``.
+        ``stuck``, ``slips``, ``units``, ``clock``, ``format``, ``used``, ``sentinel``, ``tags``,
+        ``wraps``.
     signal : str
         The signal it is about, or several, with commas; empty where it is about a file.
     file : str
