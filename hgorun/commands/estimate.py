@@ -129,6 +129,8 @@ def estimate(options: Estimate) -> int:
         from hgorun.tables.metrics import text as table
 
         print(table([result]))
+        if result.recorded is not None and result.recorded.time_origin:
+            print(f"time 0 is {result.recorded.time_origin}")
         print(written(told, before))
     return NOT_OK if options.strict and (result.status != "ok" or any(shut_out(result))) else 0
 

@@ -186,6 +186,14 @@ class Origin:
     epoch: np.datetime64 | None = None
     zone: str = ""
 
+    @property
+    def text(self) -> str:
+        """The date and time of day at time 0, as ISO 8601 writes it; empty where no file has any."""
+        if self.epoch is None:
+            return ""
+        unit = next(one for one in ("s", "ms", "us", "ns") if self.epoch == self.epoch.astype(f"datetime64[{one}]"))
+        return str(self.epoch.astype(f"datetime64[{unit}]")) + ("Z" if self.zone else "")
+
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Recording:

@@ -288,4 +288,5 @@ def _recorded(
             np.column_stack([found.predicted[i].of(j) for j in own]),
             np.column_stack(nis),
         )
-    return Recorded(outputs, unseen(held_out, *span), unseen(recording.reference, *span))
+    reference = unseen(recording.reference, *span)
+    return Recorded(outputs, unseen(held_out, *span), reference, recording.origin.text)

@@ -56,7 +56,9 @@ def time_axis(ax: Axes, results: Sequence[ResultData], span: tuple[float, float]
     """The horizontal axis of a panel that shows these results."""
     if span is not None and span[1] > span[0]:
         ax.set_xlim(span)
-    ax.set_xlabel("time" + unit(next((r.units["time"] for r in results if r.units.get("time")), "")))
+    since = {"" if r.recorded is None else r.recorded.time_origin for r in results}
+    origin = f" since {since.pop().replace('T', ' ').replace('Z', ' UTC')}" if len(since) == 1 and all(since) else ""
+    ax.set_xlabel("time" + unit(next((r.units["time"] for r in results if r.units.get("time")), "")) + origin)
 
 
 def finished(

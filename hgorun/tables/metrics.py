@@ -48,8 +48,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
         ``unresolved``, where errors are less certain than the bound that they settle below: ``{metric: [state]}``.
         Numbers that are not finite are text, a time or reason that is not known is null. A closed loop has
         ``closed_loop``: ``{label: {"effort": {input: number}, "peak_input": {input: number}, "cost": number}}``, with
-        the label ``plant`` for state feedback. An estimate of recorded data has ``kind``, and its observers have
-        ``scores``: ``{score: {output, state or gain: number}}``.
+        the label ``plant`` for state feedback. An estimate of recorded data has ``kind``, ``time_origin`` where the
+        log has dates, and its observers have ``scores``: ``{score: {output, state or gain: number}}``.
     """
     observers: dict[str, dict[str, Any]] = {
         label: _said(result.observers[label].verdict) | metrics for label, metrics in result.metrics().items()
@@ -71,6 +71,8 @@ def as_json(result: Result, file: str | None = None, predicted: Predicted | None
     }
     if result.kind != "simulation":
         found["kind"] = result.kind
+    if result.recorded is not None and result.recorded.time_origin:
+        found["time_origin"] = result.recorded.time_origin
     if result.integration_error is not None:
         found["integration_error"] = result.integration_error
     if result.closed_loop:

@@ -11,7 +11,10 @@ import pytest
 from pendulum_log import CONFIG, write
 from shell import Shell
 
+from hgorun.data.recording import Origin
+from hgorun.figures.drawing import comparison
 from hgorun.result.reading import read
+from hgorun.tables.metrics import as_json
 
 
 @pytest.fixture(name="shell")
@@ -190,7 +193,7 @@ def test_dates_of_a_file_that_is_held_out_count_from_the_start_of_the_log(shell:
     (shell.folder / "lab.csv").write_text("t,angle\n2026-03-01T06:30:00,0.48\n2026-03-01T06:45:00,0.68\n")
     of_laboratory = "data.reference={a: {file: lab.csv, column: angle}}"
     words = ("--set", "time.unit=h", "--no-plots", "--no-sensitivity", "--holdout", "a=lab.csv")
-    code, _, err = shell("estimate", "pendulum.yaml", *words, "--set", of_laboratory)
+    code, out, err = shell("estimate", "pendulum.yaml", *words, "--set", of_laboratory)
     assert code == 0, err
     found = read(shell.folder / "results" / "pendulum.h5")
     assert found.recorded is not None
@@ -198,6 +201,25 @@ def test_dates_of_a_file_that_is_held_out_count_from_the_start_of_the_log(shell:
     scores = found.observers["o"].assessed
     assert scores is not None
     assert scores.scores["holdout_rmse"] == scores.scores["reference_rmse"]
+    origin = found.recorded.time_origin
+    assert origin == "2026-03-01T06:00:00"
+    assert f"time 0 is {origin}\n" in out
+    assert as_json(found)["time_origin"] == origin
+    assert [ax.get_xlabel() for ax in comparison(found).axes][-1] == f"time [h] since {origin.replace('T', ' ')}"
+
+
+@pytest.mark.parametrize(
+    ("epoch", "zone", "text"),
+    [
+        (None, "", ""),
+        ("2026-03-01", "", "2026-03-01T00:00:00"),
+        ("2026-03-01T06:00:00.250", "UTC", "2026-03-01T06:00:00.250Z"),
+        ("1969-12-31T23:59:59.000000001", "", "1969-12-31T23:59:59.000000001"),
+    ],
+)
+def test_the_date_of_time_0_has_all_its_digits(epoch: str | None, zone: str, text: str) -> None:
+    date = None if epoch is None else np.datetime64(epoch, "ns")
+    assert Origin(unit="s", epoch=date, zone=zone).text == text
 
 
 @pytest.mark.parametrize(

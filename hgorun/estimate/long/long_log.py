@@ -266,7 +266,8 @@ class LongLog:
             one.output: found.samples(one.output, prepared.samples[self._clock(i)].output)
             for i, one in enumerate(prepared.samples)
         }
-        recorded = Recorded(outputs, unseen(self._held_out, *span), unseen(self._recording.reference, *span))
+        reference = unseen(self._recording.reference, *span)
+        recorded = Recorded(outputs, unseen(self._held_out, *span), reference, self._recording.origin.text)
         result = result_of(prepared, self._recording, evaluated, assessed, recorded, self._set_aside)
         result = replace(result, time=shown("time"), u=shown("plant/u") if result.inputs else result.u)
         if self._sensitivity:

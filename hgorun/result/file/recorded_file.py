@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from hgorun.errors import printable
 from hgorun.result.hdf5.stored import StoredFile
 from hgorun.result.hdf5.writer import Writer, labels_of, units_in
 from hgorun.result.records.data import ResultData
@@ -101,7 +102,8 @@ class RecordedFile:
     def recorded(self) -> Recorded:
         """Samples, and what was set aside."""
         outputs = {name: self._output(f"measurement/{name}") for name in self._outputs}
-        return Recorded(outputs, self._unseen("held_out"), self._unseen("reference"))
+        origin = self._file.text("time_origin") if "time_origin" in self._file.file.attrs else ""
+        return Recorded(outputs, self._unseen("held_out"), self._unseen("reference"), printable(origin))
 
     def _output(self, base: str) -> RecordedOutput:
         read, m = self._file.numbers, self._observers

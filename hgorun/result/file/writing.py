@@ -245,6 +245,8 @@ def _root_attributes(result: ResultData) -> dict[str, Any]:
         found["integration"] = json.dumps(result.integration.told())
     if result.kind != "simulation":
         found["kind"] = result.kind
+    if result.recorded is not None and result.recorded.time_origin:
+        found["time_origin"] = result.recorded.time_origin
     if result.remarks:
         found["remarks"] = json.dumps(list(result.remarks))
     return found

@@ -60,11 +60,14 @@ class Recorded:
         By output, samples that were set aside.
     reference : mapping of str to Unseen
         By state or output, what was measured for comparison alone.
+    time_origin : str
+        The date and time of day at time 0 (ISO 8601, with Z in UTC), where the log has dates; else empty.
     """
 
     outputs: Mapping[str, RecordedOutput]
     held_out: Mapping[str, Unseen] = field(default_factory=dict)
     reference: Mapping[str, Unseen] = field(default_factory=dict)
+    time_origin: str = ""
 
     def __post_init__(self) -> None:
         name_keys(
