@@ -121,10 +121,12 @@ def _column(value: Any) -> Any:
 
 def _clock(value: Any) -> Any:
     """The same of time stamps, which stand in one column."""
-    if isinstance(value, (list, tuple)) and len(value) > 1:
+    columns = value.get("column") if isinstance(value, dict) else value
+    if isinstance(columns, (list, tuple)) and len(columns) > 1:
         raise ValueError(
-            f"expected the name of one column, found a list of {len(value)}; a date and a time of day in two columns "
-            "are not joined: write a column into the file that has both, such as 2024-05-31 13:45:10"
+            f"expected the name of one column, found a list of {len(columns)}; a date and a time of day in two columns "
+            "are not joined: write a column into the file that has both, such as 2024-05-31 13:45:10, or take that of "
+            f"the times where no gap lasts a day: {{column: {columns[-1]}, format: '%H:%M:%S', next_day: true}}"
         )
     return _column(value)
 

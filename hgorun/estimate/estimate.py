@@ -18,7 +18,7 @@ from hgorun.estimate.scores.compared import unseen
 from hgorun.estimate.scores.evaluated import Evaluated, evaluate_run
 from hgorun.estimate.scores.far_off import far_off
 from hgorun.estimate.scores.first_gain import too_large_at_first
-from hgorun.estimate.scores.shut_out import shut_out, told_row, too_small
+from hgorun.estimate.scores.shut_out import of_start, shut_out, told_row, too_small
 from hgorun.estimate.scores.why_left import why_left
 from hgorun.estimate.start.first_values import known_far_behind, known_later, known_too_late
 from hgorun.estimate.start.left_at_start import told_of_first
@@ -225,10 +225,12 @@ def _shut_out(prepared: PreparedEstimate, recording: Recording, result: Result) 
     inputs = f", whether data.inputs should name columns of {', '.join(without)}" if without else ""
     for one in shut_out(result):
         row = "" if one.row is None else told_row(one.row.count, f" (t = {one.row.first:g} to {one.row.last:g})")
-        small = too_small(prepared.experiment.observers[one.label], gates[one.output])
+        observer, given = prepared.experiment.observers[one.label], not prepared.experiment.begun.get(one.label)
+        start = of_start(one.label, observer, given=given) if one.early else ""
         yield (
             f"{one.label}: the gate of {one.output} left out {one.left_out} of {one.count} samples{row}, too many for "
-            f"outliers: look at the unit of the column, the model{inputs}, and {small}"
+            f"outliers: look at {start}the unit of the column, the model{inputs}, and "
+            f"{too_small(observer, gates[one.output])}"
         )
 
 

@@ -12,9 +12,10 @@ from recordings import PENDULUM, START, assessed_of, recorded_of, recording, sig
 
 from hgorun.estimate.estimate import estimate
 from hgorun.estimate.scores.row_left_out import _longest
-from hgorun.estimate.scores.shut_out import shut_out, too_small
+from hgorun.estimate.scores.shut_out import of_start, shut_out, too_small
 from hgorun.estimate.stream import notes
 from hgorun.estimate.stream.estimator import Estimator
+from hgorun.observers.base import AnyObserver
 from hgorun.result.reading import read
 from hgorun.result.result import Result
 
@@ -60,6 +61,21 @@ def test_as_many_as_outliers_never_are_is_told(away: int, told: bool) -> None:
         assert said[0].endswith("the model, and whether std, Q or the gate of 5 is too small")
 
 
+def test_of_a_row_near_the_start_the_start_may_be_the_cause() -> None:
+    """The speed starts 100 too low, and the filter takes that for exact; a row far behind says nothing of the start."""
+    near = of_log(0, E={**EKF, "initial": {"a": 0.0, "b": -100.0}, "internal": {"P": 1e-6}}).remarks
+    said = [words for words in near if "too many for outliers" in words]
+    assert len(said) == 1
+    keys = "observers.E.initial, internal: {P: ...}, how far off it may be"
+    assert f"look at the start, near which most of them lie ({keys}), the unit of the column, the model" in said[0]
+    assert of_start("S", observer_of(SHGO), given=False).endswith("(observers.S.initial, data.first_samples), ")
+
+
+def observer_of(block: Block) -> AnyObserver:
+    (one,) = experiment(PENDULUM, {"O": block}, end=1.0).observers.values()
+    return one
+
+
 def test_a_stream_counts_alike_also_from_checkpoints() -> None:
     """With an observer that is shut out for good, and one whose median lets it follow."""
     blocks, away = {"E": EKF, "S": SHGO}, COUNT - STEPPED
@@ -86,8 +102,7 @@ def test_a_stream_counts_alike_also_from_checkpoints() -> None:
     ],
 )
 def test_what_may_be_too_small_is_what_the_observer_has(observer: Block, numbers: str) -> None:
-    (one,) = experiment(PENDULUM, {"O": observer}, end=1.0).observers.values()
-    assert too_small(one, GATE) == f"whether {numbers} is too small"
+    assert too_small(observer_of(observer), GATE) == f"whether {numbers} is too small"
 
 
 def test_a_file_of_a_result_has_none(tmp_path: Path) -> None:

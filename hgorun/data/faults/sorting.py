@@ -11,6 +11,7 @@ from hgorun import pieces
 from hgorun.config.data import Faults
 from hgorun.data.clocks import duration_shown, shown
 from hgorun.data.faults import clock_changes, faults, filled
+from hgorun.data.faults.another_log import Reasons
 from hgorun.data.faults.begun_again import begun_again, beside_time
 from hgorun.data.faults.one_stamp import one_ahead
 from hgorun.data.faults.periods import means, unwrapped
@@ -55,7 +56,7 @@ class Sorting:
     ) -> None:
         self._told, self._measured, self._origin, self._period, self._near = told, measured, origin, period, near
         self.notes: list[Note] = []
-        self._twice = clock_changes.HourTwice(origin)
+        self._reasons = Reasons(origin)
 
     def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
         """Finite values in the order of their times.
@@ -167,7 +168,7 @@ class Sorting:
         k, told = int(back[0]), self._told.backwards
         what = f"the time stamp {shown(samples.taken[k], self._origin, samples.time_unit)} lies before one above it"
         hint = begun_again(samples, k, self._origin) or of_several(self._near, samples, (k - 1, k), _IF_SORTED)
-        what, hint, noted = self._twice.told(samples.taken, what, hint)
+        what, hint, noted = self._reasons.told(samples, what, hint)
         if told == "drop":
             wrong = np.zeros(samples.values.size, dtype=bool)
             wrong[back] = True
@@ -199,7 +200,7 @@ class Sorting:
         if samples.coarse:
             what += f", or is the same only as it is rounded, to multiples of {samples.coarse:.3g} here: {EXACT}"
         hint = beside_time(self._near, samples, (before, k)) or of_several(self._near, samples, (before, k), _IF_KNOWN)
-        what, hint, noted = self._twice.told(samples.taken, what, hint)
+        what, hint, noted = self._reasons.told(samples, what, hint)
         if told is None or told == "refuse":
             raise self._refused(samples, k, what, hint)
         self._note("repeated", samples, k, again.size, f"{samples_said(again.size)} ({told}): {noted}")
@@ -226,8 +227,7 @@ class Sorting:
         if self._told.gaps == "refuse":
             raise self._refused(samples, k, what, "faults: {gaps: report} if nothing was measured there")
         places = [faults.Stretch(int(k), int(k) + 1) for k in found]
-        held = "" if self._measured else _HELD
-        self._note("gaps", samples, k, found.size, f"{what}{where(samples, places)}", held)
+        self._note("gaps", samples, k, found.size, f"{what}{where(samples, places)}", "" if self._measured else _HELD)
 
     def _slips(self, samples: Samples) -> None:
         found = faults.slips(unwrapped(samples.values, self._period))

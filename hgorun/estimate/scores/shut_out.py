@@ -14,6 +14,7 @@ from hgorun.result.result import Result
 
 _OUTLIERS = 0.2  # of the samples: more are none
 _IN_A_ROW = 20  # one after the other: as many are none, however long the log is
+_FIRST_PART = 0.1  # of a run
 
 
 @dataclass(frozen=True)
@@ -27,6 +28,8 @@ class ShutOut:
         How many samples were left out, and of how many.
     row : InARow or None
         Those one after the other, where these alone are too many.
+    early : bool
+        Whether most are of one row that begins in the first tenth of the run: then the start is a likely cause.
     """
 
     label: str
@@ -34,6 +37,7 @@ class ShutOut:
     left_out: int
     count: int
     row: InARow | None
+    early: bool = False
 
 
 def too_many(left_out: int, count: int, in_a_row: int = 0) -> bool:
@@ -56,6 +60,16 @@ def too_small(observer: AnyObserver, gate: float) -> str:
     return f"whether std{grows} or the gate of {gate:g} is too small"
 
 
+def of_start(label: str, observer: AnyObserver, *, given: bool) -> str:
+    """Which keys say where an observer starts, whole as its ``initial`` or not, and how far off that may be."""
+    ways = [f"observers.{label}.initial"]
+    if not given:
+        ways.append("data.first_samples")
+    if isinstance(observer, BeginsWithCovariance):
+        ways.append("internal: {P: ...}, how far off it may be")
+    return f"the start, near which most of them lie ({', '.join(ways)}), "
+
+
 def shut_out(result: Result) -> Iterator[ShutOut]:
     """Of such gates; samples that the start has found to be outliers are told as such, and not counted."""
     if result.recorded is None:
@@ -70,4 +84,10 @@ def shut_out(result: Result) -> Iterator[ShutOut]:
             many = row is not None and too_many(0, count, row.count)
             outliers = 0 if assessed is None else assessed.outliers_at_start.get(output, 0)
             if many or too_many(left_out - outliers, count):
-                yield ShutOut(label, output, left_out, count, row if many else None)
+                yield ShutOut(label, output, left_out, count, row if many else None, _early(result, row, left_out))
+
+
+def _early(result: Result, row: InARow | None, left_out: int) -> bool:
+    """Whether so many of those that are left out lie in one row that begins where a run does."""
+    first, last = result.time[0], result.time[-1]
+    return row is not None and 2 * row.count > left_out and row.first - first <= _FIRST_PART * (last - first)
