@@ -31,7 +31,7 @@ from hgorun.config.reading import read_source
 from hgorun.config.yaml_source import Source
 from hgorun.data.recording import Recording, Signal
 from hgorun.errors import ConfigError, HgorunError
-from hgorun.estimate.holdout import HoldOut, held_out, number_of, of_one_time, parse_holdout, thinned
+from hgorun.estimate.holdout import HoldOut, expected_of, held_out, number_of, of_one_time, parse_holdout, thinned
 from hgorun.estimate.log import Log, log_of
 from hgorun.figures.page import Page
 from hgorun.files import RESULT_SUFFIXES, refuse_original, remove_leftovers, write_text
@@ -164,7 +164,7 @@ def _held_out(log: Log, recording: Recording, options: Estimate) -> tuple[Record
         if every is None:
             if not os.path.isfile(what):
                 why = f"{what}: {no_file(Path(what), MEASURED)}"
-                raise ConfigError(f"--holdout {text}: expected a number of samples, or a file; {why}")
+                raise ConfigError(f"--holdout {text}: {expected_of(output, what)}; {why}")
             recording, aside[output] = log.held_out(recording, output, Path(what))
         else:
             chosen.append(every)

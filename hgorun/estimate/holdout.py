@@ -13,6 +13,8 @@ from hgorun.data.recording import Note, Recording, Signal
 from hgorun.errors import ConfigError
 from hgorun.pieces import median
 
+_HALF = 0.5  # of the samples: every second one, more than which are not held out
+
 
 @dataclass(frozen=True)
 class HoldOut:
@@ -49,6 +51,16 @@ def number_of(output: str, what: str) -> HoldOut | None:
     if every < 2:
         raise ConfigError(f"--holdout {output}={what}: expected a number of at least 2, or a file")
     return HoldOut(output, every)
+
+
+def expected_of(output: str, what: str) -> str:
+    """What may stand behind an output, and of a share of the samples which number says it."""
+    expected = "expected N, of which every N-th sample is held out, or a file"
+    try:
+        share = float(what.removesuffix("%")) / (100 if what.endswith("%") else 1)
+    except ValueError:
+        return expected
+    return f"{expected}; {what} of them is {output}={round(1 / share)}" if 0 < share <= _HALF else expected
 
 
 def held_out(recording: Recording, chosen: list[HoldOut]) -> tuple[Recording, Mapping[str, Signal]]:

@@ -20,7 +20,8 @@ class Keys(Plugin):
     )
     internal: dict[Name, object] = Field(
         default_factory=dict,
-        description="initial values of internal states; a number fills the array, or is that multiple of the identity",
+        description="initial values of internal states; a number fills the array, or is that multiple of the identity; "
+        "of a covariance n numbers are the diagonal",
     )
     saturation: dict[Name, Interval] = Field(
         default_factory=dict, description="state: [low, high], applied to the arguments of F and phi"

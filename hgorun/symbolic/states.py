@@ -9,6 +9,8 @@ from math import prod
 import casadi as ca
 import numpy as np
 
+_SHOWN = 6  # numbers of a diagonal in a message
+
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Symmetric:
@@ -95,10 +97,19 @@ class StateBlock:
             return np.asarray(values[:, i, j])
         return values.reshape(len(values), self.size)
 
+    def _others(self, count: int) -> str:
+        """In words, what a configuration may give beside one number."""
+        if not self.symmetric or count == 1:
+            return f"{count} numbers"
+        n = self.shape[0]
+        shown = f" such as [{', '.join(['0.1'] * n)}]" if n <= _SHOWN else ""
+        return f"{n} numbers for the diagonal{shown} or {n} rows of {n}, in the order of the states"
+
     def initial(self, given: object, default: np.ndarray) -> np.ndarray:
         """Numbers in the state's shape from what a configuration gives.
 
-        A number stands for that multiple of ones, for a symmetric matrix of the identity.
+        A number stands for that multiple of ones, for a symmetric matrix of the identity; of one as many as it has rows
+        are its diagonal.
 
         Raises
         ------
@@ -110,8 +121,10 @@ class StateBlock:
         except (TypeError, ValueError):
             array = np.array(np.nan)
         count = prod(self.shape)
+        if self.symmetric and array.shape == self.shape[:1] and count > 1:
+            array = np.diag(array)
         if not np.all(np.isfinite(array)) or (array.ndim > 0 and array.size != count):
-            raise ValueError(f"expected a number or {count} numbers, found {given!r}")
+            raise ValueError(f"expected a number or {self._others(count)}, found {given!r}")
         if array.ndim > 0:
             matrix = array.reshape(self.shape)
             if self.symmetric and not np.array_equal(matrix, matrix.T):

@@ -21,6 +21,9 @@ from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.study.loading import load
 from hgorun.tuning.task import Task, tasks
 
+_APART = 100  # times as much, and so much less than what a file has: a first range of an example
+_GAINS = 2  # in an example
+
 
 @dataclass(frozen=True, eq=False)
 class Asked:
@@ -63,7 +66,7 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
     refuse_file_of_another_command(source.data, path, "tune")
     data = mapping(source, "base and tune")
     if "tune" not in data:
-        example = f"tune: {{gains: {{observers.*.theta: {{log: [0.5, 20]}}}}, {_goal(data)}}}"
+        example = f"tune: {{gains: {{{gains_of(data)}}}, {_goal(data)}}}"
         message = f"the key tune is missing: it says which gains to tune, and for which goal; such as {example}"
         raise ConfigError(message, file=str(path))
     config = path
@@ -85,6 +88,23 @@ def load_tuning(path: Path, overrides: Sequence[str] = (), *, seed: int | None =
 def is_of_tune(assignment: str) -> bool:
     """Whether an assignment of ``--set`` says how to tune, and nothing of what is tuned."""
     return assignment.startswith(("tune.", "tune="))
+
+
+def gains_of(data: Mapping[str, Any]) -> str:
+    """An example of gains that observers have: theta, but where Q or q is given in its place these."""
+    observers = data.get("observers")
+    blocks = {k: v for k, v in observers.items() if isinstance(v, dict)} if isinstance(observers, dict) else {}
+    filters = [label for label, block in blocks.items() if {"Q", "q"} & block.keys()]
+    others = [label for label in blocks if label not in filters]
+    if not filters or others:
+        return f"observers.{others[0] if filters else '*'}.theta: {{log: [0.5, 20]}}"
+    path = f"observers.{filters[0]}"
+    block = blocks[filters[0]]
+    noise = block.get("Q", block.get("q"))
+    entries = {f"Q.{state}": value for state, value in noise.items()} if isinstance(noise, dict) else {"q": noise}
+    numbers = {key: value for key, value in entries.items() if type(value) in (int, float) and value > 0}
+    ranges = [f"{path}.{key}: {{log: [{value / _APART:g}, {value * _APART:g}]}}" for key, value in numbers.items()]
+    return ", ".join(ranges[:_GAINS]) or f"{path}.Q.0.0: {{log: [1e-6, 1]}}"
 
 
 def _goal(data: Mapping[str, Any]) -> str:

@@ -96,8 +96,10 @@ def test_one_of_several_runs(shell: Shell) -> None:
         ),
         (
             ("--holdout", "a=2.5"),
-            "--holdout a=2.5: expected a number of samples, or a file; 2.5: there is no such file",
+            "--holdout a=2.5: expected N, of which every N-th sample is held out, or a file; 2.5: there is no such",
         ),
+        (("--holdout", "a=0.2"), "or a file; 0.2 of them is a=5; 0.2: there is no such file"),
+        (("--holdout", "a=25%"), "or a file; 25% of them is a=4; 25%: there is no such file"),
         (("--holdout", "a=5", "--holdout", "a=3"), "--holdout a=3: samples of a are held out already"),
         (("--set", "time.start=100"), "time.start: there are no data then: they are from 0 to 9.9"),
         (("--set", "time.end=-1"), "time.end: there are no data then: they are from 0 to 9.9"),

@@ -167,6 +167,15 @@ def test_recorded_data_given_to_a_command_of_simulations(shell: Shell, command: 
     ), err
 
 
+def test_of_a_file_that_extends_recorded_data_the_file_itself_is_advised(shell: Shell) -> None:
+    recorded = CONFIG.replace("end: 1, output_step: 0.1", "unit: s") + "data: {file: log.csv, outputs: {x1: y}}\n"
+    (shell.folder / "c.yaml").write_text(recorded)
+    (shell.folder / "week.yaml").write_text("extends: c.yaml\ntitle: a week\n")
+    code, _, err = shell("simulate", "week.yaml")
+    assert code == 2
+    assert "data: this configuration is of recorded data: hgorun estimate week.yaml\n" in err
+
+
 def test_a_run_without_an_accurate_fixed_step_is_exported_with_a_given_one(
     shell: Shell, monkeypatch: pytest.MonkeyPatch
 ) -> None:

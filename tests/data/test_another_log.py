@@ -28,7 +28,7 @@ def refused(folder: Path, times: np.ndarray, faults: dict[str, Any]) -> str:
 def test_a_second_log_behind_the_first_is_told_of(tmp_path: Path, faults: dict[str, Any]) -> None:
     """Also where the first advice, to sort, was followed."""
     said = refused(tmp_path, np.tile(FIRST, 2), faults)
-    assert "as if another log began, whose clock begins again" in said
+    assert "as if another log began, or another signal, whose clock begins again" in said
     assert "; cut the file before line 32, and give each part a run of its own, or let the times" in said
     assert "faults: {" not in said
 

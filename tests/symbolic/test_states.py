@@ -53,6 +53,17 @@ def test_what_does_not_fit_is_refused(given: object) -> None:
         StateBlock(0, (3,)).initial(given, np.zeros(3))
 
 
+def test_numbers_for_each_row_of_a_symmetric_matrix_are_its_diagonal() -> None:
+    block = StateBlock(0, (3, 3), symmetric=True)
+    np.testing.assert_array_equal(block.initial([1, 2, 3], np.eye(3)), [[1, 0, 0], [0, 2, 0], [0, 0, 3]])
+    right = r"expected a number or 3 numbers for the diagonal such as \[0.1, 0.1, 0.1\] or 3 rows of 3, in the order of"
+    for wrong in ([1, 2], {"a": 1}, [1, np.nan, 3]):
+        with pytest.raises(ValueError, match=right):
+            block.initial(wrong, np.eye(3))
+    with pytest.raises(ValueError, match="for the diagonal or 7 rows of 7"):
+        StateBlock(0, (7, 7), symmetric=True).initial([1], np.eye(7))
+
+
 def test_a_matrix_that_must_be_symmetric() -> None:
     with pytest.raises(ValueError, match="symmetric"):
         StateBlock(0, (2, 2), symmetric=True).initial([[1, 2], [3, 1]], np.eye(2))

@@ -19,6 +19,7 @@ from hgorun.errors import ConfigError, Problem
 from hgorun.figures.tuning import Tuned, tuning
 from hgorun.simulation.experiment.experiment import Experiment
 from hgorun.tuning.evidence import Evidence, _shown, evidence
+from hgorun.tuning.loading import gains_of
 from hgorun.tuning.search import search
 from hgorun.tuning.task import Task, tasks
 from hgorun.tuning.trials import Trials, measured
@@ -347,6 +348,22 @@ def test_without_the_key_nothing_is_tuned(shell: Shell) -> None:
     code, _, err = shell("tune", "plain.yaml")
     assert code == 2
     assert "plain.yaml: the key tune is missing" in err
+
+
+@pytest.mark.parametrize(
+    ("observers", "gains"),
+    [
+        ({"E": {"Q": {"a": 0, "b": 0.05, "c": 1, "d": 2}}}, "observers.E.Q.b: {log: [0.0005, 5]}, observers.E.Q.c: "),
+        ({"E": {"q": 2}}, "observers.E.q: {log: [0.02, 200]}"),
+        ({"E": {"Q": [[1, 0], [0, 1]]}}, "observers.E.Q.0.0: {log: [1e-6, 1]}"),
+        ({"E": {"q": 2}, "S": {"theta": 3}}, "observers.S.theta: {log: [0.5, 20]}"),
+        ({"S": {"theta": 3}, "T": None}, "observers.*.theta: {log: [0.5, 20]}"),
+        ([], "observers.*.theta: {log: [0.5, 20]}"),
+    ],
+)
+def test_gains_of_an_example_are_those_that_observers_have(observers: object, gains: str) -> None:
+    """Of a filter with Q or q theta would be refused."""
+    assert gains_of({"observers": observers}).startswith(gains)
 
 
 @pytest.mark.parametrize(("outputs", "named"), [("{S: glucose}", "S"), ("{1: a, E: b}", "E"), ("[S]", "y")])

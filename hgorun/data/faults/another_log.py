@@ -53,7 +53,7 @@ class Reasons:
             self._again = _right(samples, k)
         if not self._again:
             return what, hint, what
-        what = f"{what}, as if another log began, whose clock begins again: in the order of time the two would be mixed"
+        what += ", as if another log began, or another signal, whose clock begins again: sorting would mix the two"
         return what, self._again, f"{what}; {self._again}"
 
 

@@ -109,7 +109,8 @@ def _refuse_recorded(source: Source) -> None:
     """
     if of_a_log(source.data):
         file, line = source.where(("data",))
-        message = f"this configuration is of recorded data: hgorun estimate {file or 'FILE'}"
+        given = source.where(())[0] or file  # which may extend the one with the data
+        message = f"this configuration is of recorded data: hgorun estimate {given or 'FILE'}"
         raise ConfigError(message, file=file, line=line, key="data")
 
 
