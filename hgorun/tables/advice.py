@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from hgorun.analysis.excitation.branches import on_another_branch
-from hgorun.analysis.findings.stability import on_chain
+from hgorun.analysis.findings.stability import of_this_run, on_chain
 from hgorun.analysis.reasons import NoValue, outcome
 from hgorun.analysis.report import Analysis, Findings
 from hgorun.analysis.stability.critical import Timing, critical_together, timing_of
@@ -67,7 +67,8 @@ def _of_observer(analysis: Analysis, label: str, found: Findings, timing: Timing
     if rate is not None:
         decays = f"without nonlinearity its error decays like exp(-{number(rate)} t), t in {unit}" if rate > 0 else ""
         yield decays or "without nonlinearity its error grows: choose poles with negative real parts"
-    yield from _limits(found, timing, unit)
+    of_run = _has_limits(found) and of_this_run(analysis.context.subjects[label])
+    yield from _limits(found, timing, unit, of_run=of_run)
     yield from _errors(analysis, label, found)
     yield from _change(analysis, label, found, timing)
 
@@ -87,7 +88,7 @@ def _rate(found: Findings) -> float | None:
     return float(-np.max(poles.real)) * (float(theta) if isinstance(theta, (int, float)) else 1.0)
 
 
-def _limits(found: Findings, timing: Timing | None, unit: str) -> Iterator[str]:
+def _limits(found: Findings, timing: Timing | None, unit: str, *, of_run: bool) -> Iterator[str]:
     """How long period and delay may become, beside what they are where there is one of each."""
     why = {found.reasons.get(key) for key in _LIMITS}
     if len(why) == 1 and not _has_limits(found):
@@ -95,13 +96,13 @@ def _limits(found: Findings, timing: Timing | None, unit: str) -> Iterator[str]:
         return
     if timing is None:
         for key in _LIMITS:
-            yield f"{key.removesuffix('_critical')}: {_limit(found, key, None, unit)}"
+            yield f"{key.removesuffix('_critical')}: {_limit(found, key, None, unit, of_run=of_run)}"
         return
     but = f"{timing.regular}, " if timing.regular else ""
     period = "no sampling" if timing.period is None else f"period {_time(timing.period, unit)}"
-    yield f"{period}: {_limit(found, 'period_critical', timing.period, unit, but)}"
+    yield f"{period}: {_limit(found, 'period_critical', timing.period, unit, but, of_run=of_run)}"
     delay = f"delay {_time(timing.delay, unit)}" if timing.delay else "no delay"
-    yield f"{delay}: {_limit(found, 'delay_critical', timing.delay, unit, but)}"
+    yield f"{delay}: {_limit(found, 'delay_critical', timing.delay, unit, but, of_run=of_run)}"
 
 
 def _has_limits(found: Findings) -> bool:
@@ -112,14 +113,21 @@ def _time(value: float, unit: str) -> str:
     return f"{number(value)} {unit}".rstrip()
 
 
-def _limit(found: Findings, key: str, now: float | None, unit: str, but: str = "") -> str:
-    """The limit of a period or a delay; ``but``: what of the sampling it leaves out, with a comma."""
+def _limit(found: Findings, key: str, now: float | None, unit: str, but: str = "", *, of_run: bool) -> str:
+    """The limit of a period or a delay.
+
+    ``but``: what of the sampling it leaves out, with a comma; ``of_run``: whether another run has another one.
+    """
     limit = found.values.get(key)
     if isinstance(limit, (int, float)):
-        there = f"{but}the linear error loses stability at {_time(float(limit), unit)}"
-        if not now:
-            return there
-        return f"too long: {there}" if limit <= now else f"{there}, {number(limit / now)} times as long"
+        at = _time(float(limit), unit)
+        there = f"{but}the linear error loses stability at {at}"
+        if of_run:
+            there = f"{but}over this run, which is neither at rest nor periodic, the linear error grows from {at} on"
+        if now and limit > now:
+            there += f", {number(limit / now)} times as long"
+        said = f"too long: {there}" if now and limit <= now else there
+        return f"{said}; over a longer run that may be another" if of_run else said
     chain = found.values.get(f"{key}_chain")
     also = f"; on a chain without nonlinearity up to {_time(chain, unit)}" if isinstance(chain, float) else ""
     return f"{found.reasons.get(key, 'no limit is known')}{also}"

@@ -8,7 +8,7 @@ from functools import partial
 from hgorun.analysis.finding import Remarked, finding
 from hgorun.analysis.linear.error_system import ErrorSystem, error_system
 from hgorun.analysis.linear.nominal import nominal
-from hgorun.analysis.reasons import NoValue, first_of, require_innovation
+from hgorun.analysis.reasons import NoValue, first_of, outcome, require_innovation
 from hgorun.analysis.stability.critical import (
     Limit,
     Timing,
@@ -18,7 +18,9 @@ from hgorun.analysis.stability.critical import (
     declared_limit,
     timing_of,
 )
+from hgorun.analysis.stability.orbit import on_orbit
 from hgorun.analysis.subject import Context, Subject, once
+from hgorun.errors import printable
 from hgorun.observers.base import CorrectedObserver, SampledObserver
 from hgorun.observers.recalling import RecallingObserver
 from hgorun.result.result import Result
@@ -39,7 +41,14 @@ def _nominal_of(observer: Subject) -> Result:
 
 @once
 def _along_run(observer: Subject) -> ErrorSystem:
-    return error_system(observer.run, observer.label, _nominal_of(observer))
+    found = error_system(observer.run, observer.label, _nominal_of(observer))
+    return on_orbit(found, printable(observer.run.experiment.blocks.time.unit))
+
+
+def of_this_run(observer: Subject) -> bool:
+    """Whether limits are about the growth over a run that neither rests nor comes round: a longer one has others."""
+    system = outcome(lambda: _along_run(observer)).found
+    return system is not None and not system.constant and system.cycle is None
 
 
 @once
@@ -65,7 +74,8 @@ def _remarked(name: str, limit: Limit) -> Remarked:
 
 
 @finding(
-    "the sampling period at which the linear error loses stability, along the noise-free run if the plant changes it",
+    "the sampling period at which the linear error loses stability; if the plant changes it, along the orbit that the "
+    "noise-free run comes to, or else over the last two thirds of this run, which is no limit of other runs",
     unit="time",
     group="period",
     places=("json", "table", "compare"),
@@ -81,7 +91,8 @@ def period_critical(observer: Subject) -> Remarked:
 
 
 @finding(
-    "the delay at which the linear error loses stability, with the configured sampling",
+    "the delay at which the linear error loses stability, with the configured sampling; along an orbit or a run like "
+    "`period_critical`",
     unit="time",
     group="delay",
     places=("json", "table", "compare"),

@@ -48,6 +48,8 @@ class ErrorSystem:
         Shapes (M, N, N), (M, N, q), (M, q, N), (M, q, N), (M, q, q).
     where : str
         Which points these are.
+    cycle : float, optional
+        The time after which the systems come round again: that of the whole grid. None: they end with it.
     """
 
     times: np.ndarray
@@ -57,6 +59,11 @@ class ErrorSystem:
     K0: np.ndarray
     K: np.ndarray
     where: str
+    cycle: float | None = None
+
+    def within(self, times: np.ndarray) -> np.ndarray:
+        """Times on the grid, at which the systems are those of other times."""
+        return times if self.cycle is None else self.times[0] + (times - self.times[0]) % self.cycle
 
     @property
     def N(self) -> int:

@@ -26,7 +26,7 @@ def transitions(system: ErrorSystem, starts: np.ndarray, length: float) -> np.nd
     h = length / steps
     at = starts[:, None] + h * np.arange(steps)
     root = np.sqrt(3) / 6
-    G_1, G_2 = (interpolated(system.times, G, (at + h * (0.5 + c * root)).ravel()) for c in (-1, 1))
+    G_1, G_2 = (interpolated(system.times, G, system.within((at + h * (0.5 + c * root)).ravel())) for c in (-1, 1))
     Omega = h / 2 * (G_1 + G_2) + np.sqrt(3) / 12 * h**2 * (G_2 @ G_1 - G_1 @ G_2)
     return _tree(exponentials(Omega).reshape(starts.size, steps, *G.shape[1:]))
 

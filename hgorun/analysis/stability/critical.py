@@ -29,6 +29,7 @@ _RATIO_CONSTANT, _RATIO_VARYING = 1.04, 1.12  # of neighbouring values in a sear
 _SHORTEST, _LONGEST = 1e-2, 3e2  # of 1/rate, where the search starts and ends
 _PRECISION = 1e-4, 2e-3  # relative, of a limit, for one system and along a trajectory
 _MAX_WAITING = 100  # samples on their way at a time
+_MOST_CYCLES = 3.0  # of an orbit: the longest time that is tried
 _COARSE, _FINE = 4, 16  # samples a delay that stand for a continuous output along a trajectory
 
 
@@ -152,9 +153,8 @@ def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
     shortest = max(_SHORTEST / system.rate, delay / _MAX_WAITING)
     longest = _LONGEST / system.rate
     if not system.constant:
-        span = system.times[-1] - system.times[0]
-        shortest = max(shortest, 0.2 / system.rate, span / MAX_PERIODS)
-        longest = min(longest, span / 4)
+        shortest = max(shortest, 0.2 / system.rate, _span(system) / MAX_PERIODS)
+        longest = min(longest, _longest(system))
     if shortest > longest:
         raise NoValue(
             f"the delay of {timing.told(delay, 4)} needs periods beyond the longest that is tried, "
@@ -162,7 +162,7 @@ def critical_period(timing: Timing, system: ErrorSystem) -> Limit:
         )
     if timing.period is not None and growth(system, shortest, delay) >= 0:  # down to the one in use, if it can be tried
         shortest = max(min(shortest, timing.period), delay / _MAX_WAITING)
-        shortest = max(shortest, 0.0 if system.constant else (system.times[-1] - system.times[0]) / MAX_PERIODS)
+        shortest = max(shortest, 0.0 if system.constant else _span(system) / MAX_PERIODS)
     sought = _Sought("period", timing, shortest, longest, where)
     return _search(sought, system, lambda T: growth(system, T, delay))
 
@@ -179,9 +179,8 @@ def critical_delay(timing: Timing, system: ErrorSystem) -> Limit:
         return Limit(delay_margin(system.A0[0], system.E[0], system.H[0], system.K0[0], system.K[0]), where)
     shortest, longest = _SHORTEST / system.rate, _LONGEST / system.rate
     if not system.constant:
-        span = system.times[-1] - system.times[0]
-        shortest = max(0.2 / system.rate, _FINE * span / MAX_PERIODS if period is None else 0.0)
-        longest = min(longest, span / 4)
+        shortest = max(0.2 / system.rate, _FINE * _span(system) / MAX_PERIODS if period is None else 0.0)
+        longest = min(longest, _longest(system))
     if period is None:
         where += f"; {_FINE} samples a delay stand for the continuous output"
         # held samples d/n apart that are d - d/(2 n) old on arrival are d old in the mean
@@ -215,6 +214,16 @@ def critical_together(timing: Timing, system: ErrorSystem, *, shrinks: bool = Fa
         return growth(scaled, period, waiting * period)
 
     return _search(sought, system, rate)
+
+
+def _span(system: ErrorSystem) -> float:
+    """How long the systems are known, or two cycles of an orbit."""
+    return float(system.times[-1] - system.times[0]) if system.cycle is None else 2 * system.cycle
+
+
+def _longest(system: ErrorSystem) -> float:
+    """The longest time that is tried: a few must fit in a run; along an orbit, only steps between them become many."""
+    return _span(system) / 4 if system.cycle is None else _MOST_CYCLES * system.cycle
 
 
 def _told(*remarks: str) -> str:
