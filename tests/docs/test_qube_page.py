@@ -94,9 +94,10 @@ def test_what_is_said_of_poles_that_follow_from_theta() -> None:
         x = float(row["theta T"])
         zeta = min(1.8, max(min((1 + x / 2) / 2**0.5, 1.1), x / 2))
         assert float(row["zeta"]) == pytest.approx(zeta, abs=0.008)
-    beyond = [(row["third log of"], row["rate"]) for row in rows if float(row["angle"]) > 1.05]
-    assert beyond == [("gusty", "25 Hz")]
-    assert "The angle of `gusty` at 25 Hz is the only one beyond 1.05." in PAGE
+    said = re.findall(r"(?:of|those of) `SHGO_[TS]` (?:are )?([\d.]+) of an angle and ([\d.]+) of a velocity", PAGE)
+    columns = ("angle", "velocity", "SHGO_S: angle", "SHGO_S: velocity")
+    assert [float(one) for pair in said for one in pair] == [worst(rows, column) for column in columns]
+    assert worst(rows, "angle") <= 1.05
     assert worst(rows, "velocity") <= 1.1
 
 
@@ -217,7 +218,7 @@ def test_what_is_said_of_an_observer_with_a_torque() -> None:
     rows = table("third log, of")
     chosen = [(row, "SHGO_E" if float(row["tuned: SHGO_E"]) < float(row["tuned: SHGO"]) else "SHGO") for row in rows]
     others = {f"{row['third log, of']}" for row, label in chosen if label == "SHGO"}
-    assert others == {"dry links", "driven", "drag, not modelled", "thick, not modelled"}
+    assert others == {"dry links", "gusty", "driven", "drag, not modelled", "thick, not modelled"}
     velocities = {
         label: [float(row[f"velocity: {label}"]) for row, one in chosen if one == label] for label in ("SHGO", "SHGO_E")
     }
@@ -228,7 +229,7 @@ def test_what_is_said_of_an_observer_with_a_torque() -> None:
     assert said is not None
     bounds = [bound(velocities[label]) for label in ("SHGO_E", "SHGO") for bound in (min, max)]
     assert [float(one) for one in said.groups()] == bounds
-    assert max(float(row[f"angle: {label}"]) for row, label in chosen) <= 1.06
+    assert max(float(row[f"angle: {label}"]) for row, label in chosen) <= 1.08
 
 
 def test_the_machine_with_a_cable_keeps_its_energy() -> None:
