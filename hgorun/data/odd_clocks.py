@@ -51,6 +51,9 @@ def odd_dates(column: ClockColumn, span: Span) -> str | None:
         told = odd_seconds(int(seconds(unit or "s", ()) * 10**9), span, time.time_ns(), said=unit is not None)
     elif form is not None and not has_date(form) and not column.clock.next_day and span[1] - span[0] < DAY:
         told = f"the pattern {form} has no date: all times are taken to be of one day"
+    elif form is not None and not has_date(form) and "%H" in form and "%S" not in form and not column.clock.next_day:
+        shorter = form.replace("%M", "%S").replace("%H", "%M")
+        told = f"the pattern {form} reads hours beyond 24: for minutes and seconds the format is {shorter}"
     else:
         return None
     return told and f"column {column.cells.column!r}: {told}"

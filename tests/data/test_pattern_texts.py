@@ -121,3 +121,12 @@ def test_months_of_years_are_dates(tmp_path: Path) -> None:
     content = "t,glucose\n" + "".join(f"{datetime(2020 + k // 12, k % 12 + 1, 1):%b %Y},{k % 7}\n" for k in range(30))
     found = recorded(tmp_path, content, {"time": {"column": "t", "format": "%b %Y"}})
     assert [note.message for note in found.notes if "one day" in note.message] == []
+
+
+def test_hours_beyond_a_day_may_be_minutes(tmp_path: Path) -> None:
+    content = "t,glucose\n" + "".join(f"{k // 3}:{20 * (k % 3):02d},{k % 7}\n" for k in range(90))
+    found = recorded(tmp_path, content, {"time": {"column": "t", "format": "%H:%M"}})
+    told = "the pattern %H:%M reads hours beyond 24: for minutes and seconds the format is %M:%S"
+    assert [note.message for note in found.notes if note.kind == "clock"] == [f"column 't': {told}"]
+    seconds = recorded(tmp_path, content, {"time": {"column": "t", "format": "%M:%S"}})
+    assert seconds.outputs["S"].taken.tolist() == [20.0 * k for k in range(90)]
