@@ -10,7 +10,7 @@ import pytest
 
 from hgorun.data.units import readable_units, units
 from hgorun.data.units.named_units import convertible_in_name, foreign_in_name
-from hgorun.data.units.readable_units import may_be_read
+from hgorun.data.units.readable_units import may_be_read, registry
 from hgorun.data.units.units import alike, converted, is_unit
 
 
@@ -32,21 +32,21 @@ def read_again() -> Iterator[None]:
 
 
 def test_what_the_library_reads_may_be_read() -> None:
-    registry = units._registry.__wrapped__()  # another one, to which no test has added prefixes
-    names = sorted(registry._units)
+    own = registry.__wrapped__()  # another one, to which no test has added prefixes
+    names = sorted(own._units)
     assert len(names) > 500
     assert [name for name in names if not may_be_read(name)] == []
-    behind_prefixes = [prefix + name + end for prefix in registry._prefixes for name in names[::9] for end in ("", "s")]
+    behind_prefixes = [prefix + name + end for prefix in own._prefixes for name in names[::9] for end in ("", "s")]
     assert [name for name in behind_prefixes if not may_be_read(name)] == []
     for text in ("meter per second", "cubic feet", "inch squared", "sq mile", "°F", "delta_degC"):
-        registry.Unit(text)
+        own.Unit(text)
         assert may_be_read(text), text
 
 
 @pytest.mark.parametrize("text", ["sensor 3", "inlet", "A1", "TI101", "raw", "left", "measured*2", "meter of tank"])
 def test_what_the_library_cannot_read(text: str) -> None:
     with pytest.raises(Exception, match=r".+"):
-        units._registry().Unit(text)
+        registry().Unit(text)
     assert not may_be_read(text)
 
 

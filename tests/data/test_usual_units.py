@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from hgorun.data.units.named_units import convertible_in_name, foreign_in_name, of_another_kind_in_name
-from hgorun.data.units.units import _COMMON, _registry, converted, is_unit, not_known, seconds
+from hgorun.data.units.readable_units import registry
+from hgorun.data.units.units import _COMMON, converted, is_unit, not_known, seconds
 from hgorun.data.units.usual_units import _SYMBOLS, _WORDS, unusual
 from hgorun.errors import Problem
 
@@ -132,7 +133,7 @@ def test_a_unit_of_the_kind_that_is_not_converted_is_found(name: str, wanted: st
 def test_what_is_usual_is_known_to_the_library_and_what_is_suggested_is_usual() -> None:
     assert all(unusual(unit) is None for unit in _COMMON.split())
     for name in sorted(_SYMBOLS | _WORDS):
-        _registry().Unit(name)
+        registry().Unit(name)
 
 
 @pytest.mark.parametrize(

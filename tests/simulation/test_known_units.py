@@ -13,7 +13,8 @@ from examples import VAN_DER_POL, experiment, inline
 import hgorun
 from hgorun import ConfigError
 from hgorun.config.time_units import SECONDS, SHORT
-from hgorun.data.units.units import _registry, converted, not_known
+from hgorun.data.units.readable_units import registry
+from hgorun.data.units.units import converted, not_known
 from hgorun.simulation.preparation.scheduling import remarks
 
 OBSERVER = {"S": {"type": "shgo", "theta": 2}}
@@ -53,7 +54,7 @@ def test_other_units_of_time_are_refused(unit: str, told: str) -> None:
 @pytest.mark.costly
 def test_units_of_time_are_as_long_as_those_of_a_library() -> None:
     for name in (*SECONDS, *SHORT):
-        assert _registry().Quantity(1, name).to("ns").magnitude == pytest.approx(
+        assert registry().Quantity(1, name).to("ns").magnitude == pytest.approx(
             float(SECONDS[SHORT.get(name, name)] / Fraction(1, 10**9))
         )
 
@@ -88,10 +89,10 @@ def test_usual_units_are_known_without_the_library_which_knows_them_too(
 ) -> None:
     with monkeypatch.context() as patch:
         patch.setitem(sys.modules, "pint", None)
-        _registry.cache_clear()
+        registry.cache_clear()
         assert not_known(unit) == ""
     if unit not in ("", "-"):
-        _registry().Unit(unit)
+        registry().Unit(unit)
 
 
 @pytest.mark.parametrize("unit", ["fortnight", "parsec", "°C", "USD", "m3", "kg kg kgg"])
@@ -280,7 +281,7 @@ def test_temperatures_from_two_zeros_have_no_difference(right_side: str, told: s
 def test_units_of_time_that_differ_ask_for_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
     plant = inline({"S": "-D*S"}, "S", inputs={"D": "0.3"}, units={"S": "g/L", "D": "1/h"})
     monkeypatch.setitem(sys.modules, "pint", None)
-    _registry.cache_clear()
+    registry.cache_clear()
     (found,) = remarks(experiment(plant, OBSERVER).varied({"time.unit": "min"}))
     assert "1 g/(L min) is 60 g/(h L)" in found
 
@@ -294,5 +295,5 @@ def test_built_in_plants_with_units_have_no_other_ones(name: str) -> None:
 def test_a_derivative_with_its_own_unit_asks_for_no_library(monkeypatch: pytest.MonkeyPatch) -> None:
     plant = inline({"x1": "x2", "x2": "-x1"}, "x1", units={"x1": "rad", "x2": "rad/s"})
     monkeypatch.setitem(sys.modules, "pint", None)
-    _registry.cache_clear()
+    registry.cache_clear()
     assert not remarks(experiment(plant, OBSERVER).varied({"time.unit": "s"}))
