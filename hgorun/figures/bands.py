@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from hgorun.ensemble.collected.collected import Collected, Floats, Trajectories, levels, shown
 from hgorun.errors import ConfigError
@@ -71,6 +72,8 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
     step = max(len(kept.time) // POINTS, 1)
     time = kept.time[::step]
     one_truth = bool(np.all(kept.x == kept.x[:1]))
+    sound = np.isfinite(kept.xhat).all(axis=(2, 3)).any(axis=0)
+    sound = sound if sound.any() else ~sound  # limits follow from observers of which some member is not lost
     with styled():
         count, columns = 2 * len(cast.states), cast.columns(2)
         figure, axes = grid(count, columns, cast.width(WIDTH), _ROW * (count // columns) + TOP, share=True)
@@ -81,12 +84,12 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
             estimates = banded(left, time, list(xhat), looks, signed=True, beside=[truth])
             sizes = banded(right, time, list(largest), looks, signed=False)
             left.plot(*thinned(Curve(time, truth[0] if one_truth else np.median(truth, axis=0))), **truth_of(one_truth))
-            left.set_ylim(state_limits([truth[np.isfinite(truth)]], estimates, []) or (0, 1))
+            left.set_ylim(state_limits([truth[np.isfinite(truth)]], *_parted(estimates, sound)) or (0, 1))
             measured_in = unit(members.units.get(state, ""))
             left.set_ylabel(f"${both(state)}$" + measured_in)
             right.set_ylabel(f"$|{error_of(state)}|$" + measured_in)
             logarithmic(right, "y")
-            right.set_ylim(magnitude_limits(sizes, []) or (0.1, 1))
+            right.set_ylim(magnitude_limits(*_parted(sizes, sound)) or (0.1, 1))
             for ax in (left, right):
                 _time_axis(ax, members, kept)
         titled = axes[1::2] if cast.narrow else axes[1:2]
@@ -99,6 +102,12 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
         )
         title += f" at each time{pooled_over(members, [])}{words_of_lost_along(members, step)}"
         return finished(figure, axes, columns, headed(members, title), grow=True)
+
+
+def _parted(several: Sequence[Floats], sound: NDArray[np.bool_]) -> tuple[list[Floats], list[Floats]]:
+    """The values of observers of which some member is not lost, and of the others."""
+    parts = [[values for values, one in zip(several, sound, strict=True) if one == kind] for kind in (True, False)]
+    return parts[0], parts[1]
 
 
 def _kept(members: Collected) -> Trajectories:

@@ -308,6 +308,21 @@ def test_bands_along_time() -> None:
     np.testing.assert_allclose(error, np.median(np.abs(kept.xhat - kept.x[:, None])[:, 0, :, 0], axis=0), rtol=1e-12)
 
 
+def test_limits_of_bands_follow_from_observers_that_are_not_lost_in_all_members() -> None:
+    """S swings to 1e9 and is lost; F has errors below 4, which are to be seen."""
+    members = made()
+    assert members.trajectories is not None
+    xhat = members.trajectories.xhat.copy()
+    xhat[:, 1] = 1e9 * (-1.0) ** np.arange(51)[:, None]
+    xhat[:, 1, 30:] = np.nan
+    states, errors, *_ = bands(replace(members, trajectories=replace(members.trajectories, xhat=xhat))).axes
+    assert max(np.abs(states.get_ylim())) < 20
+    assert errors.get_ylim()[1] < 20
+    xhat[:, 0] = xhat[:, 1]
+    errors = bands(replace(members, trajectories=replace(members.trajectories, xhat=xhat))).axes[1]
+    assert errors.get_ylim()[1] > 1e8
+
+
 @pytest.mark.costly
 def test_few_members_are_lines_and_not_quantiles() -> None:
     members = made()
