@@ -73,6 +73,8 @@ def estimate(options: Estimate) -> int:
             "--every, --checkpoint, --remembered, --publish and --client-id are for streams: "
             "hgorun estimate CONFIG -, or hgorun estimate CONFIG mqtt://HOST/TOPIC"
         )
+    if isinstance(source.data, dict) and source.data.get("figures"):
+        say(f"hgorun: {name}: figures of recorded data have all states and the whole run: the key figures is not used")
     log = log_of(source, options.config, tuple(map(Path, options.data)))
     note_originals([*log.all_files, *(Path(what) for _, what in map(parse_holdout, options.holdout))])
     if options.export_samples is not None:

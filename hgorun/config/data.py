@@ -11,7 +11,7 @@ from pydantic_core import CoreSchema
 from hgorun.config.date_letters import with_percent
 from hgorun.config.date_signs import require_signs
 from hgorun.config.nearest import meant
-from hgorun.config.types import Block, Interval, Name, NonEmpty, Number, Positive, describe, word_or
+from hgorun.config.types import Absolute, Block, Interval, Name, NonEmpty, Number, Positive, describe, word_or
 
 MISSING = ("", "nan", "-nan", "na", "n/a", "#n/a", "<na>", "null", "nil", "none")
 """Texts that stand for a missing value in every file, in small letters."""
@@ -219,7 +219,7 @@ class Measured(Judged):
     gate: Positive | None = Field(
         default=None, description="standard deviations of the innovation beyond which a sample is not used"
     )
-    std: Positive | None = Field(default=None, description="standard deviation of its noise, in the model's unit")
+    std: Absolute | None = Field(default=None, description="standard deviation of its noise, in the model's unit")
 
 
 class Beside(Judged):

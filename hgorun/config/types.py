@@ -220,8 +220,16 @@ def _above(limit: str) -> dict[str, Any]:
     return {"anyOf": [{"type": "number", limit: 0}, {"type": "string"}]}
 
 
+def _absolute(value: Any) -> Any:
+    """A standard deviation is no part of a value."""
+    if isinstance(value, str) and "%" in value:
+        raise ValueError(f"{value}: std is absolute, in the model's unit: give the noise of a usual value")
+    return value
+
+
 Number = Annotated[float, BeforeValidator(number), WithJsonSchema(NUMBER_SCHEMA)]
 Positive = Annotated[float, BeforeValidator(number), Field(gt=0), WithJsonSchema(_above("exclusiveMinimum"))]
+Absolute = Annotated[Positive, BeforeValidator(_absolute)]
 NonNegative = Annotated[float, BeforeValidator(number), Field(ge=0), WithJsonSchema(_above("minimum"))]
 Window = tuple[Number, Number]
 ExpressionText = Annotated[str, BeforeValidator(expression), WithJsonSchema(NUMBER_SCHEMA)]

@@ -38,6 +38,11 @@ class ModelUnits:
         """The unit of the numbers of a signal once they are converted; empty where nobody says it."""
         return self._wanted(signal) or signal.block.unit or signal.parts[0].file.table.unit(signal.block.column)
 
+    def beside_another(self, signal: Wanted) -> str:
+        """The unit in which limits of a signal are, in words, where its column has another one; else empty."""
+        said, wanted = signal.block.unit, self._wanted(signal)
+        return f" {wanted}, the model's unit" if said and wanted and not alike(said, wanted) else ""
+
     def converted(self, signal: Wanted, values: np.ndarray) -> np.ndarray:
         """Values of a signal in the unit of the model.
 

@@ -203,7 +203,7 @@ class _Making:
         near = signal.parts[0].file.table.texts if isinstance(block, Judged) and block.quality is None else None
         sorting = Sorting(told, measured, self.clock.origin, period, near)
         plausible = block.plausible if isinstance(block, Judged) else None
-        sorted_out = sorting.sorted_out(samples, plausible)
+        sorted_out = sorting.sorted_out(samples, plausible, self.units.beside_another(signal))
         if isinstance(block, Measured) and period is None:
             found += wrapped(samples, signal.name, self.units.of.get(signal.name, ""))
         return sorted_out, [*found, *sorting.notes, *self._of_several(signal, samples)]

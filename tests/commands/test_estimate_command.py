@@ -107,6 +107,7 @@ def test_one_of_several_runs(shell: Shell) -> None:
         (("--run", "x"), "has no runs"),
         (("--every", "1"), "for streams"),
         (("--set", "data.outputs.a.column=nothing"), "no column"),
+        (("--set", "data.outputs.a.std=5 %"), "data.outputs.a.std: 5 %: std is absolute, in the model's unit"),
         (("nothing.csv",), "nothing.csv"),
         (("--set", "data.file=[log.csv, mor.csv]"), "mor.csv: there is no such file. Did you mean `more.csv`?\n"),
         (("--set", "data.file=[log.csv, pendulm.csv]"), "pendulm.csv: there is no such file\n"),
@@ -208,6 +209,14 @@ def test_dates_of_a_file_that_is_held_out_count_from_the_start_of_the_log(shell:
     assert f"time 0 is {origin}\n" in out
     assert as_json(found)["time_origin"] == origin
     assert [ax.get_xlabel() for ax in comparison(found).axes][-1] == f"time [h] since {origin.replace('T', ' ')}"
+
+
+def test_figures_beside_data_are_told_to_be_of_no_use(shell: Shell) -> None:
+    """Of a log there is one figure, of everything."""
+    given = ("--set", "figures={f: {panels: [{state: x1}]}}", "--no-plots", "--no-sensitivity", "--quiet")
+    code, _, err = shell("estimate", "pendulum.yaml", *given)
+    assert code == 0
+    assert "pendulum: figures of recorded data have all states and the whole run: the key figures is not used" in err
 
 
 @pytest.mark.parametrize(

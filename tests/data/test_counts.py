@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
+from logs import noisy, recorded, table
 
 from hgorun.data.units.loose_units import remark_on_name
 from hgorun.data.units.named_units import AnotherUnit, said_in_name
@@ -71,3 +74,12 @@ def test_advice_is_of_the_same_kind() -> None:
     assert refused("mL", "g/L").endswith("Did you mean `mg/L`?")
     assert not_known("gramm/L") == "'gramm/L' is not a known unit. Did you mean `g/L`?"
     assert refused("Umdrehungen", "rad").endswith("Did you mean `turn`?")
+
+
+def test_what_is_implausible_is_said_in_the_unit_of_the_model(tmp_path: Path) -> None:
+    """Limits in the unit of the column leave everything out."""
+    times, values = noisy()
+    for unit, said in (("mg/L", " g/L, the model's unit"), ("g/L", "")):
+        column = {"column": "glucose", "unit": unit, "plausible": [0.02 if said else 20, 100]}
+        (note, *_) = recorded(tmp_path, table(times, values), {"outputs": {"S": column}}, units={"S": "g/L"}).notes
+        assert note.message.endswith(f"100]{said}")

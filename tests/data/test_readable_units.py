@@ -18,7 +18,7 @@ from hgorun.data.units.units import alike, converted, is_unit
 def without_library(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Nothing may ask the library."""
     asked: list[object] = []
-    monkeypatch.setattr(units, "_registry", lambda: asked.append(1))
+    monkeypatch.setattr(units, "registry", lambda: asked.append(1))
     yield
     assert not asked
 
@@ -32,14 +32,14 @@ def read_again() -> Iterator[None]:
 
 
 def test_what_the_library_reads_may_be_read() -> None:
-    own = registry.__wrapped__()  # another one, to which no test has added prefixes
-    names = sorted(own._units)
+    another = registry.__wrapped__()  # another one, to which no test has added prefixes
+    names = sorted(another._units)
     assert len(names) > 500
     assert [name for name in names if not may_be_read(name)] == []
-    behind_prefixes = [prefix + name + end for prefix in own._prefixes for name in names[::9] for end in ("", "s")]
+    behind_prefixes = [prefix + name + end for prefix in another._prefixes for name in names[::9] for end in ("", "s")]
     assert [name for name in behind_prefixes if not may_be_read(name)] == []
     for text in ("meter per second", "cubic feet", "inch squared", "sq mile", "°F", "delta_degC"):
-        own.Unit(text)
+        another.Unit(text)
         assert may_be_read(text), text
 
 

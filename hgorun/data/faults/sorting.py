@@ -58,7 +58,7 @@ class Sorting:
         self.notes: list[Note] = []
         self._reasons = Reasons(origin)
 
-    def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+    def sorted_out(self, samples: Samples, plausible: tuple[float, float] | None, unit: str = "") -> Samples:
         """Finite values in the order of their times.
 
         Raises
@@ -67,12 +67,12 @@ class Sorting:
             For the first fault that is to be refused.
         """
         with np.errstate(all="ignore"):  # differences of the largest numbers
-            return self._sorted_out(samples, plausible)
+            return self._sorted_out(samples, plausible, unit)
 
-    def _sorted_out(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+    def _sorted_out(self, samples: Samples, plausible: tuple[float, float] | None, unit: str) -> Samples:
         samples = self._present(samples)
         samples = self._good(samples)
-        samples = self._plausible(samples, plausible)
+        samples = self._plausible(samples, plausible, unit)
         samples = self._known_after(samples)
         samples = self._in_order(samples)
         samples = self._once(samples)
@@ -125,13 +125,13 @@ class Sorting:
             return samples
         return self._kept(samples, samples.good == 0, "quality", "the quality is not good", None)
 
-    def _plausible(self, samples: Samples, plausible: tuple[float, float] | None) -> Samples:
+    def _plausible(self, samples: Samples, plausible: tuple[float, float] | None, unit: str) -> Samples:
         if plausible is None:
             return samples
         low, high = plausible
         wrong = (samples.values < low) | (samples.values > high)
         refuse = "faults: {implausible: drop} leaves them out" if self._told.implausible == "refuse" else None
-        return self._kept(samples, wrong, "implausible", f"the value is outside of [{low:g}, {high:g}]", refuse)
+        return self._kept(samples, wrong, "implausible", f"the value is outside of [{low:g}, {high:g}]{unit}", refuse)
 
     def _known_after(self, samples: Samples) -> Samples:
         if samples.late and (early := samples.available < samples.taken).any():

@@ -14,8 +14,7 @@ from hgorun.config.expressions import nearest
 from hgorun.config.time_units import SECONDS, SHORT, meant_unit, without_length
 from hgorun.data.units.factored_units import asked, has_number, joined, parted
 from hgorun.data.units.meant_units import german_degrees, meant_by
-from hgorun.data.units.readable_units import may_be_read
-from hgorun.data.units.readable_units import registry as _registry
+from hgorun.data.units.readable_units import may_be_read, registry
 from hgorun.data.units.turns import counted_by, counts_of, exponents, is_counted, part_of_turn, turns_alone
 from hgorun.data.units.usual_units import in_other_letters, is_usual, unusual
 from hgorun.data.units.written_units import (
@@ -94,9 +93,9 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
         return values
     from pint.errors import DimensionalityError
 
-    registry = _registry()
-    target = _parsed(registry, wanted, path)
-    found = _parsed(registry, unit, path, target)
+    known = registry()
+    target = _parsed(known, wanted, path)
+    found = _parsed(known, unit, path, target)
     if turns_alone(found, target):
         message = f"{unit} cannot be converted to the model's {wanted}: one counts turns or angles, and the other does"
         asks = meant_by(unit) or is_counted(unit)
@@ -106,7 +105,7 @@ def converted(values: np.ndarray, unit: str, wanted: str, path: KeyPath) -> np.n
     if exponents(found, _BITS) != exponents(target, _BITS):  # a byte is no bel, and to pint 8
         raise Problem(path, another)
     try:
-        numbers = np.asarray(registry.Quantity(scaled(values, factor), found).to(target).magnitude, dtype=float)
+        numbers = np.asarray(known.Quantity(scaled(values, factor), found).to(target).magnitude, dtype=float)
         cycles = exponents(found, ("hertz",)) - exponents(target, ("hertz",))
         return scaled(numbers * (2 * np.pi) ** cycles if cycles else numbers, 1 / of_wanted)
     except DimensionalityError:
@@ -134,7 +133,7 @@ def not_known(unit: str) -> str:
     if are_usual(unit) and _UNIT.fullmatch(written):
         return "" if _NOT_NUMBERS.search(written) else f"{unit!r} is a number, not a unit."
     try:
-        _parsed(_registry(), unit, ())
+        _parsed(registry(), unit, ())
     except Problem:
         meant = _meant_alone(unit)
         is_one = meant != unit and is_unit(meant)
@@ -153,7 +152,7 @@ def is_unit(text: str) -> bool:
     if not are_usual(text):
         return is_time(text)
     try:
-        _parsed(_registry(), text, ())
+        _parsed(registry(), text, ())
     except Problem:
         return is_time(text)
     return True
@@ -213,8 +212,8 @@ def _read_as(unit: str, wanted: str) -> bool | None:
     if unit.isdigit() or not all(_UNIT.fullmatch(one) and may_be_read(one) for one in written):
         return None
     with suppress(Exception), np.errstate(divide="ignore"):  # whatever its parser stumbles over
-        found, target = (_registry().Unit(one) for one in written)
-        numbers = _registry().Quantity(two * float(factor), found).to(target).magnitude
+        found, target = (registry().Unit(one) for one in written)
+        numbers = registry().Quantity(two * float(factor), found).to(target).magnitude
         return bool(np.allclose(numbers, two * float(of_wanted), rtol=1e-12, atol=1e-12))
     return None
 
@@ -222,20 +221,20 @@ def _read_as(unit: str, wanted: str) -> bool | None:
 def meant_for(unit: str, wanted: str) -> str:
     """What may be meant by a unit where numbers of another kind are wanted, as a question; empty where nothing is."""
     with suppress(Problem):
-        return _meant(unit, _parsed(_registry(), wanted, ()))
+        return _meant(unit, _parsed(registry(), wanted, ()))
     return ""
 
 
-def _parsed(registry: pint.UnitRegistry[float], text: str, path: KeyPath, wanted: pint.Unit | None = None) -> pint.Unit:
+def _parsed(known: pint.UnitRegistry[float], text: str, path: KeyPath, wanted: pint.Unit | None = None) -> pint.Unit:
     """A unit; of one that is not known it is said what may be meant, if the kind that is wanted is known."""
     if text in NO_UNIT:
-        return registry.Unit("dimensionless")
+        return known.Unit("dimensionless")
     written = in_usual_notation(parted(text)[1])
     if not _UNIT.fullmatch(written):
         raise Problem(path, f"{text!r} cannot be a unit{_meant(text, wanted, '.')}")
     if _is_read(written):
         with suppress(Exception):  # whatever its parser stumbles over
-            return registry.Unit(written)
+            return known.Unit(written)
     meant = _meant(text, wanted)
     hint = f".{meant}" if meant else "; without the key the numbers are taken as they are"
     raise Problem(path, f"{text!r} is not a known unit{hint}")
@@ -254,7 +253,7 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     meant = german_degrees(plain, str(wanted)) or temperature_in(plain)
     if meant:
         return f"{before} Did you mean `{joined(factor, meant)}`?"
-    if _fits(text, wanted, anything=True) and (counts := counted_by(_registry().Unit(in_usual_notation(plain)))):
+    if _fits(text, wanted, anything=True) and (counts := counted_by(registry().Unit(in_usual_notation(plain)))):
         return f"{before} It does not say what it counts: {counts}."
     meant = _meant_alone(text)
     if without_reference(plain) and _fits(meant, wanted):
@@ -264,7 +263,7 @@ def _meant(text: str, wanted: pint.Unit | None, before: str = "") -> str:
     for those in ([meant] if meant != text else [], letters, map(_meant_alone, asked(text))):
         if fitting := [one for one in those if _fits(one, wanted)]:
             return f"{before} Did you mean {' or '.join(f'`{one}`' for one in fitting)}?"
-    if is_unit(text) and "[substance]" in _parsed(_registry(), text, ()).dimensionality:
+    if is_unit(text) and "[substance]" in _parsed(registry(), text, ()).dimensionality:
         return ""  # mmol/L may look like mg/L, and is none
     close = _nearest(text, [unit for unit in _COMMON.split() if unit != text and _fits(unit, wanted)])
     return before + close if close else ""
@@ -292,7 +291,7 @@ def _readings(text: str) -> Iterator[str]:
 def _fits(text: str, wanted: pint.Unit, *, anything: bool = False) -> bool:
     """Whether a text is a unit of the same kind as another; of turns or of anything, where that is said."""
     try:
-        found = _parsed(_registry(), text, ())
+        found = _parsed(registry(), text, ())
     except Problem:
         return False
     return found.is_compatible_with(wanted) and (anything or not turns_alone(found, wanted))
