@@ -13,8 +13,9 @@ import numpy as np
 
 from hgorun.data.cells import Cells, Flags, Numbers, Stamps
 from hgorun.data.csv.decimals import powers
-from hgorun.data.csv.dialect import SPACES, Dialect
+from hgorun.data.csv.dialect import Dialect
 from hgorun.data.csv.plain_rows import WORDS, code
+from hgorun.data.csv.splitting import SPACES
 from hgorun.data.csv.text import Block
 from hgorun.data.times.dates import iso_stamps
 

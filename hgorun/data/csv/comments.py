@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from collections.abc import Collection
 
+from hgorun.data.csv.splitting import SPACES
+
 _CELL_ENDS = re.compile(r"[\t;|,]")
 
 
@@ -23,7 +25,7 @@ def is_comment(line: str, sign: str, missing: Collection[str], separator: str | 
     start = line.lstrip(" ") if tabs else line.lstrip()
     if not start.startswith(sign):
         return False
-    if separator == " ":
+    if separator == SPACES:
         first = start.split(maxsplit=1)[0]
     else:  # the sign may be one that ends cells
         rest = start[len(sign) :]

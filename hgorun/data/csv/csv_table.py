@@ -16,12 +16,12 @@ from hgorun.config.data import Csv
 from hgorun.data.cells import Cells, Numbers
 from hgorun.data.csv import grouped
 from hgorun.data.csv.bulk import Bulk
-from hgorun.data.csv.comments import is_comment
-from hgorun.data.csv.dialect import Dialect, cells_of, dialect_of
+from hgorun.data.csv.dialect import Dialect, dialect_of
 from hgorun.data.csv.header_below import header_below
 from hgorun.data.csv.kept_lines import KeptLines
 from hgorun.data.csv.missing import leave_out
 from hgorun.data.csv.rows import Rows
+from hgorun.data.csv.splitting import cells_of
 from hgorun.data.csv.text import Block, blocks
 from hgorun.data.table import Columns, Table, Texts
 from hgorun.errors import ConfigError
@@ -228,7 +228,7 @@ def _all_cells(parts: Iterator[Block], dialect: Dialect) -> Iterator[tuple[int, 
     for block in parts:
         for number, raw in enumerate(block.text.split(b"\n"), block.line):
             line = raw.decode("utf-8", "replace")
-            if line.strip() and not is_comment(line, dialect.comment, dialect.missing, dialect.separator):
+            if line.strip() and not dialect.is_comment(line):
                 yield number, cells_of(line, dialect.separator)
 
 

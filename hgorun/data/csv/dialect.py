@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -13,19 +12,18 @@ from hgorun.config.data import Csv
 from hgorun.data.csv.comments import is_comment
 from hgorun.data.csv.decimal_sign import decimal_sign
 from hgorun.data.csv.grouped import may_be_grouped
+from hgorun.data.csv.marked_rows import is_marked_row, words_in
 from hgorun.data.csv.missing import missing_numbers, missing_texts
+from hgorun.data.csv.splitting import SPACES, cells_of
 from hgorun.data.csv.text import Block
 from hgorun.data.csv.units_row import are_units, is_value, may_state_units, states_units, tells_processing
 from hgorun.data.csv.whole_header import whole_header
 from hgorun.errors import ConfigError
 
 _SEPARATORS = ("\t", ";", "|", ",")
-SPACES = " "
-"""A separator of any number of spaces and tabs."""
 _LOOKED_AT = 200  # rows that decide how numbers are written
 _FEW = 8  # columns whose names a message writes
 
-_SPACED = re.compile(r'"((?:[^"]|"")*)"(?!\S)|(\S+)')  # cells between spaces
 _STATED = re.compile(r'"?sep=(.)"?\r?', re.IGNORECASE)  # a first line by which Excel knows the separator
 _QUOTED = re.compile(r'"[^"]*"')
 
@@ -63,6 +61,8 @@ class Dialect:
         that no row of units follows the header.
     grouped : mapping of str to str
         Columns whose points may stand between thousands, and a cell of each.
+    words : frozenset of str
+        The first cells of the first rows where these are words, and no times; a tag may be among such.
     """
 
     separator: str
@@ -78,6 +78,13 @@ class Dialect:
     thousands: str | None = None
     doubtful: int = 0
     grouped: Mapping[str, str] = field(default_factory=dict)
+    words: frozenset[str] = frozenset()
+
+    def is_comment(self, line: str) -> bool:
+        """Whether a line below the first row is a comment."""
+        return is_comment(line, self.comment, self.missing, self.separator) and not is_marked_row(
+            line, self.comment, self.separator, len(self.names), self.words
+        )
 
 
 @dataclass(frozen=True)
@@ -112,6 +119,13 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
     separator = stated or _separator(lines)
     rows = [(line, cells_of(line.text, separator)) for line in lines]
     names, units, body = _header_of(rows, comments, separator, told, path, clocks)
+    words = words_in(row[0] for _, row in body if row) if names[0].strip() not in clocks else frozenset()
+    marked = [
+        (one, cells_of(one.text, separator))
+        for one in comments
+        if one.number > lines[0].number and is_marked_row(one.text, told.comment, separator, len(names), words)
+    ]
+    body = sorted([*body, *marked], key=lambda row: row[0].number)
     missing = missing_texts(told)
 
     def of_header(row: tuple[_Line, list[str]]) -> bool:
@@ -139,6 +153,7 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
         missing_numbers=missing_numbers(told, decimal),
         thousands=told.thousands,
         doubtful=0 if told.units_row is False else sum(1 for _ in takewhile(of_header, body)),
+        words=words,
         grouped={name: _pointed(shown, k) for k, name in enumerate(map(str.strip, names)) if k in grouped},
     )
 
@@ -216,21 +231,6 @@ def _such_as(columns: int, separator: str) -> str:
     if columns > _FEW or not separator.isprintable():
         return f", of {columns} names"
     return ", such as " + separator.join(["t", *(f"y{i}" for i in range(1, columns))])
-
-
-def cells_of(line: str, separator: str) -> list[str]:
-    """The cells of a line; one whose quotes are wrong is split at every separator."""
-    if separator == SPACES:
-        return _between_spaces(line) if '"' in line else line.split()
-    try:
-        return next(csv.reader([line], delimiter=separator, strict=True, skipinitialspace=True), [])
-    except csv.Error:
-        return line.split(separator)
-
-
-def _between_spaces(line: str) -> list[str]:
-    """The cells between spaces and tabs; those in quotes may hold some. A quote that is left open is any sign."""
-    return [plain or quoted.replace('""', '"') for quoted, plain in _SPACED.findall(line)]
 
 
 def _stated(block: Block, told: Csv) -> str | None:

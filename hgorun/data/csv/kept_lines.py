@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import string
+
 import numpy as np
 
-from hgorun.data.csv.comments import is_comment
 from hgorun.data.csv.dialect import Dialect
 from hgorun.data.csv.text import Block
+
+_BEHIND_MARK = string.ascii_uppercase + "#"
+_OF_TAGS = string.digits + string.ascii_letters + "_"
 
 
 class KeptLines:
@@ -50,7 +54,7 @@ class KeptLines:
             start = int(starts[line])
             end = self._whole.text.index(b"\n", start)
             row = self._whole.text[start:end].decode("utf-8", "replace")
-            found[line] = is_comment(row, dialect.comment, dialect.missing, dialect.separator)
+            found[line] = dialect.is_comment(row)
         if b'"' in self._whole.text:
             lines = np.searchsorted(starts, np.flatnonzero(text == ord('"')), side="right") - 1
             of_rows = lines[~found[lines]]
@@ -67,16 +71,18 @@ class KeptLines:
 
 
 def _second_bytes(dialect: Dialect) -> np.ndarray:
-    """Which bytes may follow the sign of comments in a row whose first cell is a text for a missing value."""
+    """Which bytes may follow the sign of comments in a row: one whose first cell is a text for a missing value, or as
+    :func:`hgorun.data.csv.marked_rows.is_marked_row` has it."""
     found = np.zeros(256, dtype=bool)
+    found[[*map(ord, _BEHIND_MARK)]] = True
+    found[128:] = True  # letters, also capital ones of i and k, and spaces
+    if dialect.words:
+        found[[*map(ord, _OF_TAGS)]] = True
     for one in dialect.missing:
         if not one.startswith(dialect.comment):
             continue
         if one == dialect.comment:  # the cell ends
             found[[*b" \t\n\v\f\r\x1c\x1d\x1e\x1f", ord(dialect.separator)]] = True
-            found[128:] = True  # some are spaces
             continue
-        second = one[1].encode()[0]
-        found[[second, *one[1].upper().encode()[:1]]] = True
-        found[128:] |= second >= 128 or one[1] in "ik"  # which have capital letters beyond ASCII
+        found[[*one[1].encode()[:1], *one[1].upper().encode()[:1]]] = True
     return found

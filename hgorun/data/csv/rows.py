@@ -13,8 +13,9 @@ import numpy as np
 
 from hgorun.config.types import describe
 from hgorun.data.cells import IF_MISSING, Cells, Flags, Numbers, is_word
-from hgorun.data.csv.comments import is_comment
-from hgorun.data.csv.dialect import SPACES, Dialect, cells_of
+from hgorun.data.csv.dialect import Dialect
+from hgorun.data.csv.row_lines import RowLines
+from hgorun.data.csv.splitting import SPACES, cells_of
 from hgorun.data.csv.text import Block
 from hgorun.data.csv.units_row import is_value
 from hgorun.data.times.date_hints import may_be_date
@@ -40,13 +41,19 @@ class Rows:
         self._readers = [cells.reader(dialect.decimal, dialect.missing, dialect.thousands) for cells in wanted]
         self._places = [dialect.names.index(cells.column) for cells in wanted]
         self._inside: list[tuple[int, int, int]] = []
+        self._tags: list[tuple[int, str]] = []
 
     def remarks(self) -> Iterator[tuple[int, str]]:
-        """What is told of cells that hold lines which look like rows: where the first one opens, and a sentence."""
+        """What is told of cells that hold lines which look like rows, and of rows that begin as comments do: the line
+        of the first one, and a sentence."""
         for begin, end, count in self._inside[:1]:
             many = f", and {len(self._inside) - 1:,} more cells hold such" if len(self._inside) > 1 else ""
             rows = "1 line that looks like a row" if count == 1 else f"{count:,} lines that look like rows"
             yield begin, f"a quote that opens here closes on line {end}: {rows} in it{many}; one too many loses rows"
+        for line, tag in self._tags[:1]:
+            more = f", and so are {len(self._tags) - 1:,} more such" if len(self._tags) > 1 else ""
+            sign = self._dialect.comment
+            yield line, f"{tag!r} begins this row, which is read{more}; a comment has a space behind its {sign}"
 
     def arrays(self, blocks: Iterator[Block]) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
         """Lines and columns of all rows, some thousands at a time.
@@ -196,7 +203,7 @@ class Rows:
 
     def _cells(self, blocks: Iterator[Block]) -> Iterator[tuple[int, list[str]]]:
         """The cells of every row, and the line it begins on."""
-        lines = _Lines(blocks, self._dialect)
+        lines = RowLines(blocks, self._dialect, self._tags)
         if self._dialect.separator == SPACES:
             for text in lines:
                 yield lines.taken(), cells_of(text, SPACES)
@@ -214,7 +221,7 @@ class Rows:
         return ConfigError(message, file=str(self._path), line=line, key=column)
 
 
-def _not_csv(error: str, lines: _Lines) -> str:
+def _not_csv(error: str, lines: RowLines) -> str:
     """What is wrong with the row at which the reader of CSV has stopped."""
     too_long = "field limit" in error
     if too_long and lines.end == lines.begin and lines.text.count('"') % 2 == 0:
@@ -226,54 +233,3 @@ def _not_csv(error: str, lines: _Lines) -> str:
 
 def _cells(count: int) -> str:
     return "1 cell" if count == 1 else f"{count} cells"
-
-
-class _Lines:
-    """Lines from the first row of values on, without comments and empty ones, but for those inside quotes.
-
-    Attributes
-    ----------
-    begin, end : int
-        The line on which the present row began, and the last one so far.
-    inside : int
-        How many of its lines, behind the first, look like rows.
-    separator, text : str
-        Between cells, and the last line so far.
-    """
-
-    def __init__(self, blocks: Iterator[Block], dialect: Dialect) -> None:
-        self._lines = _numbered(blocks)
-        self._dialect = dialect
-        self.separator = dialect.separator
-        self._open = False
-        self.begin = self.end = dialect.first
-        self.inside, self.text = 0, ""
-
-    def taken(self) -> int:
-        """Where the row began that has ended now."""
-        self._open, self.inside = False, 0
-        return self.begin
-
-    def __iter__(self) -> Iterator[str]:
-        d = self._dialect
-        for number, text in self._lines:
-            if not self._open:
-                if number < d.first or not text.strip() or is_comment(text, d.comment, d.missing, d.separator):
-                    continue
-                self._open, self.begin = True, number
-            else:
-                self.inside += self._looks_like_a_row(text)
-            self.end, self.text = number, text
-            yield f"{text}\n"  # inside quotes it belongs to the cell
-
-    def _looks_like_a_row(self, text: str) -> bool:
-        """Whether a line has as many cells as a row, and a number or a date among them."""
-        found = cells_of(text, self._dialect.separator)
-        return len(found) == self._dialect.width and any(map(is_value, found))
-
-
-def _numbered(blocks: Iterator[Block]) -> Iterator[tuple[int, str]]:
-    for block in blocks:
-        lines = block.text.decode("utf-8").split("\n")
-        lines.pop()  # behind the last newline
-        yield from enumerate(lines, start=block.line)

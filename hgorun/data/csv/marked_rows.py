@@ -1,0 +1,50 @@
+"""Rows that begin as comments do: their first cell is an error of a spreadsheet, such as #DIV/0!, or a tag, such as #2.
+
+A row that is taken for a comment is lost without a word, and so is a comment that is taken for a row.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Iterable
+
+from hgorun.data.csv.splitting import SPACES, cells_of
+
+_MARK = "#"
+_ERROR = re.compile(r"#(?:N/?[AV]|¡?[A-ZÀ-Ý]+[A-ZÀ-Ý0-9_/]*[!?]|GETTING_DATA)")
+_NARROW = re.compile(r"#{3,}")  # for a number that is wider than its column
+_TAG = re.compile(r"#\w*\d\w*")
+
+
+def is_marked_row(line: str, sign: str, separator: str, width: int, words: Collection[str]) -> bool:
+    """Whether a line that begins with the sign of comments is such a row.
+
+    Parameters
+    ----------
+    line, sign, separator : str
+    width : int
+        How many columns there are.
+    words : collection of str
+        The first cells of other rows where these are words, see :func:`words_in`. One of them behind the sign is a
+        row that somebody has made a comment.
+    """
+    if sign != _MARK:
+        return False
+    cells = cells_of(line, separator)
+    if len(cells) != width and (len(cells) != width + 1 or cells[-1].strip()):
+        return False
+    first = cells[0].strip()
+    if _ERROR.fullmatch(first) or separator == SPACES:  # words of a comment may be as many as the columns
+        return _ERROR.fullmatch(first) is not None
+    return _NARROW.fullmatch(first) is not None or (is_tag(first) and bool(words) and first[1:] not in words)
+
+
+def is_tag(cell: str) -> bool:
+    """Whether a cell may be a tag: the mark, and behind it a number or a name with one."""
+    return _TAG.fullmatch(cell.strip()) is not None
+
+
+def words_in(firsts: Iterable[str]) -> frozenset[str]:
+    """The first cells of rows, if each is a word or a tag, or empty; else none."""
+    texts = {text.strip() for text in firsts} - {""}
+    return frozenset(texts) if all(text[0].isalpha() or is_tag(text) for text in texts) else frozenset()
