@@ -202,6 +202,8 @@ class _Reading:
     def _quoted_from(self, block: Block) -> Block | None:
         """Take the rows of a block; the rest of it from a row on that is not plain and has a quote near."""
         lines = KeptLines(block, self._dialect)
+        for number, comment in lines.comments:
+            self._rows.judge_comment(number, comment)
         row, count = 0, lines.numbers.size
         while row < count:
             room = self._columns.room(count - row, int(lines.numbers[row]))

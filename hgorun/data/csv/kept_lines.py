@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import string
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -28,10 +29,13 @@ class KeptLines:
         Of the lines that are kept.
     block : Block
         These alone.
+    comments : list of (int, str)
+        Those with as many separators as a row, with their lines.
     """
 
     def __init__(self, block: Block, dialect: Dialect) -> None:
         self._whole = block
+        self.comments: list[tuple[int, str]] = []
         text = np.frombuffer(block.text, dtype=np.uint8)
         starts = np.append(0, np.flatnonzero(text == ord("\n")) + 1)
         left_out = self._left_out(text, starts[:-1], dialect)
@@ -59,7 +63,21 @@ class KeptLines:
             lines = np.searchsorted(starts, np.flatnonzero(text == ord('"')), side="right") - 1
             of_rows = lines[~found[lines]]
             found[of_rows[0] if of_rows.size else found.size :] = False
+        self.comments += self._as_rows(text, starts, comments[found[comments]], dialect)
         return found
+
+    def _as_rows(
+        self, text: np.ndarray, starts: np.ndarray, comments: np.ndarray, dialect: Dialect
+    ) -> Iterator[tuple[int, str]]:
+        """Those of some comments that have as many separators as a row, and one more at most."""
+        if not comments.size:
+            return
+        before = np.searchsorted(np.flatnonzero(text == ord(dialect.separator)), np.append(starts, text.size))
+        more = np.diff(before)[comments] - len(dialect.names)
+        for line in comments[(more == -1) | (more == 0)].tolist():
+            start = int(starts[line])
+            row = self._whole.text[start : self._whole.text.index(b"\n", start)]
+            yield self._whole.line + line, row.decode("utf-8", "replace")
 
     def place(self, row: int) -> int:
         """The byte of :attr:`block` with which a kept line begins."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from hgorun.data.csv.dialect import Dialect
 from hgorun.data.csv.marked_rows import is_tag
@@ -24,16 +24,24 @@ class RowLines:
         Between cells, and the last line so far.
     tags : list of (int, str)
         Rows that begin as comments do, with their tags.
+    judge : callable
+        Gets every comment with its line.
     """
 
-    def __init__(self, blocks: Iterator[Block], dialect: Dialect, tags: list[tuple[int, str]]) -> None:
+    def __init__(
+        self,
+        blocks: Iterator[Block],
+        dialect: Dialect,
+        tags: list[tuple[int, str]],
+        judge: Callable[[int, str], None],
+    ) -> None:
         self._lines = _numbered(blocks)
         self._dialect = dialect
         self.separator = dialect.separator
         self._open = False
         self.begin = self.end = dialect.first
         self.inside, self.text = 0, ""
-        self.tags = tags
+        self.tags, self.judge = tags, judge
 
     def taken(self) -> int:
         """Where the row began that has ended now."""
@@ -44,7 +52,10 @@ class RowLines:
         d = self._dialect
         for number, text in self._lines:
             if not self._open:
-                if number < d.first or not text.strip() or d.is_comment(text):
+                if number < d.first or not text.strip():
+                    continue
+                if d.is_comment(text):
+                    self.judge(number, text)
                     continue
                 self._open, self.begin = True, number
                 if d.words and is_tag(first := cells_of(text, d.separator)[0]) and text.lstrip().startswith(d.comment):

@@ -14,6 +14,7 @@ import numpy as np
 from hgorun.config.types import describe
 from hgorun.data.cells import IF_MISSING, Cells, Flags, Numbers, is_word
 from hgorun.data.csv.dialect import Dialect
+from hgorun.data.csv.other_headers import has_other_names, other_header
 from hgorun.data.csv.row_lines import RowLines
 from hgorun.data.csv.splitting import SPACES, cells_of
 from hgorun.data.csv.text import Block
@@ -23,6 +24,8 @@ from hgorun.errors import ConfigError
 
 _AT_ONCE = 20_000  # rows that are held as text
 _DECIMAL = re.compile(r"[-+]?[0-9]*([.,])(?![0-9]{3}$)[0-9]+")
+_ANOTHER_LOG = "the rows below have other columns or units, and belong into a file of their own"
+_MARK = "\ufeff"  # of the order of bytes
 _BELOW = 1000  # rows in which dates of a column that is refused are looked at
 
 
@@ -54,6 +57,18 @@ class Rows:
             more = f", and so are {len(self._tags) - 1:,} more such" if len(self._tags) > 1 else ""
             sign = self._dialect.comment
             yield line, f"{tag!r} begins this row, which is read{more}; a comment has a space behind its {sign}"
+
+    def judge_comment(self, line: int, text: str) -> None:
+        """Refuse a comment that is the header of other columns, or of other units.
+
+        Raises
+        ------
+        ConfigError
+        """
+        times = {cells.column for cells in self._wanted if not isinstance(cells, Flags) and cells.key}
+        if found := other_header(text, self._dialect, times):
+            said = f"this comment is another header, {describe(found)}: {_ANOTHER_LOG}; if it is none, take it out"
+            raise self._error(line, said)
 
     def arrays(self, blocks: Iterator[Block]) -> Iterator[tuple[np.ndarray, list[np.ndarray]]]:
         """Lines and columns of all rows, some thousands at a time.
@@ -125,12 +140,15 @@ class Rows:
         ConfigError
         """
         names = self._dialect.names
-        if tuple(cell.strip() for cell in cells[: len(names)]) == names:
+        found = [cell.strip().removeprefix(_MARK).strip('"') for cell in cells[: len(names)]]  # of a file joined to it
+        if tuple(found) == names:
             message = (
                 "this line repeats the header: cut it out, with what belongs to it, where the log goes on below; where "
                 "another one begins, cut the file in two"
             )
             raise self._error(line, message)
+        if len(found) == len(names) and has_other_names(found, names):
+            raise self._error(line, f"this line is another header: {_ANOTHER_LOG}")
 
     def _no_sample(self, cell: str) -> str:
         """What to do with a line that begins with a word, as one of totals below a table does."""
@@ -203,7 +221,7 @@ class Rows:
 
     def _cells(self, blocks: Iterator[Block]) -> Iterator[tuple[int, list[str]]]:
         """The cells of every row, and the line it begins on."""
-        lines = RowLines(blocks, self._dialect, self._tags)
+        lines = RowLines(blocks, self._dialect, self._tags, self.judge_comment)
         if self._dialect.separator == SPACES:
             for text in lines:
                 yield lines.taken(), cells_of(text, SPACES)
