@@ -21,6 +21,7 @@ from hgorun.data.csv.header_below import header_below
 from hgorun.data.csv.kept_lines import KeptLines
 from hgorun.data.csv.missing import leave_out
 from hgorun.data.csv.rows import Rows
+from hgorun.data.csv.split_decimals import require_no_split_decimals
 from hgorun.data.csv.splitting import cells_of
 from hgorun.data.csv.text import Block, blocks
 from hgorun.data.table import Columns, Table, Texts
@@ -122,6 +123,8 @@ class CsvFile:
         block = next(rest, None)
         if block is None:
             raise ConfigError("no rows", file=str(self._path))
+        if self._told.decimal is None and self._told.thousands is None:
+            require_no_split_decimals(dialect, {cells.column for cells in wanted}, self._path)
         columns = Columns(wanted, _expected_rows(block, size), budget, self._path)
         rows = Rows(self._path, dialect, wanted)
         reading = _Reading(rows, dialect, Bulk(dialect, wanted), columns)
