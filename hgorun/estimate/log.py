@@ -161,7 +161,7 @@ class Log:
             beside=origin,
             reference="" if own else f"data.reference: {{{output}: {{file: {self._written(file)}",
         )
-        return found.outputs[output], [note for note in found.notes if note.kind in ("units", "clock")]
+        return found.outputs[output], [note for note in found.notes if note.kind in ("units", "clock", "format")]
 
 
 def log_of(source: Source, config: Path, files: tuple[Path, ...] = ()) -> Log:

@@ -16,6 +16,7 @@ from hgorun.config.data import Csv
 from hgorun.data.cells import Cells, Numbers
 from hgorun.data.csv import grouped
 from hgorun.data.csv.bulk import Bulk
+from hgorun.data.csv.cut_off import without_cut
 from hgorun.data.csv.dialect import Dialect, dialect_of
 from hgorun.data.csv.header_below import header_below
 from hgorun.data.csv.kept_lines import KeptLines
@@ -137,9 +138,10 @@ class CsvFile:
         for cells, values in table.columns.items():
             if isinstance(cells, Numbers):
                 leave_out(dialect.missing_numbers, values)
+        cut = list(without_cut(table, dialect, self.texts))
         points = {cells: (line, said) for cells, line, said in self._points(table)}
         doubts = {cells: said for cells, (_, said) in points.items()}
-        return replace(table, remarks=[*rows.remarks(), *points.values()], doubts=doubts)
+        return replace(table, remarks=[*rows.remarks(), *cut, *points.values()], doubts=doubts)
 
     def _points(self, table: Table) -> Iterator[tuple[Cells, int, str]]:
         """What is told of points that may stand between thousands."""

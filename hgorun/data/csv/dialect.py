@@ -115,9 +115,11 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
     if not lines:
         raise ConfigError("no lines but comments: nothing was measured", file=str(path), line=1)
     count, whole = whole_header([one.text for one in lines], (stated,) if stated else (*_SEPARATORS, SPACES))
+    inside = lines[1:count]
     lines[:count] = [_Line(lines[0].number, whole)]
     separator = stated or _separator(lines)
     rows = [(line, cells_of(line.text, separator)) for line in lines]
+    _require_no_row_inside(inside, rows[0], separator, path)
     names, units, body = _header_of(rows, comments, separator, told, path, clocks)
     words = words_in(row[0] for _, row in body if row) if names[0].strip() not in clocks else frozenset()
     marked = [
@@ -224,6 +226,28 @@ def _states_units(
 def _pointed(rows: Sequence[tuple[int, Sequence[str]]], place: int) -> str:
     """The first cell of a column with a point."""
     return next(row[place].strip() for _, row in rows if place < len(row) and "." in row[place])
+
+
+def _require_no_row_inside(
+    inside: Sequence[_Line], header: tuple[_Line, Sequence[str]], separator: str, path: Path
+) -> None:
+    """Refuse a header whose quote takes in rows.
+
+    Raises
+    ------
+    ConfigError
+    """
+    line, names = header
+    if rows := [one.number for one in inside if _looks_like_a_row(one.text, separator, len(names))]:
+        last = inside[-1].number
+        message = f"a quote that opens in this header closes on line {last}, and line {rows[0]} in it looks like a row"
+        raise ConfigError(message, file=str(path), line=line.number)
+
+
+def _looks_like_a_row(line: str, separator: str, width: int) -> bool:
+    """Whether a line has as many cells as the header, or one more, and a number or a date among them."""
+    cells = cells_of(line, separator)
+    return len(cells) in (width, width + 1) and any(map(is_value, cells))
 
 
 def _such_as(columns: int, separator: str) -> str:
