@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from logs import noisy, recorded, table
 
 from hgorun.data.faults.sentinels import sentinels
@@ -205,6 +206,8 @@ def test_it_is_compared_as_the_file_writes_it_and_only_where_it_is_used(tmp_path
 
 
 OTHERS = [3.4028234663852886e38, -3.4028235e38, 1e31, 1e38, 9.9e37, -999.25, 4294967295, 99999.9]
+OTHERS += [9.91e37, 2.0**63 - 1, -(2.0**63), 2.0**64 - 1, 3276.7, -3276.8, 6553.5, 327.67, -327.68, 655.35]
+LARGEST = [1.797e308, -1.7976931348623157e308, 1e301]
 
 
 @pytest.mark.parametrize(
@@ -231,6 +234,11 @@ OTHERS = [3.4028234663852886e38, -3.4028235e38, 1e31, 1e38, 9.9e37, -999.25, 429
         ([*[10, 11, 12] * 20, *[99] * 5], [99]),  # seldom
         ([2, -1, 1, -2, *[-99] * 5], []),
         *(([1, 1.1, number, 1.2, 0.9], [number]) for number in OTHERS),
+        *(([1, 1.1, number, 1.2, 0.9], [number]) for number in LARGEST),
+        ([1, 1.1, LARGEST[0], 1.2, -LARGEST[0], 0.9], [-LARGEST[0], LARGEST[0]]),
+        (3 * [*[-LARGEST[0]] * 5, *[LARGEST[0]] * 5], []),
+        ([*[320, 322, 325] * 5, *[327.67] * 9], []),
+        ([322.1, 325.4, 327.67, 326.1, 323.3], []),
         *(([number, 2 * number, 1.5 * number, 1.6 * number], []) for number in OTHERS),
         ([1, 2, -9999], []),
         ([-9999, -9999], []),
@@ -240,6 +248,22 @@ OTHERS = [3.4028234663852886e38, -3.4028235e38, 1e31, 1e38, 9.9e37, -999.25, 429
 )
 def test_others_are_measured(values: list[float], found: list[float]) -> None:
     assert [number for number, *_ in sentinels(np.array(values, dtype=float))] == found
+
+
+@pytest.mark.parametrize("cell", ["9.91E+37", "-9223372036854775808", "18446744073709551615", "1.797e308", "3276.7"])
+def test_what_is_said_of_such_a_number_leaves_it_out(tmp_path: Path, cell: str) -> None:
+    content = table(TIMES, VALUES).replace(f"{VALUES.tolist()[7]!r}\n", f"{cell}\n", 1)
+    (said,) = of_kind(recorded(tmp_path, content), "sentinel")
+    assert said.startswith(":9: outputs.S: 1 value is ")
+    advice = yaml.safe_load(said[said.index("{missing:") : said.index("}; csv goes") + 1])
+    left = recorded(tmp_path, content, {"csv": advice})
+    assert left.outputs["S"].values.tolist() == np.delete(VALUES, 7).tolist()
+    assert of_kind(left, "sentinel") == []
+
+
+def test_a_number_larger_than_any_is_refused_with_its_line(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r":9: glucose: '1.8e308' is larger than any number"):
+        recorded(tmp_path, table(TIMES, VALUES).replace(f"{VALUES.tolist()[7]!r}\n", "1.8e308\n", 1))
 
 
 NANOSECONDS = 1732800000123456789

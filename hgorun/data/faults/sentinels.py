@@ -13,9 +13,11 @@ from hgorun.pieces import all_true, extremes
 
 _USUAL = np.array(
     [99, 99.9, 99.99, 999, 999.9, 999.99, 999.25, 6999, 7999, 9998, 9999, 9999.9, 99999, 99999.9, 999999, 9999999,
-     32767, 32768, 65535, 2147483647, 2147483648, 4294967295, 1e20, 1e30, 1e31, 9.96921e36, 9.969209968386869e36, 1e37,
-     9.9e37, 1e38, 3.4028235e38]
+     32767, 32768, 65535, 2147483647, 2147483648, 4294967295, 9223372036854775807, 18446744073709551615,
+     3276.7, 3276.8, 6553.5, 327.67, 327.68, 655.35,  # of 16 bits, in tenths and hundredths
+     1e20, 1e30, 1e31, 9.96921e36, 9.969209968386869e36, 1e37, 9.9e37, 9.91e37, 1e38, 3.4028235e38]
 )  # fmt: skip
+_LARGEST = 1e300  # nothing is measured beyond it
 _ALIKE = 1e-6  # of it: doubles of single precision are as well
 _FEWEST = 3  # other values that show where a column lies
 _BELOW, _BEYOND = 0.5, 2.0  # of the span of the others: so far off a negative one beside none is, and any
@@ -59,7 +61,7 @@ def _usual_end(values: np.ndarray) -> float | None:
 def are_usual(numbers: np.ndarray) -> np.ndarray:
     """Which numbers, or their negatives, are in the list of usual ones."""
     sizes = np.abs(numbers)[..., None]
-    found: np.ndarray = np.any(np.abs(sizes - _USUAL) <= _ALIKE * _USUAL, axis=-1)
+    found: np.ndarray = np.any(np.abs(sizes - _USUAL) <= _ALIKE * _USUAL, axis=-1) | (sizes[..., 0] >= _LARGEST)
     return found
 
 
@@ -67,7 +69,8 @@ def _is_half_of_two(number: float, values: np.ndarray) -> bool:
     """Whether a number and its negative, or nearly that, are often there both: -32768 and 32767, too."""
     least = max(_OFTEN * np.count_nonzero(~np.isnan(values)), _RUN)
     near = _AS_LARGE * abs(number)
-    return all(np.count_nonzero(np.abs(values - one) <= near) >= least for one in (number, -number))
+    with np.errstate(over="ignore"):  # of two at either end of doubles
+        return all(np.count_nonzero(np.abs(values - one) <= near) >= least for one in (number, -number))
 
 
 def _is_far(number: float, others: np.ndarray, values: np.ndarray) -> bool:
@@ -109,8 +112,9 @@ def told(samples: Samples, written: np.ndarray, block: Column, owner: str) -> It
         places = np.flatnonzero(good & (written == number))
         file, line = samples.place(int(places[0]))
         times = "1 value is" if places.size == 1 else f"{places.size:,} values are"
+        shown = f"{number:.15g}" if float(f"{number:.15g}") == number else f"{number:.17g}"
         said = (
-            f"{times} {number:.15g}, far outside of the others ({low:.6g} to {high:.6g}), and taken as measured: if "
-            f"that means a missing value: csv: {{missing: [{number:.15g}]}}; csv goes below {owner}"
+            f"{times} {shown}, far outside of the others ({low:.6g} to {high:.6g}), and taken as measured: if "
+            f"that means a missing value: csv: {{missing: [{shown}]}}; csv goes below {owner}"
         )
         yield Note(kind="sentinel", signal=samples.key, file=file, line=line, count=places.size, message=said)
