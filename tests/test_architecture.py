@@ -52,7 +52,7 @@ ANALYSIS_FLOORS: list[set[str]] = [
     {"report"},
 ]
 DATA_FLOORS: list[set[str]] = [
-    {"samples", "times"},
+    {"number_signs", "samples", "times"},
     {"cells", "recording"},
     {"table", "told_once", "units"},
     {"clocks", "in_turn", "lengths", "tags"},

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -13,18 +12,16 @@ from typing import TypeAlias
 import numpy as np
 
 from hgorun.config.types import describe
+from hgorun.data.number_signs import NUMBER, grouped, sign_hint
 from hgorun.data.times.date_forms import patterns_of
 from hgorun.data.times.date_hints import clock_key, form_hint, other_hint, reader, times_in
 from hgorun.data.times.date_texts import iso_stamp, looks_like_iso, stamp_of
 from hgorun.data.times.dates import NAT
 from hgorun.patterns import Pattern
 
-_DIGITS = r"[-+]?(?:[0-9]+(?:{0}[0-9]*)?|{0}[0-9]+)(?:[eE][-+]?[0-9]+)?"
-_NUMBER = {".": re.compile(_DIGITS.format(r"\.")), ",": re.compile(_DIGITS.format(","))}
-PLAIN_NUMBER = _NUMBER["."]
+PLAIN_NUMBER = NUMBER["."]
 """A number as cells have it, with a point: no digits of other scripts, and no signs between them."""
 
-_BETWEEN = {".": r"\.", ",": ",", " ": "[ \u00a0\u202f]", "'": "['\u2019]"}  # what may stand between thousands
 _BEGINS_AS_NUMBER = Pattern(r"[-+<>=~.,\s]*\d")  # as in < 0.1: a number with something else
 _LETTERS = Pattern(r"[^\W\d_]{2}")
 # a number, and the unit that follows it
@@ -53,21 +50,24 @@ class Numbers:
         Of the configuration, where they are time stamps: for what is said of those that are none.
     beside : list of str
         Texts of the column on which a pattern is tried before it is said.
+    others : list of str
+        The same where they are no time stamps: they show how it writes numbers.
     """
 
     column: str
     key: str = field(default="", compare=False)
     beside: list[str] = field(default_factory=list, compare=False, repr=False)
+    others: list[str] = field(default_factory=list, compare=False, repr=False)
 
     dtype = np.dtype(float)
 
     def reader(self, decimal: str, missing: frozenset[str], thousands: str | None = None) -> Reader:
-        pattern, comma = _NUMBER[decimal], decimal == ","
-        grouped = None if thousands is None else _grouped(thousands, decimal)
+        pattern, comma = NUMBER[decimal], decimal == ","
+        in_groups = None if thousands is None else grouped(thousands, decimal)
 
         def read(cell: str) -> float:
             text = cell.strip()
-            if grouped is not None and (match := grouped.fullmatch(text)):
+            if in_groups is not None and (match := in_groups.fullmatch(text)):
                 text = "".join(char for char in match[1] if char in "+-0123456789") + match[2]
             if not pattern.fullmatch(text):
                 if text.lower() in missing:
@@ -81,36 +81,16 @@ class Numbers:
         return read
 
 
-def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
-    """A number with signs between its thousands: what stands before the decimals, and these."""
-    between, sign = _BETWEEN[thousands], re.escape(decimal)
-    return re.compile(rf"([-+]?[0-9]{{1,3}}(?:{between}[0-9]{{3}})+)((?:{sign}[0-9]*)?)")
-
-
-def _many_groups(sign: str) -> re.Pattern[str]:
-    """A number with a sign more than once, between its thousands."""
-    other = "," if sign == "." else "."
-    return re.compile(rf"[-+]?[0-9]{{1,3}}(?:{re.escape(sign)}[0-9]{{3}}){{2,}}(?:{re.escape(other)}[0-9]*)?")
-
-
 def _no_number(text: str, decimal: str, thousands: str | None, cells: Numbers) -> str:
     key, column, beside = cells.key, cells.column, cells.beside
-    other = "," if decimal == "." else "."
     said = f"expected a number, found {describe(text)}"
     if key and "Y" in "".join(patterns_of(text)):  # 20240131,134510
         return said + form_hint(text, key, column, beside, _plain)
-    if _NUMBER[other].fullmatch(text):
-        taken, found = ("point", "comma") if other == "," else ("comma", "point")
-        grouped = thousands is None and _grouped(other, decimal).fullmatch(text)
-        between = f'; for signs between thousands: csv: {{thousands: "{other}"}}' if grouped else ""
-        return f'{said}; decimals have a {taken} here; where all have a {found}: csv: {{decimal: "{other}"}}{between}'
-    signs = [sign for sign in _BETWEEN if sign != decimal and _grouped(sign, decimal).fullmatch(text)]
-    if signs and thousands is None:
-        return f'{said}; for signs between thousands: csv: {{thousands: "{signs[0]}"}}'
-    if thousands is None and _many_groups(decimal).fullmatch(text):
-        return f'{said}; for signs between thousands: csv: {{thousands: "{decimal}"}}'
+    with_signs = sign_hint(said, text, decimal, thousands, [*beside, *cells.others])
+    if with_signs:
+        return with_signs
     plain = "".join(map(_as_ascii, text))
-    if _NUMBER[decimal].fullmatch(plain):
+    if NUMBER[decimal].fullmatch(plain):
         odd = next(char for char in text if not char.isascii())
         return f"{said}; {odd!r} is no sign of a number (U+{ord(odd):04X}): write {plain}"
     if looks_like_iso(text):
@@ -139,7 +119,7 @@ def _plain(text: str) -> float:
     ------
     ValueError
     """
-    if not any(form.fullmatch(text) for form in _NUMBER.values()):
+    if not any(form.fullmatch(text) for form in NUMBER.values()):
         raise ValueError(text)
     return float(text.replace(",", "."))
 
@@ -242,6 +222,6 @@ def _as_written(text: str, cells: Stamps, pattern: str) -> str:
     """What is said of a text that has not the form that is given: how it is read, where that is known."""
     if looks_like_iso(text):
         return f"; this one is read with {clock_key(cells.key, cells.column, 'iso')}"
-    if _NUMBER["."].fullmatch(text) and not times_in(cells.beside, reader(pattern)):
+    if NUMBER["."].fullmatch(text) and not times_in(cells.beside, reader(pattern)):
         return "; leave out format where stamps are numbers"
     return form_hint(text, cells.key, cells.column, cells.beside, reader(pattern))

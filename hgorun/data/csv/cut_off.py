@@ -12,12 +12,13 @@ from hgorun.data.cells import Numbers
 from hgorun.data.csv.dialect import Dialect
 from hgorun.data.table import Table, Texts
 from hgorun.errors import ConfigError
+from hgorun.patterns import Pattern
 
 _TAIL = 1 << 12  # bytes at the end of a file that are looked at
 _FEWEST = 10  # cells that show how all of a column are written
 _MANY = 30  # of which one would end with a zero, which a short form leaves out
 _TWO = 2  # decimals that are zeros rarely
-_FORM = re.compile(r"[-+]?\d*([.,]\d*(?:[eE][-+]?\d*)?)?", re.ASCII)
+_FORM = Pattern(r"[-+]?\d*([.,]\d*(?:[eE][-+]?\d*)?)?", re.ASCII)
 
 
 def unfinished_line(path: Path) -> str:

@@ -5,15 +5,15 @@ A row that is taken for a comment is lost without a word, and so is a comment th
 
 from __future__ import annotations
 
-import re
 from collections.abc import Collection, Iterable
 
 from hgorun.data.csv.splitting import SPACES, cells_of
+from hgorun.patterns import Pattern
 
 _MARK = "#"
-_ERROR = re.compile(r"#(?:N/?[AV]|¡?[A-ZÀ-Ý]+[A-ZÀ-Ý0-9_/]*[!?]|GETTING_DATA)")
-_NARROW = re.compile(r"#{3,}")  # for a number that is wider than its column
-_TAG = re.compile(r"#\w*\d\w*")
+_ERROR = Pattern(r"#(?:N/?[AV]|¡?[A-ZÀ-Ý]+[A-ZÀ-Ý0-9_/]*[!?]|GETTING_DATA)")
+_NARROW = Pattern(r"#{3,}")  # for a number that is wider than its column
+_TAG = Pattern(r"#\w*\d\w*")
 
 
 def is_marked_row(line: str, sign: str, separator: str, width: int, words: Collection[str]) -> bool:

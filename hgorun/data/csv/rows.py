@@ -159,10 +159,10 @@ class Rows:
     def _first_wrong(self, line: int, row: Sequence[str], rest: Iterator[tuple[int, list[str]]]) -> ConfigError:
         """What is wrong in a row, with the name of its column; other rows show which patterns read their dates."""
         self._refuse_header(line, row)
-        of_dates = [
-            (cells.beside, place)
+        columns = [
+            (cells.others if isinstance(cells, Numbers) and not cells.key else cells.beside, place)
             for cells, place in zip(self._wanted, self._places, strict=True)
-            if not isinstance(cells, Flags) and cells.key
+            if not isinstance(cells, Flags)
         ]
         known = [(number, cells) for number, cells in self._dialect.rows if number != line]
         last = known[-1][0] if known else 0
@@ -170,7 +170,7 @@ class Rows:
         below = (one for one in islice(rest, _BELOW) if one[0] > last)  # of rows that are read one by one
         with suppress(ConfigError):  # of one below
             for _, other in chain(first, below):
-                for beside, place in of_dates:
+                for beside, place in columns:
                     if place < len(other) and '"' not in other[place]:
                         beside.append(other[place].strip())
         for cells, place, read in zip(self._wanted, self._places, self._readers, strict=True):

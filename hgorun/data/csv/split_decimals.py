@@ -13,10 +13,11 @@ from pathlib import Path
 from hgorun.data.csv.dialect import Dialect
 from hgorun.data.csv.units_row import NUMBER
 from hgorun.errors import ConfigError
+from hgorun.patterns import Pattern
 
-_WHOLE = re.compile(r"[-+]?\d+", re.ASCII)
-_OF_WORDS = re.compile(r"(?i)notes?|notiz(en)?|(comment|remark|bemerkung|kommentar|anmerkung|hinweis|text|label)\w*")
-_OF_TIME = re.compile(r"(?i).*(ms|milli|msec|µs|us|sec|min|time|date|frac|nano|micro).*|s|ns|hh?|mm?|ss?")
+_WHOLE = Pattern(r"[-+]?\d+", re.ASCII)
+_OF_WORDS = Pattern(r"(?i)notes?|notiz(en)?|(comment|remark|bemerkung|kommentar|anmerkung|hinweis|text|label)\w*")
+_OF_TIME = Pattern(r"(?i).*(ms|milli|msec|µs|us|sec|min|time|date|frac|nano|micro).*|s|ns|hh?|mm?|ss?")
 _FEWEST = 3  # rows that show how numbers are written
 _SPREAD = 4  # first digits that decimals have, and codes of states have not
 _PADDED = 0.5  # of whole numbers of one length: so many begin with a zero
