@@ -55,7 +55,7 @@ DATA_FLOORS: list[set[str]] = [
     {"number_signs", "samples", "times"},
     {"cells", "recording"},
     {"table", "told_once", "units"},
-    {"clocks", "in_turn", "lengths", "tags"},
+    {"clocks", "column_meant", "in_turn", "lengths", "tags"},
     {"odd_clocks"},
     {"faults"},
     {"csv", "input_ends"},

@@ -66,7 +66,7 @@ class Numbers:
         in_groups = None if thousands is None else grouped(thousands, decimal)
 
         def read(cell: str) -> float:
-            text = cell.strip()
+            text = bare(cell)
             if in_groups is not None and (match := in_groups.fullmatch(text)):
                 text = "".join(char for char in match[1] if char in "+-0123456789") + match[2]
             if not pattern.fullmatch(text):
@@ -79,6 +79,12 @@ class Numbers:
             return value
 
         return read
+
+
+def bare(cell: str) -> str:
+    """The text of a cell, also of one that a spreadsheet is to take as text: ``="20.1"``."""
+    text = cell.strip()
+    return text[2:-1].strip() if text[:2] == '="' and text[-1] == '"' and len(text) > len('="') else text
 
 
 def _no_number(text: str, decimal: str, thousands: str | None, cells: Numbers) -> str:
@@ -201,7 +207,7 @@ class Stamps:
             return other_hint(text, self.key, self.column, self.beside, lambda other: iso_stamp(other)[0])
 
         def read(cell: str) -> int:
-            text = cell.strip()
+            text = bare(cell)
             if text.lower() in missing:
                 return NAT
             stamp, zoned = iso_stamp(text, hint) if self.pattern is None else stamp_of(text, self.pattern, hint)

@@ -7,8 +7,9 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations
 
 from hgorun.data.clocks import ClockColumn
+from hgorun.data.column_meant import column_meant
 from hgorun.data.recording import Note
-from hgorun.data.sources import LogFile, Wanted, column_meant
+from hgorun.data.sources import LogFile, Wanted
 from hgorun.data.units.factored_units import has_factor
 from hgorun.data.units.named_units import of_one_kind, without_unit
 from hgorun.data.units.units import alike_times, foreign, is_time, is_unit

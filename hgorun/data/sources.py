@@ -8,15 +8,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from hgorun.config.data import Clock, Column, Csv, Data, Judged, Measured
-from hgorun.config.nearest import COMPARED, LISTED, listed, nearest, nearest_name
+from hgorun.config.nearest import LISTED, listed
 from hgorun.config.refusals import Refusals
 from hgorun.data.cells import Cells, Flags, Numbers
 from hgorun.data.clocks import ClockColumn, beside, clock_column
+from hgorun.data.column_meant import column_meant
 from hgorun.data.files import open_table
 from hgorun.data.lengths import require_one_length
 from hgorun.data.recording import Note
 from hgorun.data.table import Table, TableFile
-from hgorun.data.units.named_units import without_any_unit
 from hgorun.errors import ConfigError, KeyPath, Problem
 
 _CSV_ADVICE = "csv: {"
@@ -204,7 +204,9 @@ class Sources:
         if count == 1:
             return
         if count > 1:
-            raise Problem(path, f"{file.path} has {count} columns called {column!r}")
+            raise Problem(
+                path, f"{file.path} has {count} columns called {column!r}: give each a name of its own in the header"
+            )
         header = " in its header" if len(known) > LISTED else ""
         shown = f": {listed(map(_visible, known), column)}{header}" if known else " none"
         hint = file.table.hint(column, _columns_of(self._block)) or column_meant(column, known)
@@ -289,14 +291,3 @@ def remarks_on(file: LogFile, table: Table) -> Iterator[Note]:
 def _visible(name: str) -> str:
     """A name with escapes for characters that one does not see, such as a mark of the byte order inside a file."""
     return "".join(char if char.isprintable() else ascii(char)[1:-1] for char in name)
-
-
-def column_meant(column: str, known: Sequence[str]) -> str:
-    """The column whose name without its unit is most similar: units that are alike make no two columns so."""
-    named: dict[str, list[str]] = {}
-    for name in known[:COMPARED]:
-        named.setdefault(without_any_unit(name).lower(), []).append(name)
-    near = nearest_name(without_any_unit(column), named)
-    alike = named.get(near, [])
-    found = nearest_name(column, alike) or next(iter(alike), "")
-    return f" Did you mean `{found}`?" if found else nearest(column, known)

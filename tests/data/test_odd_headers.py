@@ -157,3 +157,19 @@ def test_a_quote_that_does_not_close_takes_no_rows(tmp_path: Path, header: str, 
     quoted = content.replace("8\n", '"8"\n').replace("9", '9"')
     with pytest.raises(ConfigError, match=r"log\.csv:4"):
         recorded(tmp_path, quoted, {"outputs": {"S": name}})
+
+
+@pytest.mark.parametrize(
+    "below",
+    ["# logged by X", "# logged by X, Berlin", "# 31.05.2024,X", "#", "# -------", "# float,float", "# s,g/L\n# a,b"],
+)
+def test_a_header_in_a_comment_may_have_others_below_it(tmp_path: Path, below: str) -> None:
+    signal = recorded(tmp_path, f"# Log of a tank\n# t,glucose\n{below}\n0,1\n1,2\n2,4\n").outputs["S"]
+    assert signal.values.tolist() == [1, 2, 4]
+
+
+def test_units_below_such_a_header_are_known(tmp_path: Path) -> None:
+    content = "# t,glucose\n# s,mg/L\n# float,float\n0,1000\n1,2000\n2,4000\n"
+    assert recorded(tmp_path, content, {"outputs": {"S": {"column": "glucose", "unit": "mg/L"}}}).outputs["S"].unit
+    with pytest.raises(Problem, match="the file says mg/L"):
+        recorded(tmp_path, content, units={"S": "g/L"})

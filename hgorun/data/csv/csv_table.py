@@ -13,7 +13,7 @@ import numpy as np
 
 from hgorun.ahead import ahead
 from hgorun.config.data import Csv
-from hgorun.data.cells import Cells, Numbers
+from hgorun.data.cells import Cells, Numbers, bare
 from hgorun.data.csv import grouped
 from hgorun.data.csv.bulk import Bulk
 from hgorun.data.csv.cut_off import without_cut
@@ -70,7 +70,7 @@ class CsvFile:
         rows = _all_cells(_from_line(blocks(self._path, self._told.encoding), self.dialect.first), self.dialect)
         first = chain(self.dialect.rows[:1], rows)
         found = (row[place] for _, row in islice(first, _SEARCHED) if place < len(row))
-        return next((text for text in found if text.strip().lower() not in self.dialect.missing), "")
+        return next((text for text in map(bare, found) if text.lower() not in self.dialect.missing), "")
 
     def unit(self, column: str) -> str:
         """What the row of units says of a column; empty without one."""

@@ -14,6 +14,7 @@ from hgorun.data.table import Table, Texts
 from hgorun.errors import ConfigError
 from hgorun.patterns import Pattern
 
+_END = "\x1a"  # which programs of DOS write behind a text
 _TAIL = 1 << 12  # bytes at the end of a file that are looked at
 _FEWEST = 10  # cells that show how all of a column are written
 _MANY = 30  # of which one would end with a zero, which a short form leaves out
@@ -27,7 +28,8 @@ def unfinished_line(path: Path) -> str:
         size = stream.seek(0, 2)
         stream.seek(max(size - _TAIL, 0))
         tail = stream.read().replace(b"\0", b"")  # of two or four bytes a character
-    return re.split(rb"[\r\n]", tail)[-1].decode("utf-8", "replace").strip()
+    last = re.split(rb"[\r\n]", tail)[-1].decode("utf-8", "replace").strip()
+    return "" if last.endswith(_END) else last
 
 
 def without_cut(table: Table, dialect: Dialect, near: Callable[[int], Texts]) -> Iterator[tuple[int, str]]:

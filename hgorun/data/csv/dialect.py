@@ -306,13 +306,19 @@ def _in_comment(
     """The names of the columns in the last comment above the numbers, and their units if it states these below them.
 
     Names may be units, too, as t and h are: of two such lines the upper one has the names, unless only the lower one
-    has a column of time stamps.
+    has a column of time stamps. Where neither has one, other comments may stand below the names: the lowest line that
+    has such a column has these.
     """
     rows = [_bare(one, sign, separator) for one in comments if one.number < line]
-    last, *above = [*reversed(rows[-2:]), [], []][:2]
-    if len(last) != width or any(map(is_value, last)):
+    may_be = [row if len(row) == width and not any(map(is_value, row)) else [] for row in rows]
+    last, above = [*reversed(may_be[-2:]), [], []][:2]
+    named = [bool({name.strip() for name in row} & {*clocks}) for row in may_be]
+    if any(named) and not any(named[-2:] if last and above and are_units(last) else named[-1:] if last else ()):
+        place = max(k for k, has in enumerate(named) if has)
+        below = next((row for row in may_be[place + 1 :][:1] if row and are_units(row)), [])
+        return may_be[place], below
+    if not last:
         return None
-    if len(above[0]) != width or any(map(is_value, above[0])) or not are_units(last):
+    if not above or not are_units(last):
         return last, []
-    named = [bool({name.strip() for name in row} & {*clocks}) for row in (above[0], last)]
-    return (last, []) if are_units(above[0]) and named == [False, True] else (above[0], last)
+    return (last, []) if are_units(above) and named[-2:] == [False, True] else (above, last)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
@@ -25,6 +26,7 @@ from hgorun.errors import ConfigError
 _AT_ONCE = 20_000  # rows that are held as text
 _DECIMAL = re.compile(r"[-+]?[0-9]*([.,])(?![0-9]{3}$)[0-9]+")
 _ANOTHER_LOG = "the rows below have other columns or units, and belong into a file of their own"
+_OF_WINCC = "$RT_"  # so the names of its own events begin
 _MARK = "\ufeff"  # of the order of bytes
 _BELOW = 1000  # rows in which dates of a column that is refused are looked at
 
@@ -98,6 +100,8 @@ class Rows:
                 what += self._name_of_row(cells) if line == self._dialect.first else ""
                 what += self._without_last(cells)
                 raise self._error(line, f"{_cells(len(cells))}, where the header has {names}{what}")
+            if cells[0].startswith(_OF_WINCC):
+                self._refuse_event(line, cells[0].strip())
             try:
                 yield (line, *(read(cells[place]) for place, read in plan))
             except ValueError:
@@ -149,6 +153,20 @@ class Rows:
             raise self._error(line, message)
         if len(found) == len(names) and has_other_names(found, names):
             raise self._error(line, f"this line is another header: {_ANOTHER_LOG}")
+
+    def _refuse_event(self, line: int, cell: str) -> None:
+        """Refuse a row that WinCC writes when it stops, unless the quality leaves it out.
+
+        Raises
+        ------
+        ConfigError
+        """
+        column = self._dialect.names[0]
+        if not any(isinstance(cells, Flags) and cells.column == column for cells in self._wanted):
+            other = next((row[0] for _, row in self._dialect.rows if not row[0].startswith(_OF_WINCC)), "NAME")
+            quality = f"quality: {{column: {json.dumps(column)}, good: [{json.dumps(other)}]}}"
+            message = f"{cell!r} is no sample, and WinCC writes such a row when it stops: take it out, or {quality}"
+            raise self._error(line, message)
 
     def _no_sample(self, cell: str) -> str:
         """What to do with a line that begins with a word, as one of totals below a table does."""

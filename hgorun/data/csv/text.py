@@ -13,6 +13,7 @@ from hgorun.native.line_ends import newlines_of
 
 BLOCK = 2**20  # bytes read at once: as many as a cache of the processor holds
 LONGEST = 2**20  # bytes of a line
+_END = b"\x1a"  # of a text, to programs of DOS
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),  # which begins as the next one
@@ -79,6 +80,7 @@ def blocks(path: Path, encoding: str | None = None, size: int = BLOCK) -> Iterat
         coded, wrong = error.args
         message = f"not text in {coded}: {wrong} is no character of it"
         raise ConfigError(message, file=str(path), line=line + _unix(rest).count(b"\n")) from None
+    rest = rest.rstrip(_END)
     if rest:
         yield _checked(Block(_unix(rest) if rest.endswith((b"\n", b"\r")) else _unix(rest) + b"\n", line), path)
     elif line == 1:
@@ -121,8 +123,7 @@ def _checked(block: Block, path: Path) -> Block:
     ConfigError
     """
     if (place := block.text.find(b"\0")) >= 0:
-        message = "a zero byte: this is binary data, or text in UTF-16 without its mark (csv: {encoding: utf-16})"
-        raise ConfigError(message, file=str(path), line=_line(block, place))
+        raise ConfigError(_of_zeros(block.text, place), file=str(path), line=_line(block, place))
     if not block.text.isascii():
         try:
             block.text.decode("utf-8")
@@ -132,6 +133,15 @@ def _checked(block: Block, path: Path) -> Block:
             message = f"byte 0x{found:02x} is not UTF-8; text of older programs is read with {other}"
             raise ConfigError(message, file=str(path), line=_line(block, error.start)) from None
     return block
+
+
+def _of_zeros(text: bytes, place: int) -> str:
+    """What is told of the first zero byte: in UTF-16 every second one of a table is zero."""
+    count = len(text[place:]) - len(text[place:].lstrip(b"\0"))
+    if count > 1 or b"\0" not in text[place + 2 : place + 3]:
+        bytes_ = "a zero byte" if count == 1 else f"{count:,} zero bytes"
+        return f"{bytes_} in a text: nothing was written there, as where power fails; cut them out, with their line"
+    return "a zero byte: this is binary data, or text in UTF-16 without its mark (csv: {encoding: utf-16})"
 
 
 def _line(block: Block, place: int) -> int:
