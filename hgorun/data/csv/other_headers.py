@@ -5,39 +5,61 @@ Rows below such a line that are read by the first header get into columns in whi
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Sequence
 
 from hgorun.data.csv.dialect import Dialect
 from hgorun.data.csv.splitting import SPACES, cells_of
 from hgorun.data.csv.units_row import are_units, is_value
 from hgorun.data.units.named_units import without_any_unit
+from hgorun.patterns import Pattern
 
 _BRACKETS = "[](){}<> "
+_LONGEST = 30  # characters of a unit
 
 
-def other_header(comment: str, dialect: Dialect, times: Collection[str]) -> str:
-    """What a comment says of columns or of their units, if the header says another thing; else empty.
+class OtherHeaders:
+    """Finds such lines among comments, of which there may be as many as rows.
 
     Parameters
     ----------
-    comment : str
     dialect : Dialect
     times : collection of str
         Columns of time stamps: a comment that has one of them and half of all names is a header.
     """
-    if dialect.separator != SPACES and comment.count(dialect.separator) < len(dialect.names) - 1:  # most comments
-        return ""
-    bare = comment.lstrip().removeprefix(dialect.comment).strip()
-    cells = [cell.strip() for cell in cells_of(bare, dialect.separator)]
-    if len(cells) == len(dialect.names) + 1 and not cells[-1]:
-        cells.pop()
-    if len(cells) != len(dialect.names) or any(map(is_value, cells)) or tuple(cells) == dialect.names:
-        return ""
-    is_other = has_other_names(cells, dialect.names) or _has_other_units(cells, dialect.units)
-    if not is_other and dialect.separator != SPACES and times and set(times) <= set(cells):  # words: a sentence
-        known, plain = set(map(without_any_unit, dialect.names)), [without_any_unit(cell) for cell in cells]
-        is_other = not known.issuperset(plain) and 2 * sum(cell in known for cell in plain) >= len(cells)
-    return bare if is_other else ""
+
+    def __init__(self, dialect: Dialect, times: Collection[str]) -> None:
+        self._dialect, self._times = dialect, set(times)
+        self._plain = tuple(map(without_any_unit, dialect.names))
+        ends = r"\s" if dialect.separator == SPACES else re.escape(dialect.separator)
+        names = "|".join(map(re.escape, self._plain))
+        self._has_a_name = Pattern(rf'(?:^\s*{re.escape(dialect.comment)}|{ends})\s*"?(?:{names})')
+
+    def found(self, comment: str) -> str:
+        """What a comment says of columns or of their units, if the header says another thing; else empty."""
+        names, separator = self._dialect.names, self._dialect.separator
+        if not self._dialect.units and not self._has_a_name.search(comment):  # most comments
+            return ""
+        if separator != SPACES and comment.count(separator) < len(names) - 1:
+            return ""
+        bare = comment.lstrip().removeprefix(self._dialect.comment).strip()
+        cells = [cell.strip() for cell in cells_of(bare, separator)]
+        if len(cells) == len(names) + 1 and not cells[-1]:
+            cells.pop()
+        if len(cells) != len(names) or tuple(cells) == names:
+            return ""
+        is_other = all(cell.startswith(self._plain) for cell in cells) and has_other_names(cells, names)
+        is_other = is_other or (self._times.issubset(cells) and self._has_a_new_name(cells))
+        is_other = is_other or has_other_units(cells, self._dialect.units)
+        return bare if is_other else ""
+
+    def _has_a_new_name(self, cells: Sequence[str]) -> bool:
+        """Whether a header has a column that is new, as far as cells with the column of time stamps are one."""
+        if self._dialect.separator == SPACES or not self._times or any(map(is_value, cells)):
+            return False  # words may be a sentence
+        plain = [without_any_unit(cell) for cell in cells]
+        known = sum(cell in self._plain for cell in plain)
+        return len(plain) > known and 2 * known >= len(plain)
 
 
 def has_other_names(cells: Sequence[str], names: Sequence[str]) -> bool:
@@ -53,9 +75,9 @@ def has_other_names(cells: Sequence[str], names: Sequence[str]) -> bool:
     return any(cell != name for cell, name in stated)
 
 
-def _has_other_units(cells: Sequence[str], units: Sequence[str]) -> bool:
+def has_other_units(cells: Sequence[str], units: Sequence[str]) -> bool:
     """Whether cells are units, and another one than is stated stands in some place."""
-    if len(cells) != len(units) or not are_units(cells):
+    if len(cells) != len(units) or any(len(cell) > _LONGEST for cell in cells) or not are_units(cells):
         return False
     pairs = ((one.strip(_BRACKETS), other.strip(_BRACKETS)) for one, other in zip(cells, units, strict=True))
     return any(one != other and _is_said(one) and _is_said(other) for one, other in pairs)

@@ -15,7 +15,7 @@ import numpy as np
 from hgorun.config.types import describe
 from hgorun.data.cells import IF_MISSING, Cells, Flags, Numbers, is_word
 from hgorun.data.csv.dialect import Dialect
-from hgorun.data.csv.other_headers import has_other_names, other_header
+from hgorun.data.csv.other_headers import OtherHeaders, has_other_names
 from hgorun.data.csv.row_lines import RowLines
 from hgorun.data.csv.splitting import SPACES, cells_of
 from hgorun.data.csv.text import Block
@@ -47,6 +47,8 @@ class Rows:
         self._places = [dialect.names.index(cells.column) for cells in wanted]
         self._inside: list[tuple[int, int, int]] = []
         self._tags: list[tuple[int, str]] = []
+        times = {cells.column for cells in wanted if not isinstance(cells, Flags) and cells.key}
+        self._headers = OtherHeaders(dialect, times)
 
     def remarks(self) -> Iterator[tuple[int, str]]:
         """What is told of cells that hold lines which look like rows, and of rows that begin as comments do: the line
@@ -67,8 +69,7 @@ class Rows:
         ------
         ConfigError
         """
-        times = {cells.column for cells in self._wanted if not isinstance(cells, Flags) and cells.key}
-        if found := other_header(text, self._dialect, times):
+        if found := self._headers.found(text):
             said = f"this comment is another header, {describe(found)}: {_ANOTHER_LOG}; if it is none, take it out"
             raise self._error(line, said)
 
