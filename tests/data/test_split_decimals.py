@@ -59,3 +59,25 @@ def test_columns_that_are_not_read_may_be_anything(tmp_path: Path) -> None:
     cells = [f"{k},{20 + k % 7},{row.partition(',')[2]}" for k, row in enumerate(SPLIT)]
     signal = recorded(tmp_path, f"t,glucose,a,b\n{rows(cells)}").outputs["S"]
     assert signal.values.size == len(cells)
+
+
+POINTS = [f"{k}.0,{v:.3f},{v / 2:.4f}" for k, v in enumerate(VALUES)]
+
+
+@pytest.mark.parametrize(("place", "row"), [(20, "20,5,20.1"), (0, "0,5,20.1")])
+def test_a_single_row_of_whole_numbers_among_points_is_told(tmp_path: Path, place: int, row: str) -> None:
+    cells = [*POINTS[:place], row, *POINTS[place + 1 :]]
+    found = recorded(tmp_path, f"t,glucose,temp\n{rows(cells)}")
+    said = [(note.line, note.message.partition(":")[0]) for note in found.notes if note.kind == "format"]
+    assert said == [(place + 2, f"{place},5 in this row may be one number with a decimal comma")]
+
+
+@pytest.mark.parametrize("row", ["20.0,21.000,5.1", "20,20.104,5.1", "20.0,21,5.1"])
+def test_a_row_with_a_point_is_not(tmp_path: Path, row: str) -> None:
+    found = recorded(tmp_path, f"t,glucose,temp\n{rows([*POINTS[:20], row, *POINTS[21:]])}")
+    assert not [note for note in found.notes if note.kind == "format"]
+
+
+def test_columns_of_whole_numbers_here_and_there_are_not(tmp_path: Path) -> None:
+    cells = [f"{k},{20 + k % 4 / 2:g}" for k in range(60)]
+    assert not recorded(tmp_path, f"t,glucose\n{rows(cells)}").notes

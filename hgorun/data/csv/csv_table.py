@@ -22,7 +22,7 @@ from hgorun.data.csv.header_below import header_below
 from hgorun.data.csv.kept_lines import KeptLines
 from hgorun.data.csv.missing import leave_out
 from hgorun.data.csv.rows import Rows
-from hgorun.data.csv.split_decimals import require_no_split_decimals
+from hgorun.data.csv.split_decimals import require_no_split_decimals, split_in_a_row
 from hgorun.data.csv.splitting import cells_of
 from hgorun.data.csv.text import Block, blocks
 from hgorun.data.table import Columns, Table, Texts
@@ -138,7 +138,7 @@ class CsvFile:
         for cells, values in table.columns.items():
             if isinstance(cells, Numbers):
                 leave_out(dialect.missing_numbers, values)
-        cut = list(without_cut(table, dialect, self.texts))
+        cut = [*without_cut(table, dialect, self.texts), *split_in_a_row(table, dialect, self.texts)]
         points = {cells: (line, said) for cells, line, said in self._points(table)}
         doubts = {cells: said for cells, (_, said) in points.items()}
         return replace(table, remarks=[*rows.remarks(), *cut, *points.values()], doubts=doubts)

@@ -7,17 +7,22 @@ Such a row has as many cells as the header, and 20,104 is read as 20.
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
+
+from hgorun.data.cells import Numbers
 from hgorun.data.csv.dialect import Dialect
 from hgorun.data.csv.units_row import NUMBER
+from hgorun.data.table import Table, Texts
 from hgorun.errors import ConfigError
 from hgorun.patterns import Pattern
 
 _WHOLE = Pattern(r"[-+]?\d+", re.ASCII)
 _OF_WORDS = Pattern(r"(?i)notes?|notiz(en)?|(comment|remark|bemerkung|kommentar|anmerkung|hinweis|text|label)\w*")
 _OF_TIME = Pattern(r"(?i).*(ms|milli|msec|µs|us|sec|min|time|date|frac|nano|micro).*|s|ns|hh?|mm?|ss?")
+_OTHERS = 20  # numbers with points that show how all are written
 _FEWEST = 3  # rows that show how numbers are written
 _SPREAD = 4  # first digits that decimals have, and codes of states have not
 _PADDED = 0.5  # of whole numbers of one length: so many begin with a zero
@@ -52,6 +57,39 @@ def require_no_split_decimals(dialect: Dialect, wanted: Collection[str], path: P
         'put such numbers in quotes; if they are two: csv: {decimal: "."}'
     )
     raise ConfigError(message, file=str(path), line=line)
+
+
+def split_in_a_row(table: Table, dialect: Dialect, near: Callable[[int], Texts]) -> Iterator[tuple[int, str]]:
+    """What is told of single rows with two whole numbers side by side, where all others of these columns have points.
+
+    Parameters
+    ----------
+    table : Table
+    dialect : Dialect
+    near : callable
+        The texts of the rows near a line.
+    """
+    if dialect.separator != "," or dialect.decimal != "." or dialect.thousands is not None:
+        return
+    places = {dialect.names.index(cells.column): cells for cells in table.columns if isinstance(cells, Numbers)}
+    for place, cells in places.items():
+        if place + 1 not in places:
+            continue
+        pair = cells, places[place + 1]
+        whole = np.logical_and(*(table.columns[one] == np.floor(table.columns[one]) for one in pair))
+        found = np.flatnonzero(whole)
+        for line in table.lines[found[:_FEWEST] if found.size <= _FEWEST else []].tolist():
+            above = [dict(near(line)[one.column]) for one in pair]
+            texts = [column.pop(line, "") for column in above]
+            others = [text for column in above for text in column.values() if text.lower() not in dialect.missing]
+            if len(others) >= _OTHERS and all(map(_WHOLE.fullmatch, texts)) and all("." in text for text in others):
+                yield (
+                    line,
+                    (
+                        f"{','.join(texts)} in this row may be one number with a decimal comma: all others of "
+                        f"{pair[0].column!r} and {pair[1].column!r} near it have points; read as two numbers"
+                    ),
+                )
 
 
 def _are_halves(pairs: Sequence[tuple[int, str, str]], name: str) -> bool:
