@@ -12,17 +12,17 @@ from hgorun.config.data import Csv
 from hgorun.data.csv.comments import is_comment
 from hgorun.data.csv.decimal_sign import decimal_sign
 from hgorun.data.csv.grouped import may_be_grouped
+from hgorun.data.csv.header import Line, header_of, require_no_row_inside
 from hgorun.data.csv.marked_rows import is_marked_row, words_in
 from hgorun.data.csv.missing import missing_numbers, missing_texts
 from hgorun.data.csv.splitting import SPACES, cells_of
 from hgorun.data.csv.text import Block
-from hgorun.data.csv.units_row import are_units, is_value, may_state_units, states_units, tells_processing
+from hgorun.data.csv.units_row import may_state_units
 from hgorun.data.csv.whole_header import whole_header
 from hgorun.errors import ConfigError
 
 _SEPARATORS = ("\t", ";", "|", ",")
 _LOOKED_AT = 200  # rows that decide how numbers are written
-_FEW = 8  # columns whose names a message writes
 
 _STATED = re.compile(r'"?sep=(.)"?\r?', re.IGNORECASE)  # a first line by which Excel knows the separator
 _QUOTED = re.compile(r'"[^"]*"')
@@ -87,12 +87,6 @@ class Dialect:
         )
 
 
-@dataclass(frozen=True)
-class _Line:
-    number: int
-    text: str
-
-
 def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collection[str | None]]) -> Dialect:
     """How the file is written that begins with a block.
 
@@ -109,18 +103,18 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
     ConfigError
         When there is no header or no row below it, or when it cannot be told what a comma in a number means.
     """
-    comments: list[_Line] = []
+    comments: list[Line] = []
     stated = told.separator or _stated(block, told)
     lines = list(_lines(block, told, comments))
     if not lines:
         raise ConfigError("no lines but comments: nothing was measured", file=str(path), line=1)
     count, whole = whole_header([one.text for one in lines], (stated,) if stated else (*_SEPARATORS, SPACES))
     inside = lines[1:count]
-    lines[:count] = [_Line(lines[0].number, whole)]
+    lines[:count] = [Line(lines[0].number, whole)]
     separator = stated or _separator(lines)
     rows = [(line, cells_of(line.text, separator)) for line in lines]
-    _require_no_row_inside(inside, rows[0], separator, path)
-    names, units, body = _header_of(rows, comments, separator, told, path, clocks)
+    require_no_row_inside(inside, rows[0], separator, path)
+    names, units, body = header_of(rows, comments, separator, told, path, clocks)
     words = words_in(row[0] for _, row in body if row) if names[0].strip() not in clocks else frozenset()
     marked = [
         (one, cells_of(one.text, separator))
@@ -130,7 +124,7 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
     body = sorted([*body, *marked], key=lambda row: row[0].number)
     missing = missing_texts(told)
 
-    def of_header(row: tuple[_Line, list[str]]) -> bool:
+    def of_header(row: tuple[Line, list[str]]) -> bool:
         return may_state_units(row[1], names, missing, clocks)
 
     first, sample = body[0]
@@ -160,101 +154,9 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
     )
 
 
-def _header_of(
-    rows: Sequence[tuple[_Line, list[str]]],
-    comments: Sequence[_Line],
-    separator: str,
-    told: Csv,
-    path: Path,
-    clocks: Mapping[str, Collection[str | None]],
-) -> tuple[list[str], list[str], Sequence[tuple[_Line, list[str]]]]:
-    """The names of the columns, their units, empty where these are not stated, and the rows of values.
-
-    Parameters
-    ----------
-    rows : sequence of (_Line, list of str)
-        The first ones with their cells, from the line of names on, if there is one.
-    comments : sequence of _Line
-        Above and between them.
-
-    Raises
-    ------
-    ConfigError
-        When there are no names, no values, or no units where they are told.
-    """
-    header, names = rows[0]
-    body = rows[1:]
-    units: list[str] = []
-    if all(is_value(name) for name in names):
-        above = _in_comment(comments, header.number, separator, len(names), told.comment, clocks)
-        if above is None:
-            message = (
-                f"expected a line with the names of the columns, found numbers: {header.text[:60]}; write such a line "
-                f"above them{_such_as(len(names), separator)}: columns are taken by their names, not by their places"
-            )
-            raise ConfigError(message, file=str(path), line=header.number)
-        (names, units), body = above, rows
-    elif told.units_row is None and body:
-        between = [one for one in comments if header.number < one.number < body[0][0].number]
-        of_units = [_bare(one, told.comment, separator) for one in between]
-        units = next((row for row in of_units if len(row) == len(names) and are_units(row)), [])
-    if told.units_row or (told.units_row is None and not units and _states_units(body, names, told, clocks)):
-        units = list(body[0][1]) if body else []
-        if any(unit.strip() != "1" and is_value(unit) for unit in units):
-            message = f"data.csv.units_row: expected the units of the columns, found {body[0][0].text[:60]}"
-            raise ConfigError(message, file=str(path), line=body[0][0].number)
-        body = body[1:]
-    if units and body and tells_processing(body[0][1]):
-        body = body[1:]
-    if not body:
-        raise ConfigError("a header without values below it", file=str(path), line=header.number)
-    return names, units, body
-
-
-def _states_units(
-    body: Sequence[tuple[_Line, list[str]]],
-    names: Sequence[str],
-    told: Csv,
-    clocks: Mapping[str, Collection[str | None]],
-) -> bool:
-    """Whether the first row below the names is one of units."""
-    if not body or not may_state_units(body[0][1], names, missing_texts(told), clocks):
-        return False
-    return states_units(body[0][1], names, clocks)
-
-
 def _pointed(rows: Sequence[tuple[int, Sequence[str]]], place: int) -> str:
     """The first cell of a column with a point."""
     return next(row[place].strip() for _, row in rows if place < len(row) and "." in row[place])
-
-
-def _require_no_row_inside(
-    inside: Sequence[_Line], header: tuple[_Line, Sequence[str]], separator: str, path: Path
-) -> None:
-    """Refuse a header whose quote takes in rows.
-
-    Raises
-    ------
-    ConfigError
-    """
-    line, names = header
-    if rows := [one.number for one in inside if _looks_like_a_row(one.text, separator, len(names))]:
-        last = inside[-1].number
-        message = f"a quote that opens in this header closes on line {last}, and line {rows[0]} in it looks like a row"
-        raise ConfigError(message, file=str(path), line=line.number)
-
-
-def _looks_like_a_row(line: str, separator: str, width: int) -> bool:
-    """Whether a line has as many cells as the header, or one more, and a number or a date among them."""
-    cells = cells_of(line, separator)
-    return len(cells) in (width, width + 1) and any(map(is_value, cells))
-
-
-def _such_as(columns: int, separator: str) -> str:
-    """Names of that many columns, as an example; of a table that is too wide none."""
-    if columns > _FEW or not separator.isprintable():
-        return f", of {columns} names"
-    return ", such as " + separator.join(["t", *(f"y{i}" for i in range(1, columns))])
 
 
 def _stated(block: Block, told: Csv) -> str | None:
@@ -264,7 +166,7 @@ def _stated(block: Block, told: Csv) -> str | None:
     return found[1] if found else None
 
 
-def _lines(block: Block, told: Csv, comments: list[_Line]) -> Iterator[_Line]:
+def _lines(block: Block, told: Csv, comments: list[Line]) -> Iterator[Line]:
     """The first lines of a file that are neither empty nor comments."""
     found, missing = 0, missing_texts(told)
     for number, raw in enumerate(block.text.split(b"\n", told.skip + 50 * _LOOKED_AT), start=block.line):
@@ -272,15 +174,15 @@ def _lines(block: Block, told: Csv, comments: list[_Line]) -> Iterator[_Line]:
         if number - block.line < told.skip or not text.strip() or (number == block.line and _stated(block, told)):
             continue
         if is_comment(text, told.comment, missing, told.separator):
-            comments.append(_Line(number, text))
+            comments.append(Line(number, text))
             continue
-        yield _Line(number, text)
+        yield Line(number, text)
         found += 1
         if found > _LOOKED_AT:
             return
 
 
-def _separator(lines: Sequence[_Line]) -> str:
+def _separator(lines: Sequence[Line]) -> str:
     """The one that divides the header and the line below it in the same way."""
     header, below = lines[0].text, lines[min(len(lines) - 1, 2)].text
     for separator in _SEPARATORS:
@@ -293,32 +195,3 @@ def _separator(lines: Sequence[_Line]) -> str:
         return max(found, key=bare.count)
     width = len(cells_of(header, SPACES))
     return SPACES if width > 1 and len(cells_of(below, SPACES)) in (width, width + 1) else ","
-
-
-def _bare(comment: _Line, sign: str, separator: str) -> list[str]:
-    """The cells of a comment without its sign."""
-    return cells_of(comment.text.lstrip().removeprefix(sign).strip(), separator)
-
-
-def _in_comment(
-    comments: Sequence[_Line], line: int, separator: str, width: int, sign: str, clocks: Collection[str]
-) -> tuple[list[str], list[str]] | None:
-    """The names of the columns in the last comment above the numbers, and their units if it states these below them.
-
-    Names may be units, too, as t and h are: of two such lines the upper one has the names, unless only the lower one
-    has a column of time stamps. Where neither has one, other comments may stand below the names: the lowest line that
-    has such a column has these.
-    """
-    rows = [_bare(one, sign, separator) for one in comments if one.number < line]
-    may_be = [row if len(row) == width and not any(map(is_value, row)) else [] for row in rows]
-    last, above = [*reversed(may_be[-2:]), [], []][:2]
-    named = [bool({name.strip() for name in row} & {*clocks}) for row in may_be]
-    if any(named) and not any(named[-2:] if last and above and are_units(last) else named[-1:] if last else ()):
-        place = max(k for k, has in enumerate(named) if has)
-        below = next((row for row in may_be[place + 1 :][:1] if row and are_units(row)), [])
-        return may_be[place], below
-    if not last:
-        return None
-    if not above or not are_units(last):
-        return last, []
-    return (last, []) if are_units(above) and named[-2:] == [False, True] else (above, last)
