@@ -84,3 +84,9 @@ def test_words_with_the_name_of_the_times_are_no_header(tmp_path: Path) -> None:
     changes: dict[str, Any] = {"outputs": {"S": "glucose"}, "csv": {"separator": " "}}
     found = recorded(tmp_path, restarted(["t,glucose,temp"], ["# t was glucose"], " "), changes)
     np.testing.assert_array_equal(found.outputs["S"].values, VALUES)
+
+
+def test_a_comment_with_fewer_cells_is_none(tmp_path: Path) -> None:
+    number = ROWS[0].partition(",")[0]
+    text = restarted(["t,glucose,temp"], ["# temp low"]).replace(number, f'"{number}"', 1)  # rows are read one by one
+    np.testing.assert_array_equal(recorded(tmp_path, text).outputs["S"].values, VALUES)
