@@ -38,6 +38,8 @@ _ALSO = {
     "outputs": ("measurement.outputs", "data.outputs"),
 }  # where there are several
 _BEHIND = ("delay", "lag", "latency")  # how late samples are
+_OF_SAMPLES = ("plausible", "quality", "gate", "available", "std")  # which inputs have not
+_OUTLIER = ("outlier", "spike", "peak")
 _AT_TOP = "at the top of the file"
 
 
@@ -54,6 +56,11 @@ def belongs(place: KeyPath, key: str, *, recorded: bool = True) -> str:
     """
     if place[:2] == ("data", "outputs") and key in _BEHIND:
         return f" The column of times at which samples are known is `{_dotted((*place, 'available'))}`."
+    if place[:2] == ("data", "inputs") and key in _OF_SAMPLES:
+        missing = f"{_dotted((*place, 'csv'))}: {{missing: [...]}}"
+        return f" An input is taken as it is recorded; values that stand for none are left out by `{missing}`."
+    if place[:1] == ("data",) and place[-1:] == ("faults",) and key.removesuffix("s") in _OUTLIER:
+        return " Outliers are left out by `gate` or `plausible` of an output."
     written = _ALSO.get(key) or ((_WRITTEN[key],) if key in _WRITTEN else ())
     found = [_from(place, one) for one in written if _fits(place, one)]
     if written and not recorded and all(one.startswith("data.") for one in written):

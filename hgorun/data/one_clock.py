@@ -27,6 +27,7 @@ from hgorun.data.times.date_order import (
 )
 from hgorun.data.times.dates import NAT
 from hgorun.data.times.day_counts import four_years_apart, span_of
+from hgorun.data.times.zones import BOTH
 from hgorun.data.units.factored_units import has_factor
 from hgorun.data.units.named_units import AnotherUnit, note_of, time_in_name
 from hgorun.data.units.units import alike_times
@@ -121,7 +122,7 @@ class OneClock:
         zones = set(of_zones)
         if len(zones) > 1:
             with_one, without = (self._first_stamp(*of_zones[zone]) for zone in (True, False))
-            message = f"some dates have a time zone and others have none: {with_one} has one, {without} has none"
+            message = f"some dates have a time zone, others none: {with_one} has one, {without} has none; {BOTH}"
             raise Problem(of_zones[False][1].path, message)
         if self._beside is not None and self._beside.epoch is not None:
             if zones != {bool(self._beside.zone)}:

@@ -210,7 +210,8 @@ class KalmanFilter(KnownCovariance, NoiseInformed, ContinuousObserver[Form, Mode
             if sensor.multiplicative and not self.of_samples:
                 strength, why = None, "its noise is in proportion to it"
             if strength is None:
-                raise Problem(("R",), f"R of output {name} does not follow from the measurement: {why}; give R")
+                right = f"give R, or std of the noise, of recorded data as data.outputs.{name}.std"
+                raise Problem(("R",), f"R of output {name} does not follow from the measurement: {why}; {right}")
             (relative if sensor.multiplicative else numbers)[i] = strength
         return numbers, relative
 

@@ -102,7 +102,8 @@ def gains_of(data: Mapping[str, Any]) -> str:
     block = blocks[filters[0]]
     noise = block.get("Q", block.get("q"))
     entries = {f"Q.{state}": value for state, value in noise.items()} if isinstance(noise, dict) else {"q": noise}
-    numbers = {key: value for key, value in entries.items() if type(value) in (int, float) and value > 0}
+    given = {key: value for key, value in entries.items() if isinstance(value, int | float)}
+    numbers = {key: value for key, value in given.items() if value > 0}
     ranges = [f"{path}.{key}: {{log: [{value / _APART:g}, {value * _APART:g}]}}" for key, value in numbers.items()]
     return ", ".join(ranges[:_GAINS]) or f"{path}.Q.0.0: {{log: [1e-6, 1]}}"
 

@@ -119,6 +119,19 @@ def test_of_a_path_to_no_list_the_deepest_block_is_told() -> None:
         assert message in str(caught.value)
 
 
+@pytest.mark.parametrize("key", ["quality", "plausible"])
+def test_an_input_has_nothing_that_judges_its_values(key: str) -> None:
+    told = belongs(("data", "inputs", "F"), key)
+    assert told.endswith("values that stand for none are left out by `data.inputs.F.csv: {missing: [...]}`.")
+    assert "outputs" not in told
+
+
+def test_outliers_are_no_faults_of_a_file() -> None:
+    told = " Outliers are left out by `gate` or `plausible` of an output."
+    assert belongs(("data", "faults"), "outliers") == belongs(("data", "outputs", "S", "faults"), "spike") == told
+    assert belongs(("data", "faults"), "stuck") == ""
+
+
 def test_how_late_samples_are_is_a_column_of_recorded_data() -> None:
     told = " The column of times at which samples are known is `data.outputs.S.available`."
     assert belongs(("data", "outputs", "S"), "delay") == told

@@ -114,6 +114,8 @@ def dialect_of(block: Block, path: Path, told: Csv, clocks: Mapping[str, Collect
     separator = stated or _separator(lines)
     rows = [(line, cells_of(line.text, separator)) for line in lines]
     require_no_row_inside(inside, rows[0], separator, path)
+    if told.separator and len(rows[0][1]) == 1:
+        _require_separator(rows[0][0], told.separator, _separator(lines), path)
     names, units, body = header_of(rows, comments, separator, told, path, clocks)
     words = words_in(row[0] for _, row in body if row) if names[0].strip() not in clocks else frozenset()
     marked = [
@@ -195,3 +197,16 @@ def _separator(lines: Sequence[Line]) -> str:
         return max(found, key=bare.count)
     width = len(cells_of(header, SPACES))
     return SPACES if width > 1 and len(cells_of(below, SPACES)) in (width, width + 1) else ","
+
+
+def _require_separator(header: Line, told: str, found: str, path: Path) -> None:
+    """Refuse a separator that the names of columns do not have, where they have another one.
+
+    Raises
+    ------
+    ConfigError
+    """
+    count = len(cells_of(header.text, found))
+    if found != told and count > 1:
+        message = f"csv.separator is {told!r}, which is not between the names of columns: {found!r} makes {count}"
+        raise ConfigError(message, file=str(path), line=header.number)

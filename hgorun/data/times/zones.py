@@ -24,6 +24,8 @@ _NAME = re.compile(rf"(?<![^\W\d_])(?:{'|'.join(_HOURS)})(?![^\W\d_])", re.IGNOR
 _HALF = re.compile(r"(?<![^\W\d_])([ap])\.\s?m\b\.?", re.IGNORECASE)  # p.m.
 _FINE = re.compile(r"(?<=[.,:][0-9]{6})[0-9]{1,3}(?![0-9])")  # of a second, behind its microseconds
 _DIRECTIVE = re.compile("%(.)")
+BOTH = "write the zone behind those that have none, as in 2024-05-31 13:45+02:00 (a pattern has %z for it)"
+"""What is right where some dates have a zone and others have none."""
 
 
 def names_zone(pattern: str) -> bool:

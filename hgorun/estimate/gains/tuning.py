@@ -18,6 +18,7 @@ _FEW = 2  # gains that a simplex finds alone
 _SIMPLEX = 0.1  # its sides, in the unit cube
 LITTLE = 1e-5  # of a range: for derivatives, in valleys much narrower than the range
 _DAMPING = 1e-3
+_CHANCE = 5  # samples a gain, of which fewer are met by chance
 _SAME = 1e-9  # of a score: rounding
 _ENOUGH = 1e-4  # of the square of the score: what a pass has to gain for another one
 
@@ -164,6 +165,12 @@ def reported(trials: Trials, gains: Mapping[str, float]) -> tuple[float, list[st
     """The score on samples that the search has not seen, and what is told of outliers among these and the others."""
     remarks: list[str] = []
     if (found := errors_of(trials.cases, trials.goal, gains)) is not None:
+        count = sum(one.values.size for one in found)
+        if count < _CHANCE * len(gains):
+            many = "one sample decides" if count == 1 else f"{count} samples decide"
+            sought = ", ".join(path.removeprefix("observers.") for path in gains)
+            chance = "so few that chance meets them: seek fewer numbers, or give more files"
+            remarks.append(f"in the search {many} on {sought}, {chance}")
         remarks += told(found, trials.left_out or outliers([found]), "search")
     if (found := errors_of(trials.cases, trials.goal, gains, report=True)) is None:
         return np.inf, remarks
