@@ -73,7 +73,9 @@ def bands(members: Collected, *, width: float = WIDTH) -> Figure:
     time = kept.time[::step]
     one_truth = bool(np.all(kept.x == kept.x[:1]))
     sound = np.isfinite(kept.xhat).all(axis=(2, 3)).any(axis=0)
-    sound = sound if sound.any() else ~sound  # limits follow from observers of which some member is not lost
+    sound = np.asarray(
+        sound if sound.any() else ~sound
+    )  # limits follow from observers of which some member is not lost
     with styled():
         count, columns = 2 * len(cast.states), cast.columns(2)
         figure, axes = grid(count, columns, cast.width(WIDTH), _ROW * (count // columns) + TOP, share=True)

@@ -141,7 +141,10 @@ def test_the_unit_of_a_file_that_is_held_out_is_stated_for_it_alone(shell: Shell
     )
 
 
-TWO = "observers={S: {type: shgo, theta: 2, poles: -1}, E: {type: ekf, Q: {b: 0.1}, R: 0.01}}"
+TWO = (
+    "observers={S: {type: shgo, theta: 2, poles: -1, initial: {a: 0}}, "
+    "E: {type: ekf, Q: {b: 0.1}, R: 0.01, initial: {a: 0}}}"
+)
 MESSAGE = (
     "in a stream all observers treat late samples alike, and these do not (S: innovation, E: replay): "
     "give observers.S.late: replay"
@@ -252,4 +255,4 @@ def test_where_period_leaves_samples_of_one_time_tune_says_it(shell: Shell) -> N
     tune = "tune={gains: {observers.o.theta: {log: [1, 4]}}, minimise: 'holdout_rmse(o, a)'}"
     code, _, err = shell("tune", "pendulum.yaml", "two.csv", "--set", tune, "--set", "data.period=10")
     assert code == 2
-    assert "two.csv: a: all samples but those at 1 are held out, of a log from 1 to 1.2" in err
+    assert "all samples that data.period holds out lie in one gap of the a that observers get" in err

@@ -94,6 +94,9 @@ def split(recording: Recording, goal: Goal, between: Mapping[str, Signal] | None
             raise Problem(("tune", "minimise"), f"{goal}: the output {name} is not in data.outputs")
         if between and name in between:
             gaps = np.searchsorted(recording.outputs[name].taken, between[name].taken)
+            if np.unique(gaps).size == 1:
+                few = f"all samples that data.period holds out lie in one gap of the {name} that observers get"
+                raise Problem(("tune", "minimise"), f"{goal}: {few}: none is left for the report; give a shorter one")
             searched[name], reported[name] = _halves(between[name], gaps, goal)
         else:
             (outputs[name], told), searched[name], reported[name] = _fifths(recording.outputs[name], goal)
