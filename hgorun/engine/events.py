@@ -78,11 +78,7 @@ def add_actions(m: Module) -> None:
     c = counts(f, "%segment")
     t = span(f, "%segment")[2]
     w, z, slots, channels = (f.word("%ctx", WORD[name], "ptr") for name in ("w", "z", "slots", "channels"))
-    table, advance, far = (
-        f.word("%ctx", WORD["actions"], "ptr"),
-        f.word("%ctx", WORD["advance"], "ptr"),
-        "advance_words",
-    )
+    table, advance = (f.word("%ctx", WORD[name], "ptr") for name in ("actions", "advance"))
     event, before = f.scalar("lshr", "%segment", f.word("%ctx", WORD["shift"])), f.slot("i64")
     f.store(str(NOTHING), before, "i64")
 
@@ -97,7 +93,7 @@ def add_actions(m: Module) -> None:
 
     with f.count(c["action_first"], c["action_last"]) as index:
         row = f.at(table, f.scalar("mul", index, str(ACTION_WORDS)))
-        further = f.at(advance, f.scalar("mul", index, f.word("%ctx", WORD[far])))
+        further = f.at(advance, f.scalar("mul", index, f.word("%ctx", WORD["advance_words"])))
         op, output = f.word(row, 0), f.word(row, 1)
         slot, first, last = (
             f.scalar("add", f.word(row, i), f.scalar("mul", event, f.word(further, i))) for i in range(2, ACTION_WORDS)

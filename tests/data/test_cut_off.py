@@ -79,6 +79,9 @@ def test_a_time_that_is_cut_off_is_refused(tmp_path: Path) -> None:
         ("2", ["2.5", "3.5"] * 5, False),  # whole by chance
         ("2.", ["2.25", "3.5"] * 5, True),
         ("2", ["2.125", "3.5"] * 5, True),
+        ("2", ["2.12", "3.5"] * 5, False),  # of a hundred numbers with two decimals one is whole
+        ("0", ["2.125", "3.5"] * 5, False),  # off
+        ("0", ["2.125", "3.500"] * 5, True),
         ("2.5E", ["2.5E+01"] * 10, False),  # there it is refused as no number
         ("2.50E+0", ["2.50E+00", "2.50E+01"] * 5, True),
         ("2.5", ["2.51"] * 10, False),

@@ -67,6 +67,9 @@ def test_so_is_one_between_spaces(tmp_path: Path, separator: str) -> None:
         (["t,glucose,temp"], ["# pump off, valve open, glucose low"]),
         (["t,glucose,temp"], ["# glucose, calibrated, by J."]),
         (["t,glucose,temp", "s,m,K"], ["# ---,---,---"]),
+        (["t,glucose,temp", "s,m,K"], ["# 5 m, 3 K, 1 s"]),
+        (["t,glucose,temp"], ["# temp in K, glucose in g/L, t in s"]),
+        (["t,glucose,temp"], ["# t, then feed, then stop"]),
     ],
 )
 def test_equal_headers_and_other_comments_are_fine(tmp_path: Path, first: list[str], again: list[str]) -> None:
@@ -90,3 +93,13 @@ def test_a_comment_with_fewer_cells_is_none(tmp_path: Path) -> None:
     number = ROWS[0].partition(",")[0]
     text = restarted(["t,glucose,temp"], ["# temp low"]).replace(number, f'"{number}"', 1)  # rows are read one by one
     np.testing.assert_array_equal(recorded(tmp_path, text).outputs["S"].values, VALUES)
+
+
+@pytest.mark.parametrize(
+    "note", ["# t, then level rises", "# t,stop", "# t, off", "# t,glucose low", "# glucose in g/L, t in s"]
+)
+def test_a_note_in_a_log_of_two_columns_is_no_header(tmp_path: Path, note: str) -> None:
+    rows = [",".join(row.split(",")[:2]) for row in restarted(["t,glucose,temp"], [note]).splitlines() if row[0] != "#"]
+    rows.insert(9, note)
+    found = recorded(tmp_path, "\n".join([*rows, ""]), {"outputs": {"S": "glucose"}})
+    assert found.outputs["S"].values.size == len(VALUES)

@@ -18,7 +18,7 @@ _END = "\x1a"  # which programs of DOS write behind a text
 _TAIL = 1 << 12  # bytes at the end of a file that are looked at
 _FEWEST = 10  # cells that show how all of a column are written
 _MANY = 30  # of which one would end with a zero, which a short form leaves out
-_TWO = 2  # decimals that are zeros rarely
+_TWO, _THREE = 2, 3  # decimals that are zeros rarely; where as few as can be are written
 _FORM = Pattern(r"[-+]?\d*([.,]\d*(?:[eE][-+]?\d*)?)?", re.ASCII)
 
 
@@ -80,7 +80,10 @@ def is_cut(cell: str, others: Sequence[str]) -> bool:
     zeros = any(other.endswith("0") for other in others)
     if len(set(forms)) == 1 and str(forms[0]).startswith(found) and len(found) < longest:
         return zeros or len(others) >= _MANY
-    return found in (".", ",") or (not found and (zeros or longest > _TWO))
+    short = len(set(forms)) > 1
+    if short and not found and float(cell) == 0:  # what is off
+        return False
+    return found in (".", ",") or (not found and (zeros or longest > (_THREE if short else _TWO)))
 
 
 def _form(cell: str) -> str | None:

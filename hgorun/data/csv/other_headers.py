@@ -16,6 +16,8 @@ from hgorun.patterns import Pattern
 
 _BRACKETS = "[](){}<> "
 _LONGEST = 30  # characters of a unit
+_KNOWN = 2  # names of a header beside a new one: with that of the times alone, a note may begin
+_IN_BRACKETS = Pattern(r"[(\[{<].*?[)\]}>]")
 
 
 class OtherHeaders:
@@ -48,18 +50,23 @@ class OtherHeaders:
             cells.pop()
         if len(cells) != len(names) or tuple(cells) == names:
             return ""
-        is_other = all(cell.startswith(self._plain) for cell in cells) and has_other_names(cells, names)
+        is_other = all(map(self._is_a_name, cells)) and has_other_names(cells, names)
         is_other = is_other or (self._times.issubset(cells) and self._has_a_new_name(cells))
         is_other = is_other or has_other_units(cells, self._dialect.units)
         return bare if is_other else ""
 
+    def _is_a_name(self, cell: str) -> bool:
+        """Whether a cell is that of a column, with a unit or without, and no words about it."""
+        bare = _IN_BRACKETS.sub("", cell).strip()
+        return cell.startswith(self._plain) and len(bare.split()) <= max(len(name.split()) for name in self._plain)
+
     def _has_a_new_name(self, cells: Sequence[str]) -> bool:
-        """Whether a header has a column that is new, as far as cells with the column of time stamps are one."""
+        """Whether a header has a column that is new, as far as cells with two that are known are one."""
         if self._dialect.separator == SPACES or not self._times or any(map(is_value, cells)):
             return False  # words may be a sentence
         plain = [without_any_unit(cell) for cell in cells]
         known = sum(cell in self._plain for cell in plain)
-        return len(plain) > known and 2 * known >= len(plain)
+        return len(plain) > known and known >= _KNOWN and 2 * known >= len(plain)
 
 
 def has_other_names(cells: Sequence[str], names: Sequence[str]) -> bool:
@@ -77,7 +84,9 @@ def has_other_names(cells: Sequence[str], names: Sequence[str]) -> bool:
 
 def has_other_units(cells: Sequence[str], units: Sequence[str]) -> bool:
     """Whether cells are units, and another one than is stated stands in some place."""
-    if len(cells) != len(units) or any(len(cell) > _LONGEST for cell in cells) or not are_units(cells):
+    if len(cells) != len(units) or any(len(cell) > _LONGEST or cell[:1].isdigit() for cell in cells):
+        return False
+    if not are_units(cells):
         return False
     pairs = ((one.strip(_BRACKETS), other.strip(_BRACKETS)) for one, other in zip(cells, units, strict=True))
     return any(one != other and _is_said(one) and _is_said(other) for one, other in pairs)
