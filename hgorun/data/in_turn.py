@@ -39,9 +39,10 @@ class InTurn:
 
     def sentence(self, *, measured: bool) -> str:
         """What may be wrong, and what takes the rows of one signal; inputs have no ``plausible``."""
-        shown = ", ".join(f"{value:g}" for value in self.shown)
+        digits = 3 + math.ceil(max(0.0, math.log10(max(abs(self.low), abs(self.high)) / (self.high - self.low))))
+        shown = ", ".join(f"{value:.{digits + 3}g}" for value in self.shown)
         right = (
-            f"plausible: [{self.low:.3g}, {self.high:.3g}] takes those of one"
+            f"plausible: [{self.low:.{digits}g}, {self.high:.{digits}g}] takes those of one"
             if measured
             else "an input needs a file with its own rows"
         )

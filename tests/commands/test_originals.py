@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import fcntl
 import io
 import sys
 from pathlib import Path
@@ -111,6 +112,21 @@ def test_only_files_of_numbers_that_can_be_read_stay(tmp_path: Path) -> None:
     path.write_bytes(b"CDF\x01")
     with pytest.raises(ConfigError, match=r"save: .*run\.h5 is netCDF of the old kind that hgorun has not written"):
         refuse_not_ours(path, "save")
+
+
+def test_a_recording_that_is_being_written_stays(shell: Shell) -> None:
+    """As by a logger that keeps it open; what it writes later would be lost with the file."""
+    with h5py.File(shell.folder / "log.h5", "w") as file:
+        file["a"] = np.arange(3.0)
+    with (shell.folder / "log.h5").open() as held:
+        fcntl.flock(held, fcntl.LOCK_EX)  # as HDF5 does
+        code, _, err = shell("simulate", "sim.yaml", "-o", "log.h5")
+    said = (
+        "hgorun: --output: log.h5 would be replaced, and another program has it open for writing: name another file\n"
+    )
+    assert (code, err) == (2, said)
+    with h5py.File(shell.folder / "log.h5") as file:
+        assert list(file) == ["a"]
 
 
 def test_a_result_is_not_made_again_in_its_own_place(shell: Shell) -> None:

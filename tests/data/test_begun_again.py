@@ -53,6 +53,11 @@ def test_points_between_thousands_are_named(tmp_path: Path) -> None:
     )
 
 
+def test_hours_without_minutes_are_named_at_midnight(tmp_path: Path) -> None:
+    message = message_of(tmp_path, log([f"{100 * (k % 24)}" for k in range(60)]))
+    assert 'its numbers look like hours, since 2300 is followed by 0: format: "%H%M"' in message
+
+
 def test_times_of_day_as_numbers_are_named_at_midnight(tmp_path: Path) -> None:
     stamps = [f"{(1200 + 15 * k) // 60 % 24 * 100 + 15 * k % 60}" for k in range(40)]
     message = message_of(tmp_path, log(stamps))

@@ -25,6 +25,13 @@ def notes(folder: Path, values: np.ndarray, **more: Any) -> list[str]:
     return [str(note) for note in found.notes if note.kind == "tags"]
 
 
+def test_large_numbers_are_told_with_the_digits_that_tell_them_apart(tmp_path: Path) -> None:
+    (said,) = notes(tmp_path, 6e6 + TWO)
+    between = [float(end) for end in said.partition("plausible: ")[2].partition("]")[0].strip("[").split(",")]
+    right = recorded(tmp_path, table(K, 6e6 + TWO), {"outputs": {"S": {"column": "glucose", "plausible": between}}})
+    np.testing.assert_array_equal(right.outputs["S"].values, (6e6 + TWO)[FIRST])
+
+
 def test_two_signals_in_turn_are_told_and_what_is_advised_takes_one(tmp_path: Path) -> None:
     (said,) = notes(tmp_path, TWO)
     place, told = said.split(": outputs.S: ")

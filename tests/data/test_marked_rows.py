@@ -22,7 +22,21 @@ def log(cells: list[str], name: str = "flow") -> str:
 
 @pytest.mark.parametrize(
     "error",
-    ["#DIV/0!", "#VALUE!", "#WERT!", "#REF!", "#NUM!", "#NV", "#NAME?", "#NULL!", "#BEZUG!", "########", "#¡VALOR!"],
+    [
+        "#DIV/0!",
+        "#VALUE!",
+        "#WERT!",
+        "#REF!",
+        "#NUM!",
+        "#NV",
+        "#NAME?",
+        "#NULL!",
+        "#BEZUG!",
+        "########",
+        "#¡VALOR!",
+        "#Error",
+        "#N/A N/A",
+    ],
 )
 @pytest.mark.parametrize("cells", [2, 3])
 def test_a_row_that_begins_with_an_error_of_a_spreadsheet_is_read(tmp_path: Path, error: str, cells: int) -> None:

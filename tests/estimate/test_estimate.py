@@ -296,7 +296,7 @@ def test_a_gate_names_inputs_without_a_column(recorded: bool) -> None:
     position = signal("a", taken, 2.0 * taken**2, gate=5.0)
     log = recording(position, F=held_input("F", [0.0], [0.1])) if recorded else recording(position)
     (told,) = [one for one in estimate(source(text), log, sensitivity=False).remarks if "the gate of" in one]
-    named = "look at the unit of the column, the model, whether data.inputs should name columns of F, and whether std"
+    named = "the unit of the column, the model, whether data.inputs should name columns of F, and whether std"
     assert (named in told) == (not recorded)
 
 

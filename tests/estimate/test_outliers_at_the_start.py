@@ -162,16 +162,18 @@ def test_a_fit_that_is_nearest_only_beside_it_does_not_cost_a_good_sample(seed: 
     assert not any(left.size for left in found.left)
 
 
-@pytest.mark.parametrize("count", [1, 6])
-def test_a_start_beside_an_outlier_is_no_turn_away(count: int) -> None:
+@pytest.mark.parametrize(("count", "outputs"), [(1, 1), (6, 1), (6, 2)])
+def test_a_start_beside_an_outlier_is_no_turn_away(count: int, outputs: int) -> None:
     """The fit begins at the outlier, which lies behind the end of the range of an angle."""
     t, random = 0.1 * np.arange(12), np.random.default_rng(0)
     y = 3.0 + 0.3 * (1 - np.exp(-0.3 * t)) / 0.3 + STD * random.standard_normal(t.size)
     y[0] += 100 * STD
     plant = {key: x for key, x in inline({"a": "b", "b": "-0.3*b"}, "a").items() if key != "initial"}
-    plant["output"] = {"y": {"value": "a", "period": "2*pi"}}
-    config = {"plant": plant, "observers": {"o": {"type": "shgo", "theta": 3}}, "solver": {"step": 0.05}}
+    names = ["y", "z"][:outputs]
+    plant["output"] = {name: {"value": "a", "period": "2*pi"} for name in names}
+    config = {"plant": plant, "observers": {"o": {"type": "ekf", "Q": {"b": 1}}}, "solver": {"step": 0.05}}
     wrapped = (y + np.pi) % (2 * np.pi) - np.pi
-    log = replace(recording(signal("y", t, wrapped, std=STD, gate=GATE)), first_samples=count)
+    signals = [signal(name, t, wrapped, std=STD, gate=GATE) for name in names]
+    log = replace(recording(*signals), first_samples=count)
     start = completed(source(config), log, "start", "").observers["o"].initial
     assert start["a"] == pytest.approx(3.0, abs=5 * STD)

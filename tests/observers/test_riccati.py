@@ -531,7 +531,7 @@ def test_a_late_continuous_output_is_no_obstacle(block: dict[str, Any], delay: s
         ({"equation": "both"}, "equation", "lyapunov"),
         ({"coordinates": "canonical"}, "coordinates", "triangular"),
         ({"internal": {"P": -1}}, "internal.P", "positive definite"),
-        ({"internal": {"P": [1, 2]}}, "internal.P", "9 numbers"),
+        ({"internal": {"P": [1, 2]}}, "internal.P", "3 rows of 3"),
         ({"internal": {"P": [1, 2, 0, 2, 1, 0, 0, 0, 1]}}, "internal.P", "smallest eigenvalue is -1"),
         ({"internal": {"S": 1}}, "internal", "unknown internal state 'S'"),
     ],

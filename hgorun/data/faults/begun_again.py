@@ -19,6 +19,7 @@ _DAYS = [86_400.0, 86_400e3, 1440.0, 24.0]
 _NEAR = 1.5  # steps by which what follows may be off
 _FEWEST = 3  # stamps that show their usual step
 _THOUSAND = 1000
+_HOUR = 100  # as hours and minutes are written without a sign between
 _TIME = re.compile(r"[0-9]{1,2}:[0-9]{2}(?::[0-9]{2}(?:[.,][0-9]+)?)?(?:\s?[APap]\.?[Mm]\.?)?")
 _PARTS = re.compile(r"m(illi)?s(ec(onds?)?)?|milli(s|seconds?)?|µs|us|microseconds?|fractions?", re.IGNORECASE)
 
@@ -41,6 +42,8 @@ def begun_again(samples: Samples, back: int, origin: Origin) -> str:
         forms = ", ".join(f'"{form}" if they are {of}' for of, form in found.patterns.items())
         shown = f"since {found.before:.10g} is followed by {found.behind:.10g}"
         return f"its numbers look like times, {shown}: format: {forms}"
+    if step == _HOUR and before == 24 * _HOUR - step and 0 <= here < _HOUR:
+        return f'its numbers look like hours, since {before:g} is followed by {here:g}: format: "%H%M"'
     for period in (*_COUNTERS, *_DAYS):
         if before < period and abs(here + period - before - step) <= _NEAR * step < period / 2:
             what = "the time of day at midnight" if period in _DAYS else "a counter that is full"

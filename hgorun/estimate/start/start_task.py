@@ -149,8 +149,10 @@ class StartTask:
             kept = np.flatnonzero(~np.isin(self.numbers[i], left[i]))
             if period is None or output not in model.measures or not kept.size:
                 continue
-            beyond = y[places[kept[0]], i] - values[kept[0]]
-            moved[model.states.index(model.measures[output])] -= period * round(float(beyond) / period)
+            state = model.states.index(model.measures[output])
+            if moved[state] == x[state]:  # of several outputs that measure it the first one says where it is
+                beyond = y[places[kept[0]], i] - values[kept[0]]
+                moved[state] -= period * round(float(beyond) / period)
         same = np.all(np.abs(self.residuals(moved)[0] - self.residuals(x)[0]) <= self.tolerances)
         return moved if same else x
 

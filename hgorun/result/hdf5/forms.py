@@ -8,7 +8,7 @@ import h5py
 
 from hgorun.config.kinds import HDF5, kind_of_file
 from hgorun.errors import ConfigError, printable
-from hgorun.result.hdf5.stored import LARGEST, opened
+from hgorun.result.hdf5.stored import IN_USE, LARGEST, opened
 
 RESULT = "hgorun-result-1"
 SWEEP = "hgorun-sweep-1"
@@ -34,7 +34,7 @@ def form_of(path: Path) -> str | None:
 def refuse_not_ours(path: Path, option: str) -> None:
     """Refuse to replace a file of numbers that hgorun has not written: it may be a recording, which nobody makes again.
 
-    One that cannot be opened, as it is cut off, may be replaced.
+    One that cannot be opened, as it is cut off, may be replaced, but none that another program is writing.
 
     Parameters
     ----------
@@ -53,8 +53,11 @@ def refuse_not_ours(path: Path, option: str) -> None:
         try:
             if is_ours(opened(path, LARGEST, _stated)):
                 return
-        except ConfigError:
-            return
+        except ConfigError as error:
+            if error.message != IN_USE:
+                return
+            message = f"{option}: {path} would be replaced, and {IN_USE}: name another file"
+            raise ConfigError(message) from None
     raise ConfigError(
         f"{option}: {path} is {kind.what} that hgorun has not written, such as a recording, and would be replaced: "
         "name another file, or remove this one first"

@@ -26,6 +26,7 @@ T = TypeVar("T")
 LARGEST = 2**30  # bytes that the numbers may take; compressed or sparse data sets could claim any size
 NAMED = 1_000  # characters of a label
 _MOST = 2**60  # bytes: more than any machine has
+IN_USE = "another program has it open for writing"
 _SECONDS = 60.0  # that reading may take: a GiB takes two
 
 
@@ -68,7 +69,7 @@ def found(source: Path | BytesIO, path: Path, budget: int, work: Callable[[h5py.
         with h5py.File(source, "r") as file:
             return work(file)
     except BlockingIOError:
-        raise ConfigError("another program has it open for writing", file=str(path)) from None
+        raise ConfigError(IN_USE, file=str(path)) from None
     except MemoryError:
         raise ConfigError(f"reading it takes more than {budget / 2**30:.3g} GiB", file=str(path)) from None
     except (OSError, KeyError, ValueError, TypeError, AttributeError, RuntimeError, OverflowError) as error:
