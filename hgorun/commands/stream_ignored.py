@@ -28,6 +28,10 @@ def ignored(block: Data, experiment: Experiment) -> Iterator[str]:
         if numbers := [text for text in table.missing if _is_number(text)]:
             taken = "values of a stream are taken whatever they are"
             yield f"{key}.csv.missing: {taken}: leave out those of {', '.join(numbers)}"
+
+
+def beginnings(experiment: Experiment) -> Iterator[str]:
+    """Where observers of a stream that begins start elsewhere than in a file."""
     for label, observer in experiment.observers.items():
         states = [state for state in experiment.plant.model.measures.values() if state not in observer.initial]
         if states:

@@ -15,7 +15,7 @@ from hgorun.commands.mqtt_address import is_address
 from hgorun.commands.run_options import Estimate
 from hgorun.commands.stream_clock import AGAIN, UTC
 from hgorun.commands.stream_grid import Grid
-from hgorun.commands.stream_ignored import ignored
+from hgorun.commands.stream_ignored import beginnings, ignored
 from hgorun.commands.stream_lines import INPUT, Sample, Samples
 from hgorun.commands.stream_progress import Progress
 from hgorun.commands.stream_watch import Watch
@@ -144,7 +144,11 @@ class OneByOne:
     def of(cls, stream: Stream, estimator: Estimator, every: float | None, progress: Progress, writer: Writer) -> Self:
         """Of a stream that begins, or goes on where it had come."""
         grid = Grid(stream.experiment.origin, every, progress.t)
-        watch = Watch(estimator, stream.inputs if progress.t == -math.inf else ())
+        is_new = progress.t == -math.inf
+        if is_new and stream.said.block is not None:
+            for words in beginnings(stream.experiment):
+                say(f"hgorun: {stream.experiment.name}: {words}")
+        watch = Watch(estimator, stream.inputs if is_new else ())
         return cls(estimator, stream.inputs, grid, progress, writer, watch)
 
     @property
@@ -177,7 +181,8 @@ class OneByOne:
                 self._update(sample)
                 self.progress.took(sample)
                 self._tell(sample.signal, clock.took(sample.signal, sample.t))
-                self.watch.took(sample.signal, sample.t)
+                if not math.isnan(sample.y) or sample.signal not in self.inputs:
+                    self.watch.took(sample.signal, sample.t)
                 if self.grid.step is None:
                     self.writer.write(known, self.estimator.estimate())
         except NoStart as error:

@@ -53,6 +53,17 @@ def test_an_input_of_which_no_value_comes_is_told(
     assert told(shell, monkeypatch, DRIVEN.replace(", gate: 6", ""), rows) == missing
 
 
+def test_an_input_without_a_value_has_not_come(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    (line,) = told(shell, monkeypatch, DRIVEN, "0,a,0 0,u, 0,v,1 0.1,a,0 0.2,u, 0.2,a,0")
+    assert line.startswith("hgorun: u: no value has come by t = 0.1")
+
+
+def test_a_stream_that_goes_on_begins_nowhere(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
+    config = CONFIG.replace("initial: {a: 0, b: 1}", "initial: {b: 1}")
+    assert len(told(shell, monkeypatch, config, "0.1,a,0", "--checkpoint", "kept")) == 1
+    assert not told(shell, monkeypatch, config, "0.2,a,0", "--checkpoint", "kept")
+
+
 def test_a_stream_that_goes_on_knows_its_inputs(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     told(shell, monkeypatch, DRIVEN, "0,a,0 0,u,1 0,v,1 0.1,a,0", "--checkpoint", "kept")
     assert not told(shell, monkeypatch, DRIVEN, "0.2,a,0 0.3,a,0", "--checkpoint", "kept")
