@@ -37,6 +37,12 @@ def test_an_end_that_is_an_hour_is_none(tmp_path: Path) -> None:
         recorded(tmp_path, log(intervals("%Y-%m-%d %H:%M", step=timedelta(hours=1), count=8, end="%H")))
 
 
+def test_two_hours_are_no_hour_and_minutes(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=TWO) as found:
+        recorded(tmp_path, log([f"2024-05-31T{k:02}-{k + 1:02}" for k in range(8)]))
+    assert "%" not in str(found.value)
+
+
 def test_an_end_in_the_afternoon_is_none(tmp_path: Path) -> None:
     said = rf"log\.csv:50: t: '-12:15' is not a time zone: those are -12:00 to \+14:00, in steps of 15 min; {TWO}"
     with pytest.raises(ConfigError, match=said):

@@ -37,6 +37,10 @@ def test_what_turns_on_or_is_no_angle_does_not_begin_anew(tmp_path: Path, unit: 
     assert told(tmp_path, values, unit, unit or "deg") == []
 
 
+def test_a_scanner_that_flies_back_makes_no_turn(tmp_path: Path) -> None:
+    assert told(tmp_path, np.mod(40 * TIMES, 350), "deg") == []
+
+
 def test_two_places_are_no_turn(tmp_path: Path) -> None:
     """Nor is noise over the whole range: without a jump its steps are as large."""
     assert told(tmp_path, np.where(np.mod(TIMES, 4) < 2, 5.0, 200.0) + np.mod(TIMES, 1.3), "deg") == []

@@ -15,6 +15,7 @@ _TURNS = {
     **{"mrad": 2000 * np.pi, "turn": 1.0, "rev": 1.0, "gon": 400.0},
 }  # a library of units takes longer to import than many a log to read
 _FULL = 0.8  # of a turn: so much of it an angle has passed before it begins anew
+_LIKE = 3.0  # times the largest other step: no step that is left at a jump is larger
 _NEAR = 0.25  # of a turn: no step that is left without the jump is larger
 
 
@@ -35,8 +36,10 @@ def wrapped(samples: Samples, name: str, unit: str) -> Iterator[Note]:
     span = np.ptp(values) if jumps.size else 0.0
     if not _FULL * turn < span <= turn * (1 + 1e-9):
         return
-    if np.abs(np.diff(np.unwrap(values, period=turn))).max() > _NEAR * turn:
-        return  # samples so far apart, or of a switch, show no turn
+    steps = np.abs(np.diff(np.unwrap(values, period=turn)))
+    others = np.delete(steps, jumps - 1)
+    if steps.max() > _NEAR * turn or steps[jumps - 1].max() > _LIKE * others.max(initial=0.0):
+        return  # samples so far apart, or of a switch, show no turn; a scanner flies back from any angle
     file, line = samples.place(int(known[jumps[0]]))
     times = "once" if jumps.size == 1 else f"{jumps.size:,} times"
     period = "2*pi" if unit.startswith("rad") else f"{turn:.12g}"

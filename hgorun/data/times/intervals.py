@@ -17,12 +17,15 @@ _INTERVAL = re.compile(
     rf"{_DATE}{_TIME}{_ZONE}(?:{_BETWEEN}{_DATE}{_TIME}{_ZONE}|\s*/\s*P[0-9YMWDTHS.,]+)", re.IGNORECASE
 )
 _AS_ZONE = re.compile(r".*?([0-9]{1,2}):?([0-9]{2})(?::?[0-9]{2}(?:[.,][0-9]+)?)?\s?-([0-9]{2})(?::?([0-9]{2}))?")
+_HOURS = re.compile(r".*[T ]([0-9]{1,2})-([0-9]{1,2})")
 _DAY = 1440  # minutes
 _FEWEST = 3  # zones of one column that are more than a log of two places has
 
 
 def is_interval(text: str, beside: Sequence[str] = ()) -> bool:
     """Whether a text has two times; of one whose end may be a zone, the texts beside it in the column decide."""
+    if _HOURS.fullmatch(text):
+        return _are_hours([*beside] or [text])
     if not _INTERVAL.fullmatch(text):
         return False
     ends = _ends(text)
@@ -41,6 +44,13 @@ def ends_change(texts: Sequence[str]) -> bool:
     changes = sum(first[1] != second[1] for first, second in pairwise(found))
     lengths = {(end - start) % _DAY for start, end in found}
     return 2 * changes > len(found) - 1 and (len({end for _, end in found}) >= _FEWEST or len(lengths) == 1)
+
+
+def _are_hours(texts: Sequence[str]) -> bool:
+    """Whether all texts end in two hours, as 13-14, that are equally far apart, as no other parts of a time are."""
+    found = [match for text in texts if (match := _HOURS.fullmatch(text))]
+    lengths = {(int(match[2]) - int(match[1])) % 24 for match in found}
+    return len(found) == len(texts) and len(lengths) == 1 and 0 not in lengths and len({*texts}) > 1
 
 
 def _ends(text: str) -> tuple[int, int] | None:
