@@ -35,6 +35,9 @@ def log(cells: list[str], name: str = "flow") -> str:
         "########",
         "#¡VALOR!",
         "#Error",
+        "#Div/0!",
+        "#Deleted",
+        "#NaN",
         "#N/A N/A",
     ],
 )

@@ -11,7 +11,10 @@ from hgorun.data.csv.splitting import SPACES, cells_of
 from hgorun.patterns import Pattern
 
 _MARK = "#"
-_ERROR = Pattern(r"#(?:N/?[AV](?: N/?[AV])?|¡?[A-ZÀ-Ý]+[A-ZÀ-Ý0-9_/]*[!?]|GETTING_DATA|(?i:error|bad))")
+_ERROR = Pattern(
+    r"#(?:N/?[AV](?: N/?[AV])?|¡?[A-ZÀ-Ý][A-Za-zÀ-ÿ0-9_/]*[!?]|GETTING_DATA"
+    r"|(?i:error|bad|deleted|nan|inf|null|overflow|ovl|ref|value|num|name))"
+)
 _NARROW = Pattern(r"#{3,}")  # for a number that is wider than its column
 _TAG = Pattern(r"#\w*\d\w*")
 
