@@ -24,6 +24,7 @@ class Watch:
         self._since: float | None = None
         self._told = set[tuple[str, str]]()
         self._gated = bool(next(iter(estimator.gated.values()), {}))
+        self._before = estimator.gated_in_a_row  # of a stream that goes on
 
     def took(self, signal: str, t: float) -> None:
         """A sample, which has been used or left out."""
@@ -45,7 +46,8 @@ class Watch:
     def _look_at_gates(self, t: float) -> None:
         for label, of_outputs in self._estimator.gated_in_a_row.items():
             for output, count in of_outputs.items():
-                if too_many(0, 0, count) and (label, output) not in self._told:
+                is_new = count > self._before[label][output] and (label, output) not in self._told
+                if is_new and too_many(0, 0, count):
                     self._told.add((label, output))
                     say(
                         f"hgorun: {label}: by t = {t:.10g} the gate of {output} has left out {count} samples one after "

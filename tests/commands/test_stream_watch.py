@@ -82,6 +82,17 @@ def test_a_gate_that_locks_out_is_told_at_once(shell: Shell, monkeypatch: pytest
     assert "51 of them one after the other" in lines[1]
 
 
+def test_what_a_gate_left_out_before_a_stream_goes_on_is_not_told_again(
+    shell: Shell, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sure = "{type: ekf, Q: {b: 0.1}, initial: {a: 0}, internal: {P: 1e-4}}"
+    config = CONFIG.replace("{type: shgo, theta: 2, poles: -1, initial: {a: 0, b: 1}}", sure)
+    rows = [f"{0.1 * k:.1f},a,{5 if 9 < k < 31 else 0}" for k in range(1, 51)]
+    assert len(told(shell, monkeypatch, config, " ".join(rows[:40]), "--checkpoint", "kept")) == 2
+    (line,) = told(shell, monkeypatch, config, " ".join(rows[40:]), "--checkpoint", "kept")
+    assert "the gate of a left out 21 of 50" in line  # at the end
+
+
 def test_numbers_that_stand_for_no_value_are_told(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     config = CONFIG.replace("time: t", "time: t\n  csv: {missing: [bad, -9999]}")
     (line,) = told(shell, monkeypatch, config, "0.1,a,0")

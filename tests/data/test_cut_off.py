@@ -43,6 +43,7 @@ def test_a_last_number_that_is_cut_off_is_told_and_left_out(
     ("cells", "last", "end"),
     [
         (FIXED, "22.424", ""),
+        (FIXED, '"22.4"', ""),
         (FIXED, "22.4", "\n"),
         (FIXED, "22.4", "\r\n"),
         (FIXED, "22.4", "\n# the end"),

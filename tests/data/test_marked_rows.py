@@ -74,6 +74,7 @@ def test_tags_among_words_are_told_and_read(tmp_path: Path, cells: list[str]) ->
         ("state", "A2", "#A2"),
         ("state", "A2", "# A3"),
         ("state", "A2", "#note"),
+        ("state", "A2", "#A7"),  # names that are counted on: each comes once
         ("month", "May 31 2024", "#May 30 2024"),
     ],
 )

@@ -70,6 +70,9 @@ def test_so_is_one_between_spaces(tmp_path: Path, separator: str) -> None:
         (["t,glucose,temp", "s,m,K"], ["# 5 m, 3 K, 1 s"]),
         (["t,glucose,temp"], ["# temp in K, glucose in g/L, t in s"]),
         (["t,glucose,temp"], ["# t, then feed, then stop"]),
+        (["t,glucose,temp"], ["# t, glucose, temp ok"]),
+        (["t,glucose,temp"], ["# glucose, t, ok"]),
+        (["t,glucose,temp", "s,m,K"], ["# kg, g, A"]),
     ],
 )
 def test_equal_headers_and_other_comments_are_fine(tmp_path: Path, first: list[str], again: list[str]) -> None:

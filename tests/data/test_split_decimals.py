@@ -46,6 +46,9 @@ def test_decimals_without_zeros_in_front_are_refused_where_words_would_stand(tmp
         ("t,glucose,", [f"{k},{20 + k % 7},1" for k in range(60)]),
         ("t,glucose,flow", [f"{k}.5,{20 + k % 7},{137 * k % 1000:03d}" for k in range(60)]),  # decimals have points
         ("t,glucose,flow", ["0,20,045", "1,21,104"]),
+        ("t,glucose,label", [f"{k},{20 + k % 7},{k % 10}" for k in range(60)]),
+        ("t,glucose,day", [f"{k},{20 + k % 7},{k % 31 + 1:02d}" for k in range(60)]),
+        ("t,glucose,note", [f"{k},{20 + k % 7},{(3 + 7 * k) % 23 if k % 9 == 0 else ''}" for k in range(60)]),
         ("t,glucose,flow", [f"{k},{20 + k % 7}," for k in range(60)]),
         ("t,glucose", [f"{k},{20 + k % 7}" for k in range(60)]),
     ],

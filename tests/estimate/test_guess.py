@@ -55,3 +55,9 @@ def test_what_observers_begin_with_alike_is_the_guess() -> None:
     assert guessed(given, ("c", "V", "S")) == {"c": 0.0, "V": 2.0, "S": 0.0}
     assert guessed({**given, "plant": {"initial": {"V": 5}}}, ("V",)) == {"V": 5}
     assert guessed({"plant": {}}, ("V",)) == {"V": 0.0}
+
+
+@pytest.mark.parametrize(("values", "guess"), [(["1/2"], 0.5), (["4/2", 2], 2.0), (["4/2", 3], 0.0), (["x"], 0.0)])
+def test_a_guess_may_be_an_expression_of_numbers(values: list[str | int], guess: float) -> None:
+    observers = {f"o{k}": {"initial": {"V": value}} for k, value in enumerate(values)}
+    assert guessed({"plant": {}, "observers": observers}, ["V"]) == {"V": guess}

@@ -177,3 +177,19 @@ def test_a_start_beside_an_outlier_is_no_turn_away(count: int, outputs: int) -> 
     log = replace(recording(*signals), first_samples=count)
     start = completed(source(config), log, "start", "").observers["o"].initial
     assert start["a"] == pytest.approx(3.0, abs=5 * STD)
+
+
+@pytest.mark.parametrize(("names", "expected"), [(("y", "z"), -2.0), (("z", "y"), -2.0 + 2 * np.pi)])
+@pytest.mark.parametrize("guess", [-2.0, 4.28])
+def test_the_first_output_of_an_angle_says_which_turn_it_is(
+    names: tuple[str, str], expected: float, guess: float
+) -> None:
+    t = 0.1 * np.arange(12)
+    angle = -2.0 + 0.3 * t + STD * np.random.default_rng(0).standard_normal(t.size)
+    values = {"y": angle, "z": angle % (2 * np.pi)}
+    plant = {key: x for key, x in inline({"a": "b", "b": "0"}, "a").items() if key != "initial"}
+    plant |= {"output": {name: {"value": "a", "period": "2*pi"} for name in names}, "initial": {"a": guess}}
+    config = {"plant": plant, "observers": {"o": {"type": "ekf", "Q": {"b": 1}}}, "solver": {"step": 0.05}}
+    log = replace(recording(*(signal(name, t, values[name], std=STD) for name in names)), first_samples=10)
+    start = completed(source(config), log, "start", "").observers["o"].initial
+    assert start["a"] == pytest.approx(expected, abs=0.05)

@@ -23,13 +23,13 @@ _FORM = Pattern(r"[-+]?\d*([.,]\d*(?:[eE][-+]?\d*)?)?", re.ASCII)
 
 
 def unfinished_line(path: Path) -> str:
-    """What stands behind the last end of a line, as far as it is ASCII in any encoding; empty where nothing does."""
+    """What stands behind the last end of a line, as far as it is ASCII in any encoding; empty where that is whole."""
     with path.open("rb") as stream:
         size = stream.seek(0, 2)
         stream.seek(max(size - _TAIL, 0))
         tail = stream.read().replace(b"\0", b"")  # of two or four bytes a character
     last = re.split(rb"[\r\n]", tail)[-1].decode("utf-8", "replace").strip()
-    return "" if last.endswith(_END) else last
+    return "" if last.endswith((_END, '"')) else last
 
 
 def without_cut(table: Table, dialect: Dialect, near: Callable[[int], Texts]) -> Iterator[tuple[int, str]]:

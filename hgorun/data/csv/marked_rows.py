@@ -16,6 +16,7 @@ _ERROR = Pattern(
     r"|(?i:error|bad|deleted|nan|inf|null|overflow|ovl|ref|value|num|name))"
 )
 _NARROW = Pattern(r"#{3,}")  # for a number that is wider than its column
+_DIGITS = Pattern(r"\d+")
 _TAG = Pattern(r"#\w*\d\w*")
 
 
@@ -39,7 +40,15 @@ def is_marked_row(line: str, sign: str, separator: str, width: int, words: Colle
     first = cells[0].strip()
     if _ERROR.fullmatch(first) or separator == SPACES:  # words of a comment may be as many as the columns
         return _ERROR.fullmatch(first) is not None
-    return _NARROW.fullmatch(first) is not None or (is_tag(first) and bool(words) and first[1:] not in words)
+    if _NARROW.fullmatch(first):
+        return True
+    form = _without_digits(first[1:])
+    return is_tag(first) and bool(words) and all(_without_digits(word) != form for word in words)
+
+
+def _without_digits(name: str) -> str:
+    """What names have in common that are counted on."""
+    return _DIGITS.sub("0", name)
 
 
 def is_tag(cell: str) -> bool:

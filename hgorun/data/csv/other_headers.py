@@ -65,8 +65,11 @@ class OtherHeaders:
         if self._dialect.separator == SPACES or not self._times or any(map(is_value, cells)):
             return False  # words may be a sentence
         plain = [without_any_unit(cell) for cell in cells]
-        known = sum(cell in self._plain for cell in plain)
-        return len(plain) > known and known >= _KNOWN and 2 * known >= len(plain)
+        places = [self._plain.index(cell) for cell in plain if cell in self._plain]
+        new = [cell for cell in plain if cell not in self._plain]
+        if not new or len(places) < max(_KNOWN, len(new)) or places != sorted(places):
+            return False
+        return all(len(cell.split()) == 1 for cell in new)
 
 
 def has_other_names(cells: Sequence[str], names: Sequence[str]) -> bool:
@@ -89,7 +92,8 @@ def has_other_units(cells: Sequence[str], units: Sequence[str]) -> bool:
     if not are_units(cells):
         return False
     pairs = ((one.strip(_BRACKETS), other.strip(_BRACKETS)) for one, other in zip(cells, units, strict=True))
-    return any(one != other and _is_said(one) and _is_said(other) for one, other in pairs)
+    said = [one == other for one, other in pairs if _is_said(one) and _is_said(other)]
+    return any(said) and not all(said)  # none that is the same: a note that looks like units
 
 
 def _is_said(unit: str) -> bool:

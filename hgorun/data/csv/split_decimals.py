@@ -20,7 +20,7 @@ from hgorun.errors import ConfigError
 from hgorun.patterns import Pattern
 
 _WHOLE = Pattern(r"[-+]?\d+", re.ASCII)
-_OF_WORDS = Pattern(r"(?i)notes?|notiz(en)?|(comment|remark|bemerkung|kommentar|anmerkung|hinweis|text|label)\w*")
+_OF_WORDS = Pattern(r"(?i)notes?|notiz(en)?|(comment|remark|bemerkung|kommentar|anmerkung|hinweis)s?")
 _OF_TIME = Pattern(r"(?i).*(ms|milli|msec|µs|us|sec|min|time|date|frac|nano|micro).*|s|ns|hh?|mm?|ss?")
 _OTHERS = 20  # numbers with points that show how all are written
 _FEWEST = 3  # rows that show how numbers are written
@@ -48,7 +48,7 @@ def require_no_split_decimals(dialect: Dialect, wanted: Collection[str], path: P
         for line, row in rows
         if last < len(row) and not {row[last - 1].lower(), row[last].lower()} & dialect.missing
     ]
-    if not _are_halves(pairs, dialect.names[last]):
+    if 2 * len(pairs) < len(rows) or not _are_halves(pairs, dialect.names[last]):
         return
     line, before, behind = pairs[0]
     message = (
@@ -104,4 +104,6 @@ def _are_halves(pairs: Sequence[tuple[int, str, str]], name: str) -> bool:
     if _OF_WORDS.fullmatch(name):
         return spread
     zeros = sum(text[0] == "0" and len(text) > 1 for text in behind)
+    if {len(text) for text in behind} == {2}:  # as days, weeks and sums are written
+        return False
     return spread and 0 < zeros <= _PADDED * len(behind) and not _OF_TIME.fullmatch(name)

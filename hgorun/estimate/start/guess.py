@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from hgorun.config.types import number
+
 
 def guessed(given: Mapping[str, Any], states: Iterable[str]) -> dict[str, Any]:
     """By state where the plant begins: its own ``initial``, then what observers begin with alike, otherwise 0.
@@ -25,5 +27,8 @@ def guessed(given: Mapping[str, Any], states: Iterable[str]) -> dict[str, Any]:
 
 def _one_number(values: list[Any]) -> float:
     """The one number that all of some values are; 0 where there is none."""
-    numbers = {float(value) for value in values if type(value) in (int, float)}
+    try:
+        numbers = {number(value) for value in values}
+    except ValueError:  # which is said where the observer is checked
+        return 0.0
     return numbers.pop() if len(numbers) == 1 else 0.0

@@ -143,14 +143,15 @@ class StartTask:
         The outputs are near to the samples as numbers, and not only as angles: beside the first of each output that is
         not left out.
         """
-        model, moved, y = self.model, x.copy(), self._along(x)[0]
+        model, moved, y, seen = self.model, x.copy(), self._along(x)[0], set[int]()
         for i, (output, (places, values, _)) in enumerate(zip(model.outputs, self.seen, strict=True)):
             period = model.periods[i] if model.periods else None
             kept = np.flatnonzero(~np.isin(self.numbers[i], left[i]))
             if period is None or output not in model.measures or not kept.size:
                 continue
             state = model.states.index(model.measures[output])
-            if moved[state] == x[state]:  # of several outputs that measure it the first one says where it is
+            if state not in seen:  # of several outputs that measure it the first one says where it is
+                seen.add(state)
                 beyond = y[places[kept[0]], i] - values[kept[0]]
                 moved[state] -= period * round(float(beyond) / period)
         same = np.all(np.abs(self.residuals(moved)[0] - self.residuals(x)[0]) <= self.tolerances)
