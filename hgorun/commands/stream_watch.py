@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from hgorun.estimate.scores.shut_out import too_many
+from hgorun.estimate.scores.shut_out import too_many, until_too_many
 from hgorun.estimate.stream.estimator import Estimator
 from hgorun.process import say
 
@@ -25,12 +25,14 @@ class Watch:
         self._told = set[tuple[str, str]]()
         self._gated = bool(next(iter(estimator.gated.values()), {}))
         self._before = estimator.gated_in_a_row  # of a stream that goes on
+        self._until = 1  # samples before it is worth to look at gates again
 
     def took(self, signal: str, t: float) -> None:
         """A sample, which has been used or left out."""
         if self._inputs:
             self._look_for_inputs(signal, t)
-        if self._gated:
+        self._until -= 1
+        if self._gated and self._until <= 0:
             self._look_at_gates(t)
 
     def _look_for_inputs(self, signal: str, t: float) -> None:
@@ -44,8 +46,10 @@ class Watch:
             self._inputs.clear()
 
     def _look_at_gates(self, t: float) -> None:
+        longest = 0
         for label, of_outputs in self._estimator.gated_in_a_row.items():
             for output, count in of_outputs.items():
+                longest = max(longest, 0 if (label, output) in self._told else count)
                 is_new = count > self._before[label][output] and (label, output) not in self._told
                 if is_new and too_many(0, 0, count):
                     self._told.add((label, output))
@@ -53,3 +57,4 @@ class Watch:
                         f"hgorun: {label}: by t = {t:.10g} the gate of {output} has left out {count} samples one after "
                         "the other: the estimate does not follow what is measured"
                     )
+        self._until = until_too_many(longest)

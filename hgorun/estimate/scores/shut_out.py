@@ -48,6 +48,11 @@ def too_many(left_out: int, count: int, in_a_row: int = 0) -> bool:
     return left_out > max(1, _OUTLIERS * count) or in_a_row >= _IN_A_ROW
 
 
+def until_too_many(in_a_row: int) -> int:
+    """How many samples come at least before so many, one after the other, can be too many."""
+    return max(_IN_A_ROW - in_a_row, 1)
+
+
 def told_row(in_a_row: int, when: str = "") -> str:
     """What is told of samples that were left out one after the other; nothing of a few."""
     return f", {in_a_row} of them one after the other{when}" if too_many(0, 0, in_a_row) else ""
